@@ -69,9 +69,9 @@ def main(arguments: list[str]) -> None:
     samples = fly(chosen.runs)
     samples = samples[len(samples) // 4:]
     for name, (unit, value) in TOLD.items():
-        values = [float(value(one)) for one in samples]
+        values = [float(value(sample)) for sample in samples]
         rows.add(name, "at a quarter of the time", values[0], unit)
         rows.add(name, "at the end", values[-1], unit)
-        rows.add(name, "growth in an hour", growth([one["time"] for one in samples], values), unit)
+        rows.add(name, "growth in an hour", growth([sample["time"] for sample in samples], values), unit)
     rows.add("page", "updates", samples[-1]["updates"], "frames")
     report(rows, chosen)

@@ -104,7 +104,8 @@ def under(server: Server, rows: Rows, name: str, readers: int, deaf: int, rate: 
     rows.add(name, "it computed at once, at most", found["loop"]["computed_ms"], "ms", note="without waits for a core")
     rows.add(name, "another request, median", sorted(took)[len(took) // 2], "ms")
     rows.add(name, "another request, longest", max(took), "ms")
-    rows.add(name, "memory", memory, "MB", note=f"{frames} frames to readers{''.join('; ' + one for one in problems)}")
+    rows.add(name, "memory", memory, "MB",
+             note=f"{frames} frames to readers{''.join('; ' + problem for problem in problems)}")
 
 
 def main(arguments: list[str]) -> int:

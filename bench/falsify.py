@@ -54,7 +54,8 @@ class Extension:
 
     def make(self, mutant: Mutant, folder: Path) -> str:
         """Write the extension with a change into a folder. Returns "", "not compiled" or "equivalent"."""
-        compile_ = next(one for one in self._commands if one.endswith(f"/{mutant.file}") and " -c " in one)
+        compile_ = next(command for command in self._commands if command.endswith(f"/{mutant.file}")
+                        and " -c " in command)
         objects = []
         for text in (mutant.text, mutant.changed()):
             source = folder / Path(mutant.file).name
@@ -127,7 +128,7 @@ def answer(question: dict[str, Any]) -> Any:
             watch = own.watch([one.id for one in own.for_scenario(name)])
             assert sim.mission
             sim.mission.scenarios[name](sim)
-            if any(one.verdict == "violated" for one in watch.outcomes()):
+            if any(outcome.verdict == "violated" for outcome in watch.outcomes()):
                 return False, None
         for requirement in QUESTIONS:
             for method in (search, random_search):

@@ -47,7 +47,7 @@ def add_rows(rows: Rows, runs: int) -> None:
                 archive.save()
         archive.close()
         rows.add("archive, a month", "written", MONTH * RATE / (time.perf_counter() - began) / 1e6, "million packets/s")
-        size = sum(one.stat().st_size for one in (Path(folder) / "craft").iterdir())
+        size = sum(path.stat().st_size for path in (Path(folder) / "craft").iterdir())
         rows.add("archive, a month", "size", size / 1e9, "GB")
 
         def spent(ask, count):

@@ -55,8 +55,8 @@ def measured():
         stretches = callgrind([sys.executable, "-P", "-m", "bench.instructions"], Path(folder),
                               "fledge::sim::Simulation::run_until*", environment)
     # After the start of Python, the first step of each case, which sets up; then the steps that count.
-    called = [next(n for name, n in one.inclusive.items() if name.startswith("fledge::sim::Simulation::run_until"))
-              for one in stretches[1 + len(names):]]
+    called = [next(n for name, n in stretch.inclusive.items() if name.startswith("fledge::sim::Simulation::run_until"))
+              for stretch in stretches[1 + len(names):]]
     return {name: n / (STEPS * (1 if name == NADIR_SPIN else 4)) for name, n in zip(names, called, strict=True)}
 
 

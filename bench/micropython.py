@@ -51,7 +51,7 @@ def spin(rows: Rows, name: str, part: Any, record: Path) -> Profile:
     found = (board if on_board else process).measure(target, part, record)
     size, heap = GOALS.get(name, (None, None))
     problems = found.problems()
-    missed.extend(f"{name}: {one}" for one in problems)
+    missed.extend(f"{name}: {problem}" for problem in problems)
     rows.add(name, "code" if on_board else "file, stripped", found.executable, "B",
              note=goal(f"{name}, file", found.executable, size, "thesis 1,691,816"))
     rows.add(name, "heap at init, most", found.init_heap, "B", note="thesis 206,848")
@@ -120,7 +120,7 @@ def wall(rows: Rows, part: Any, runs: int) -> None:
     messages = {one.ends[0]: np.frombuffer(b"".join(dict(found)[id] for _, found in instants), np.uint8)
                 for id, one in enumerate(part.mission.inputs)}
     np.savez(folder / "inputs.npz", times=np.array([t for t, _ in instants], np.int64), **messages)
-    outputs = [one.path for one in part.mission.outputs]
+    outputs = [output.path for output in part.mission.outputs]
     with Archive(record) as archive:
         expected = [f"{path} {archive['/' + path.replace('.', '/')][-1].tobytes().hex()}" for path in outputs]
 

@@ -320,9 +320,9 @@ def imported(file: Path) -> set[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names.update(one.name for one in node.names)
+            names.update(name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.update([node.module, *(f"{node.module}.{one.name}" for one in node.names)])
+            names.update([node.module, *(f"{node.module}.{name.name}" for name in node.names)])
     return names
 
 

@@ -178,7 +178,7 @@ def measure(duration: float, runs: int, cases: list[str]) -> Rows:
 # ---- the same telemetry, always
 
 def digest(packets: list[bytes]) -> str:
-    return hashlib.sha256(b"".join(len(one).to_bytes(4, "big") + one for one in packets)).hexdigest()
+    return hashlib.sha256(b"".join(len(packet).to_bytes(4, "big") + packet for packet in packets)).hexdigest()
 
 
 def on_desktop() -> tuple[int, str]:

@@ -326,7 +326,7 @@ def show(ends: list[End]) -> list[str]:
     """A line for each fault, and one for each run that ended neither pointing nor on the Sun."""
     rows = [["fault", "runs", "at Mars", "safe on the Sun", "neither, said why", "silent", "resets"]]
     for name in [one.name for one in FAULTS + OF_COMPUTER]:
-        of = [one for one in ends if name in one.faults]
+        of = [end for end in ends if name in end.faults]
         count = Counter("mars" if one.good and one.mode == "mars" else "safe" if one.good else
                         "said" if one.said else "silent" for one in of)
         if of:

@@ -25,8 +25,8 @@ def test_a_process_belongs_to_a_program():
 @pytest.mark.long("flies the orbiter's programs")
 def test_the_files_fly_as_fast_as_they_can(tmp_path):
     plan = description.read(orbiter.files(tmp_path, 8080), TARGETS, None)
-    assert not plan.pace and [one.name for one in plan.programs] == ["panel", "world", "flight", "ground"]
-    assert next(one for one in plan.programs if one.serve).serve == str(tmp_path / "control_room.toml")
+    assert not plan.pace and [program.name for program in plan.programs] == ["panel", "world", "flight", "ground"]
+    assert next(program for program in plan.programs if program.serve).serve == str(tmp_path / "control_room.toml")
 
 
 def test_a_hash_sees_each_packet_and_where_it_ends():

@@ -121,7 +121,7 @@ def study(directions: int, seed: int = 1) -> dict[str, dict[str, float]]:
             for sensor in range(8):
                 draws = [faulty(np.maximum(0, AXES @ sun), sensor, kind, random)
                          for _ in range(3 if kind == "babble" else 1)]
-                shown.append(sum(geometry.shows(one, sensor // 4) for one in draws) > len(draws) / 2)
+                shown.append(sum(geometry.shows(draw, sensor // 4) for draw in draws) > len(draws) / 2)
                 flown.append(fly(sun, sensor, kind, random))
         found, of = np.array([one.found for one in flown]), np.array(shown)
         seen = np.isfinite(found)

@@ -180,15 +180,15 @@ TEST(CfdpHostile, a_peer_that_answers_with_garbage)
             cfdp_take(&(link.random() % 2 == 0 ? link.craft : link.ground).cfdp, bytes.data(), bytes.size());
         }
         const Clock stop = link.now + 2000 * s;
-        for (const CfdpTransaction &one : link.craft.transactions) { // suspended by their handler
-            cfdp_cancel(&link.craft.cfdp, one.id);
+        for (const CfdpTransaction &transaction : link.craft.transactions) { // suspended by their handler
+            cfdp_cancel(&link.craft.cfdp, transaction.id);
         }
         while (link.ground.busy() || link.craft.busy()) {
             ASSERT_LT(link.now, stop) << "a transaction hangs, seed " << seed;
             link.step();
-            for (const CfdpTransaction &one : link.craft.transactions) {
-                if (one.suspended != 0) {
-                    cfdp_cancel(&link.craft.cfdp, one.id);
+            for (const CfdpTransaction &transaction : link.craft.transactions) {
+                if (transaction.suspended != 0) {
+                    cfdp_cancel(&link.craft.cfdp, transaction.id);
                 }
             }
         }

@@ -17,9 +17,9 @@ TEST(CfdpF3, requests_to_the_store)
         link.ground.put("", "", 0, options);
         link.finish();
         std::vector<int> found;
-        for (const Event &one : link.ground.events) {
-            if (one.what == CFDP_EVENT_RESPONSE) {
-                found.push_back(one.text[0] & 15);
+        for (const Event &event : link.ground.events) {
+            if (event.what == CFDP_EVENT_RESPONSE) {
+                found.push_back(event.text[0] & 15);
             }
         }
         return found;
@@ -99,9 +99,9 @@ TEST(CfdpF3, get_by_proxy)
         EXPECT_EQ(link.ground.memory.files["got"], link.craft.memory.files["science"]);
         // The ground has the message of the file, then the response: no error, whole; and for which transaction.
         std::vector<Bytes> texts;
-        for (const Event &one : link.ground.events) {
-            if (one.what == CFDP_EVENT_MESSAGE) {
-                texts.push_back(one.text);
+        for (const Event &event : link.ground.events) {
+            if (event.what == CFDP_EVENT_MESSAGE) {
+                texts.push_back(event.text);
             }
         }
         ASSERT_EQ(texts.size(), 3u);

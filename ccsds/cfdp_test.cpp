@@ -234,9 +234,9 @@ TEST(CfdpF1, many_at_once_by_priority)
         EXPECT_EQ(link.craft.memory.files[name], bytes) << name;
     }
     std::vector<std::uint64_t> order;
-    for (const Event &one : link.craft.events) {
-        if (one.what == CFDP_EVENT_ENDED && one.receiver != 0) {
-            order.push_back(one.id.sequence);
+    for (const Event &event : link.craft.events) {
+        if (event.what == CFDP_EVENT_ENDED && event.receiver != 0) {
+            order.push_back(event.id.sequence);
         }
     }
     EXPECT_EQ(order.size(), 20u);

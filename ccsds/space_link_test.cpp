@@ -46,9 +46,9 @@ struct Keys {
         aes_gcm_expand(&expanded, 1, bytes.data(), bytes.size());
         associations[0] = {7, 1, setup.commands.virtual_channel, SDLS_ENCRYPT, 200, 0, 1, SDLS_UNKEYED, 0, {}, 0, 0};
         associations[1] = {8, 0, setup.virtual_channel, SDLS_ENCRYPT, 1, 0, 2, SDLS_UNKEYED, 0, {}, 0, 0};
-        for (SdlsAssociation &one : associations) {
-            sdls_rekey(&one, 1, 0);
-            sdls_start(&one);
+        for (SdlsAssociation &association : associations) {
+            sdls_rekey(&association, 1, 0);
+            sdls_start(&association);
         }
         sdls = {aes_gcm(&keys), associations, 2, {}};
     }

@@ -74,7 +74,7 @@ class _Types(ast.NodeTransformer):
         if of == "Optional":
             return ast.BinOp(self.visit(node.slice), ast.BitOr(), ast.Constant(None))
         if of == "Union":
-            return ast.parse(" | ".join(ast.unparse(self.visit(one)) for one in node.slice.elts), mode="eval").body
+            return ast.parse(" | ".join(ast.unparse(self.visit(elt)) for elt in node.slice.elts), mode="eval").body
         if isinstance(node.slice, ast.Constant):        # an array of C++: float[3]
             return self.visit(node.value)
         if of == "Callable" and self.accepts:
@@ -163,15 +163,15 @@ class Stub:
             if method:
                 own = (arguments.posonlyargs + arguments.args)[0]
                 own.arg, own.annotation = "self", None
-            for one in arguments.posonlyargs + arguments.args + arguments.kwonlyargs:
-                if one.annotation is not None:
-                    text = self._type(one.annotation, f"{where}({one.arg})", accepts=True)
+            for posonlyarg in arguments.posonlyargs + arguments.args + arguments.kwonlyargs:
+                if posonlyarg.annotation is not None:
+                    text = self._type(posonlyarg.annotation, f"{where}({posonlyarg.arg})", accepts=True)
                     # A std::function may be empty.
-                    one.annotation = ast.Name(text + " | None" if text.startswith("Callable[") else text)
-            self.problems += [f"{where}: an argument has no name" for one in arguments.args
-                              if re.fullmatch(r"arg\d+", one.arg)]
+                    posonlyarg.annotation = ast.Name(text + " | None" if text.startswith("Callable[") else text)
+            self.problems += [f"{where}: an argument has no name" for argument in arguments.args
+                              if re.fullmatch(r"arg\d+", argument.arg)]
             arguments.defaults = [ast.Constant(...) for _ in arguments.defaults]
-            arguments.kw_defaults = [one and ast.Constant(...) for one in arguments.kw_defaults]
+            arguments.kw_defaults = [default and ast.Constant(...) for default in arguments.kw_defaults]
             signature = ast.unparse(arguments).replace("=...", " = ...")
             line = f"{before}{indent}def {name}({signature}) -> {self._type(function.returns, where)}:"
             about = _doc(rest, indent + "    ")

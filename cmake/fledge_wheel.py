@@ -76,7 +76,8 @@ def pack(prefix, folder):
 def requirements(home):
     """What pip must find. An extension that numpy 1 has compiled is not loaded by numpy 2."""
     numpy = re.search(r"^NUMPY = '(\d+)", (home / "python/_core_build.py").read_text(encoding="utf-8"), re.M)[1]
-    return [f"{one}<2" if one == "numpy" and numpy == "1" else one for one in PROJECT["dependencies"]]
+    return [f"{dependency}<2" if dependency == "numpy" and numpy == "1" else dependency
+            for dependency in PROJECT["dependencies"]]
 
 
 def programs(home):

@@ -159,8 +159,8 @@ def packet_pages():
             continue
         if text:
             pages[f"packets-{name}.md"] = text
-            rows.append(f"| [{name}](packets-{name}.md) | {sum(len(one.packets) for one in databases)} packets, "
-                        f"{sum(not c.abstract for one in databases for c in one.commands)} commands |")
+            rows.append(f"| [{name}](packets-{name}.md) | {sum(len(d.packets) for d in databases)} packets, "
+                        f"{sum(not c.abstract for d in databases for c in d.commands)} commands |")
     if rows:
         pages["packets.md"] = "\n".join([
             "# Packets of missions", "",

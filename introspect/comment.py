@@ -55,7 +55,8 @@ def event(text: str) -> Event:
     if not colon or not meaning.strip() or severity not in SEVERITIES or not all(arguments) or len(named) > 4:
         raise Refusal("an event's comment is a severity, up to 4 arguments with their units, and the meaning",
                       f"`{text}`", f"write `{' | '.join(SEVERITIES)}, name [unit], ...: what has happened`")
-    return Event(severity, tuple((one[1], units.parse(one[2]).text) for one in arguments if one), meaning.strip())
+    return Event(severity, tuple((argument[1], units.parse(argument[2]).text) for argument in arguments if argument),
+                 meaning.strip())
 
 
 def field_text(raw: str | None) -> str | None:

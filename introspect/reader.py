@@ -240,14 +240,14 @@ class _Reader:
                                          f"`{name}` is not declared",
                                          f"declare `typedef enum {name} {{...}} {name};` before the struct"))
             return None
-        for one in declared.get_children():
+        for child in declared.get_children():
             try:
-                comment.event(comment.field_text(one.raw_comment) or "")
-                if not one.spelling.startswith(begin) or one.enum_value < 0:
+                comment.event(comment.field_text(child.raw_comment) or "")
+                if not child.spelling.startswith(begin) or child.enum_value < 0:
                     raise Refusal(f"an event's id begins with {begin} and is not negative",
-                                  f"`{one.spelling} = {one.enum_value}`", "correct it")
+                                  f"`{child.spelling} = {child.enum_value}`", "correct it")
             except Refusal as refusal:
-                self._refuse(one, refusal)
+                self._refuse(child, refusal)
         return self._enum(declared)
 
     # Fields
@@ -368,7 +368,7 @@ class _Reader:
             takes, fills = known[:pointers.count(False)], known[pointers.count(False):]
             returns = _argument("", cursor.result_type)
             if len(known) < len(found) or not returns and cursor.result_type.kind is not TypeKind.VOID \
-                    or not returns and not fills or any(one.ctype == "int" for one in takes):
+                    or not returns and not fills or any(take.ctype == "int" for take in takes):
                 continue
             doc = comment.doc_text(cursor.raw_comment) or comment.field_text(cursor.raw_comment) or ""
             yield Function(name, doc, tuple(takes), returns, tuple(fills), self._headers.relative(file),

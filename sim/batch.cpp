@@ -343,10 +343,10 @@ void Batch::lay_out(Clone &clone) const
         }
     }
     std::size_t column = 0;
-    for (const BatchField &one : plan_.observations) {
-        std::byte *memory = find(*clone.simulation, one.instance)->memory();
-        clone.observations.push_back({memory + one.offset, column, one.names.size(), one.type});
-        column += one.names.size();
+    for (const BatchField &observation : plan_.observations) {
+        std::byte *memory = find(*clone.simulation, observation.instance)->memory();
+        clone.observations.push_back({memory + observation.offset, column, observation.names.size(), observation.type});
+        column += observation.names.size();
     }
 }
 

@@ -267,8 +267,8 @@ bool Commands::run_procedure(Ns t)
         return false;
     }
     std::vector<std::vector<std::byte>> before;
-    for (const auto &one : process_.instances()) {
-        before.emplace_back(one->memory(), one->memory() + one->type().size);
+    for (const auto &instance : process_.instances()) {
+        before.emplace_back(instance->memory(), instance->memory() + instance->type().size);
     }
     context_.t = t;
     const int turn = process_.procedure_host().turn(t);

@@ -43,10 +43,11 @@ private:
     static std::string lines(const std::vector<Problem> &problems)
     {
         std::string text;
-        for (const Problem &one : problems) {
-            text += (text.empty() ? "" : "\n") +
-                    (one.at.file.empty() ? "" : one.at.file + ", line " + std::to_string(one.at.line) + ": ") +
-                    one.text;
+        for (const Problem &problem : problems) {
+            text +=
+                (text.empty() ? "" : "\n") +
+                (problem.at.file.empty() ? "" : problem.at.file + ", line " + std::to_string(problem.at.line) + ": ") +
+                problem.text;
         }
         return text;
     }

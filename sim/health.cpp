@@ -53,8 +53,8 @@ std::map<const Instance *, TaskPlace> places_of(const Structure &structure)
         for (std::size_t k = 0; k < tasks.size() && !process->stands_in; k++) {
             for (std::size_t i = 0; i < tasks[k]->run.size(); i++) {
                 const Instance &instance = *tasks[k]->run[i];
-                for (const Instance *one : with_parts(*process, instance)) {
-                    places[one] = {process.get(), tasks[k], k, i};
+                for (const Instance *part : with_parts(*process, instance)) {
+                    places[part] = {process.get(), tasks[k], k, i};
                 }
             }
         }

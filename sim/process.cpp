@@ -329,9 +329,9 @@ const std::byte *Process::given(const Port &port, const Process &reader) const
 {
     const auto found = playback_.find(port.instance.get());
     if (found != playback_.end() && &reader != this) {
-        for (const Played &one : found->second.outputs) {
-            if (one.sent && one.output == port.field) {
-                return one.held.data();
+        for (const Played &output : found->second.outputs) {
+            if (output.sent && output.output == port.field) {
+                return output.held.data();
             }
         }
     }
@@ -340,10 +340,10 @@ const std::byte *Process::given(const Port &port, const Process &reader) const
 
 void Playback::at(Ns t)
 {
-    for (Played &one : outputs) {
-        if (const std::size_t n = one.messages->until(t)) {
-            std::byte *to = one.sent ? one.held.data() : memory + one.output->offset;
-            std::memcpy(to, one.messages->message(n - 1), one.output->size);
+    for (Played &output : outputs) {
+        if (const std::size_t n = output.messages->until(t)) {
+            std::byte *to = output.sent ? output.held.data() : memory + output.output->offset;
+            std::memcpy(to, output.messages->message(n - 1), output.output->size);
         }
     }
 }

@@ -344,8 +344,8 @@ void Simulation::open_outputs(const std::string &path)
         std::vector<const Instance *> run;
         for (const Task *task : in_order(*process)) {
             for (const auto &instance : task->run) {
-                for (const Instance *one : with_parts(*process, *instance)) {
-                    run.push_back(one);
+                for (const Instance *part : with_parts(*process, *instance)) {
+                    run.push_back(part);
                 }
             }
         }

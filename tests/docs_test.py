@@ -244,7 +244,7 @@ def test_fragments_of_python_call_what_there_is():
                         assert hasattr(libraries[library], name), f"{page.name}: {library}.{name}"
                     case ast.Call(func=ast.Attribute(value=ast.Name(id="fsw" | "world" as library), attr=name)):
                         taken, calls = inspect.signature(getattr(libraries[library], name)).parameters, calls + 1
-                        wrong = {one.arg for one in node.keywords} - {None, *taken}
+                        wrong = {keyword.arg for keyword in node.keywords} - {None, *taken}
                         any_word = any(one.kind is one.VAR_KEYWORD for one in taken.values())
                         assert any_word or not wrong, f"{page.name}: {name}({wrong})"
     assert calls > 20

@@ -13,7 +13,7 @@ def enumerations():
     """The names of the fields that are enumerations in every struct that has them."""
     kinds = {}
     for types in (flight.TYPES, world.TYPES):
-        for field in (field for one in types.values() for field in _core.struct(one).fields):
+        for field in (field for type_ in types.values() for field in _core.struct(type_).fields):
             kinds.setdefault(field.name, set()).add(field.type == "enum")
     return {name for name, kind in kinds.items() if kind == {True}}
 
@@ -36,12 +36,12 @@ def bare(text):
         if isinstance(node, ast.Compare):
             names, values = [name_of(one) for one in (node.left, *node.comparators)], [node.left, *node.comparators]
         elif isinstance(node, ast.Assign):
-            names, values = [name_of(one) for one in node.targets], [node.value]
+            names, values = [name_of(target) for target in node.targets], [node.value]
         elif isinstance(node, ast.keyword):
             names, values, node = [node.arg], [node.value], node.value
         else:
             continue
-        numbers = [one for one in values if isinstance(one, ast.Constant) and type(one.value) is int]
+        numbers = [value for value in values if isinstance(value, ast.Constant) and type(value.value) is int]
         if numbers and NAMES & set(names):
             yield node.lineno, ast.unparse(node)
 

@@ -67,10 +67,10 @@ def test_the_stub_of_the_build_has_all_of_the_extension(name):
     stub = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "introspect/stubs" / f"{name}.pyi"
     extension = importlib.import_module(name)
     members = {node.name: node for node in ast.parse(stub.read_text(encoding="utf-8")).body if hasattr(node, "name")}
-    assert members.keys() == {one for one in vars(extension) if not one.startswith("__")}
+    assert members.keys() == {var for var in vars(extension) if not var.startswith("__")}
     for node in members.values():
         if isinstance(node, ast.ClassDef):
-            own = {one for one in vars(getattr(extension, node.name)) if not one.startswith("_")}
+            own = {var for var in vars(getattr(extension, node.name)) if not var.startswith("_")}
             assert own <= {getattr(one, "name", None) or getattr(one, "target", ast.Name("")).id for one in node.body}
 
 

@@ -70,8 +70,8 @@ def newlib_math(folder: Path) -> Path:
     stubs = folder / "stubs.c"
     stubs.write_text("".join(f"void {name}(void);\nvoid {name}(void) {{}}\n" for name in left_out.values() if name),
                      encoding="utf-8")
-    return board.program(folder / "newlib", "math", [*(one for one in sorted(tests.glob("*.c"))
-                         if one.stem not in left_out), stubs], [tests], ["-w", "-std=gnu99", "-O2", "-g0", "-fcommon"])
+    return board.program(folder / "newlib", "math", [*(path for path in sorted(tests.glob("*.c"))
+                         if path.stem not in left_out), stubs], [tests], ["-w", "-std=gnu99", "-O2", "-g0", "-fcommon"])
 
 
 def elementary_hashes(folder: Path) -> tuple[Path, str]:

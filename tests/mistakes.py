@@ -213,7 +213,7 @@ def _normal(text: str, folder: Path) -> str:
 def main(words: list[str]) -> int:
     head, mistakes = read(FILE.read_text(encoding="utf-8"))
     if words and words != ["--print"]:
-        head, mistakes = "", [one for one in mistakes if " ".join(words).lower() in one.title.lower()]
+        head, mistakes = "", [mistake for mistake in mistakes if " ".join(words).lower() in mistake.title.lower()]
     text = written(head, mistakes, answers(mistakes))
     if words:
         print(text, end="")

@@ -27,8 +27,8 @@ def test_no_cell_fails(path, tmp_path):
     client.NotebookClient(notebook, kernel_name="python3",
                           resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [one for cell in notebook.cells for one in cell.get("outputs", ())]
-    kinds = [set(one.get("data", ())) for one in outputs]
-    assert not [one for one in outputs if one.output_type == "error" or one.get("name") == "stderr"]
+    kinds = [set(output.get("data", ())) for output in outputs]
+    assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
     assert sum("text/html" in kind for kind in kinds) >= 5 and sum("image/png" in kind for kind in kinds) == 1
 
 
@@ -44,7 +44,7 @@ def test_a_figure_is_shown_once_in_its_cell_and_again_where_it_is_asked_for(tmp_
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
     client.NotebookClient(notebook, kernel_name="python3",
                           resources={"metadata": {"path": str(tmp_path)}}).execute()
-    pictures = [sum("image/png" in one.get("data", ()) for one in cell.outputs) for cell in notebook.cells]
+    pictures = [sum("image/png" in output.get("data", ()) for output in cell.outputs) for cell in notebook.cells]
     assert pictures == [1, 1, 1]
 
 

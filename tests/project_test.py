@@ -279,9 +279,9 @@ def test_a_copy_of_a_mission_flies_with_the_same_bits(name, tmp_path):
         sim.run(2)
         flown.append(sim.snapshot())
     assert flown[0] == flown[1] and sim.name == f"{name}_2"
-    assert {one.name.replace(f"{name}_2", name) for one in folder.rglob("*") if one.is_file()} == {
-        one.name for one in (ROOT / "missions" / name).rglob("*") if one.is_file() and "__pycache__" not in one.parts
-        and one.name != "README.md"}
+    assert {path.name.replace(f"{name}_2", name) for path in folder.rglob("*") if path.is_file()} == {
+        path.name for path in (ROOT / "missions" / name).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and path.name != "README.md"}
     for file in folder.rglob("*.toml"):
         assert f'"{name}"' not in file.read_text() and f"missions/{name}/" not in file.read_text()
     for file in folder.rglob("*_test.py"):

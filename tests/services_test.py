@@ -20,7 +20,7 @@ def model():
     return read([Source(ROOT, "flight", Kind.MODULE, "flight")])
 
 
-SERVICES = sorted((one for one in model().structs.values() if one.service), key=lambda one: one.name)
+SERVICES = sorted((struct for struct in model().structs.values() if struct.service), key=lambda one: one.name)
 
 
 def chapter(text: str, heading: str) -> str:
@@ -39,8 +39,8 @@ def rows(text: str) -> list[list[str]]:
 
 
 def ports(service: Struct) -> list[tuple[str, str]]:
-    return [(f"{one.group.value} `{one.name}", one.ctype) for one in service.fields
-            if one.group in (Group.IN, Group.OUT)]
+    return [(f"{field.group.value} `{field.name}", field.ctype) for field in service.fields
+            if field.group in (Group.IN, Group.OUT)]
 
 
 @pytest.mark.parametrize("service", SERVICES, ids=lambda one: one.name)
@@ -53,7 +53,7 @@ def test_the_page_of_a_service_says_what_its_header_says(service):
     said = [(one.value, name, one.doc.partition(",")[0])
             for one, name in zip(service.events.values, service.events.short_names)] if service.events else []
     assert [(int(id), name, severity) for id, name, severity, _ in rows(chapter(text, "Events"))] == said
-    codes = {one.value for one in model().enums["CommandCode"].values}
+    codes = {value.value for value in model().enums["CommandCode"].values}
     assert {int(code) for code, *_ in rows(chapter(text, "Commands"))} <= codes
 
 

@@ -570,8 +570,9 @@ TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
         Told told;
         const Schema commands = node.desired().back().schema;
         const auto publications = node.match({{7, "/flight/n/out", {}}, {5, "/flight/telemetry", {}}});
-        for (const Publication &one : publications) {
-            told.emplace_back(from, std::vector(one.initial.data(), one.initial.data() + one.initial.size()));
+        for (const Publication &publication : publications) {
+            told.emplace_back(
+                from, std::vector(publication.initial.data(), publication.initial.data() + publication.initial.size()));
         }
         node.start({{1, "/world/m/a", {}}, {3, "/flight/commands", {}}});
         std::uint32_t resets = 0, counts[2] = {};
@@ -655,8 +656,8 @@ Record by_radio(Ns t, std::vector<std::vector<std::uint8_t>> units, std::uint32_
     UnitsOut out;
     out.open(3, 1000, 50);
     std::vector<sim::Packet> packets;
-    for (auto &one : units) {
-        packets.push_back({t, std::move(one)});
+    for (auto &unit : units) {
+        packets.push_back({t, std::move(unit)});
     }
     std::vector<Record> records;
     out.write(t, packets, records);

@@ -41,10 +41,10 @@ Schema units_schema(std::size_t room)
 Bytes packed(std::span<const sim::Packet> units)
 {
     Bytes bytes;
-    for (const sim::Packet &one : units) {
-        put(bytes, static_cast<std::uint64_t>(one.t), 8);
-        put(bytes, one.bytes.size(), 4);
-        const auto all = std::as_bytes(std::span(one.bytes));
+    for (const sim::Packet &unit : units) {
+        put(bytes, static_cast<std::uint64_t>(unit.t), 8);
+        put(bytes, unit.bytes.size(), 4);
+        const auto all = std::as_bytes(std::span(unit.bytes));
         bytes.insert(bytes.end(), all.begin(), all.end());
     }
     return bytes;

@@ -22,12 +22,12 @@ bool is_conditional_branch(std::uint32_t pc, std::uint32_t word, std::uint32_t &
 /// The instruction there in the program's file.
 std::uint32_t word_at(const Program &program, std::uint32_t address)
 {
-    for (const Program::Segment &one : program.segments()) {
-        const std::uint32_t at = address - one.address;
-        if (at + 4 <= one.bytes.size() && at + 4 > at) {
+    for (const Program::Segment &segment : program.segments()) {
+        const std::uint32_t at = address - segment.address;
+        if (at + 4 <= segment.bytes.size() && at + 4 > at) {
             std::uint32_t word = 0;
             for (std::uint32_t i = 0; i < 4; i++) {
-                word = word << 8 | static_cast<std::uint32_t>(one.bytes[at + i]);
+                word = word << 8 | static_cast<std::uint32_t>(segment.bytes[at + i]);
             }
             return word;
         }
@@ -88,12 +88,12 @@ void Coverage::write(const std::string &path, const Program &program, const Sour
             }
         }
     }
-    for (const SourceLines::Beginning &one : lines.beginnings()) {
-        const Program::Symbol *symbol = program.at(one.address);
-        const auto file = files.find(lines.files()[one.file]);
-        if (symbol && symbol->function && one.address - symbol->address < symbol->size && file != files.end()) {
-            Line &line = file->second.lines[one.line];
-            line.count = std::max(line.count, count(one.address).executed);
+    for (const SourceLines::Beginning &beginning : lines.beginnings()) {
+        const Program::Symbol *symbol = program.at(beginning.address);
+        const auto file = files.find(lines.files()[beginning.file]);
+        if (symbol && symbol->function && beginning.address - symbol->address < symbol->size && file != files.end()) {
+            Line &line = file->second.lines[beginning.line];
+            line.count = std::max(line.count, count(beginning.address).executed);
         }
     }
     std::ofstream out(path);

@@ -20,11 +20,11 @@ TEST(Message, TheChainOfWiresTakesWhatASearchFinds)
         const int64_t t = 10, stale_after = run % 2 ? 4 : 0;
         const auto by = static_cast<ExecChoice>(EXEC_NEWEST + chance() % 3);
         std::vector<Head> sources(2 + chance() % 4), aged;
-        for (Head &one : sources) {
-            one = {static_cast<int64_t>(chance() % 11), static_cast<Quality>(chance() % 4), 1};
-            aged.push_back(one);
-            if (stale_after > 0 && t - one.t > stale_after) {
-                aged.back().quality = std::min(one.quality, QUALITY_STALE);
+        for (Head &source : sources) {
+            source = {static_cast<int64_t>(chance() % 11), static_cast<Quality>(chance() % 4), 1};
+            aged.push_back(source);
+            if (stale_after > 0 && t - source.t > stale_after) {
+                aged.back().quality = std::min(source.quality, QUALITY_STALE);
             }
         }
         // As the programs carry wires.

@@ -60,18 +60,18 @@ Read read(const Bytes &file, std::size_t skip = 0)
 {
     Read made;
     std::size_t at = 0;
-    for (const Found &one : packets_of_bytes(file, skip)) {
-        EXPECT_GE(one.at, at); // in order, and nothing twice
-        if (!one.problem.empty()) {
+    for (const Found &piece : packets_of_bytes(file, skip)) {
+        EXPECT_GE(piece.at, at); // in order, and nothing twice
+        if (!piece.problem.empty()) {
             made.problems++;
-            made.bytes += std::stoul(one.problem);
-            at = one.at + std::stoul(one.problem);
-            EXPECT_NE(one.problem.find(" bytes are no packet"), std::string::npos);
+            made.bytes += std::stoul(piece.problem);
+            at = piece.at + std::stoul(piece.problem);
+            EXPECT_NE(piece.problem.find(" bytes are no packet"), std::string::npos);
             continue;
         }
-        at = one.at + one.packet.size();
-        made.bytes += skip + one.packet.size();
-        (one.note.empty() ? made.sure : made.doubtful).push_back(one.packet);
+        at = piece.at + piece.packet.size();
+        made.bytes += skip + piece.packet.size();
+        (piece.note.empty() ? made.sure : made.doubtful).push_back(piece.packet);
     }
     return made;
 }

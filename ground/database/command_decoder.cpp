@@ -209,9 +209,9 @@ private:
         if (std::none_of(type.enumerators.begin(), type.enumerators.end(),
                          [&](const Enumerator &one) { return one.label == text; })) {
             std::vector<std::string> endings;
-            for (const Enumerator &one : type.enumerators) {
-                if (one.label.ends_with("_" + text)) {
-                    endings.push_back(one.label);
+            for (const Enumerator &enumerator : type.enumerators) {
+                if (enumerator.label.ends_with("_" + text)) {
+                    endings.push_back(enumerator.label);
                 }
             }
             text = endings.size() == 1 ? endings.front() : text;
@@ -390,10 +390,12 @@ private:
         }
         if (type.sort == Sort::array) {
             Size all = bits_of_part(type.element);
-            for (const Dimension &one : dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
-                const bool is_fixed = one.first.is_fixed() && one.last.is_fixed();
-                all = all && is_fixed ? Size(*all * static_cast<std::size_t>(one.last.fixed - one.first.fixed + 1))
-                                      : std::nullopt;
+            for (const Dimension &dimension :
+                 dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
+                const bool is_fixed = dimension.first.is_fixed() && dimension.last.is_fixed();
+                all = all && is_fixed
+                          ? Size(*all * static_cast<std::size_t>(dimension.last.fixed - dimension.first.fixed + 1))
+                          : std::nullopt;
             }
             return all;
         }

@@ -230,8 +230,8 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
 std::optional<std::size_t> Decoder::elements(const std::vector<Dimension> &dimensions)
 {
     std::size_t n = 1;
-    for (const Dimension &one : dimensions) {
-        const auto first = number(one.first), last = number(one.last);
+    for (const Dimension &dimension : dimensions) {
+        const auto first = number(dimension.first), last = number(dimension.last);
         if (!first || !last || *last - *first < -1 || *last - *first >= std::int64_t(most_fields)) {
             return std::nullopt;
         }

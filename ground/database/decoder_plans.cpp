@@ -204,9 +204,10 @@ bool Decoder::lay(Plan &made, Id parameter, Id id, std::uint32_t node, std::size
     if (type.sort == Sort::aggregate || type.sort == Sort::array) {
         std::int64_t n = type.sort == Sort::aggregate ? static_cast<std::int64_t>(type.members.size()) : 1;
         if (type.sort == Sort::array) {
-            for (const Dimension &one : dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
-                const std::int64_t many = one.last.fixed - one.first.fixed + 1;
-                if (!one.first.is_fixed() || !one.last.is_fixed() || many < 0 || many > 1 << 16 ||
+            for (const Dimension &dimension :
+                 dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
+                const std::int64_t many = dimension.last.fixed - dimension.first.fixed + 1;
+                if (!dimension.first.is_fixed() || !dimension.last.is_fixed() || many < 0 || many > 1 << 16 ||
                     (n *= many) > 1 << 16) {
                     return false;
                 }

@@ -327,8 +327,8 @@ private:
                const std::vector<Dimension> &dimensions)
     {
         Wide n = 1;
-        for (const Dimension &one : dimensions) {
-            n *= Wide(number(one.last)) - number(one.first) + 1;
+        for (const Dimension &dimension : dimensions) {
+            n *= Wide(number(dimension.last)) - number(dimension.first) + 1;
             n = std::min(std::max(n, Wide(0)), Wide(most_bits));
         }
         if (given.what != Given::What::list || given.list.size() != static_cast<std::size_t>(n)) {
@@ -373,16 +373,17 @@ private:
         if (type.sort == Sort::enumerated) {
             std::string all;
             std::vector<std::int64_t> endings; // of labels that end with the text, as FIELD_WMM with WMM
-            for (const Enumerator &one : type.enumerators) {
-                if (given.what == Given::What::text
-                        ? one.label == given.text
-                        : found && found->whole && *found->whole >= one.low && *found->whole <= one.high) {
-                    return given.what == Given::What::text ? Number{one.low, static_cast<double>(one.low)} : *found;
+            for (const Enumerator &enumerator : type.enumerators) {
+                if (given.what == Given::What::text ? enumerator.label == given.text
+                                                    : found && found->whole && *found->whole >= enumerator.low &&
+                                                          *found->whole <= enumerator.high) {
+                    return given.what == Given::What::text ? Number{enumerator.low, static_cast<double>(enumerator.low)}
+                                                           : *found;
                 }
-                if (given.what == Given::What::text && one.label.ends_with("_" + given.text)) {
-                    endings.push_back(one.low);
+                if (given.what == Given::What::text && enumerator.label.ends_with("_" + given.text)) {
+                    endings.push_back(enumerator.low);
                 }
-                all += (all.empty() ? "" : ", ") + one.label;
+                all += (all.empty() ? "" : ", ") + enumerator.label;
             }
             if (endings.size() == 1) {
                 return Number{endings.front(), static_cast<double>(endings.front())};

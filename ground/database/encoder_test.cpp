@@ -96,9 +96,9 @@ TEST(Encoder, PlacesSayWhereWhatStands)
     std::vector<Placed> places;
     encode(database, database.command("C"), {{"gain", number(-2)}, {"sequence", number(3)}}, &places);
     std::string found;
-    for (const Placed &one : places) {
-        found += one.name + (one.argument ? "*" : "") + " " + std::to_string(one.bit) + "+" + std::to_string(one.bits) +
-                 ", ";
+    for (const Placed &place : places) {
+        found += place.name + (place.argument ? "*" : "") + " " + std::to_string(place.bit) + "+" +
+                 std::to_string(place.bits) + ", ";
     }
     EXPECT_EQ(found, "apid 0+8, sequence 8+8, opcode* 16+8, gain* 24+16, mode* 44+4, ");
 }

@@ -332,9 +332,9 @@ inline std::vector<const Verifier *> Database::verifiers(Id command) const
     for (const std::string stage : verifier_stages) {
         const std::size_t before = made.size();
         for (Id at = command; at != no_id && (made.size() == before || stage == "Complete"); at = commands[at].base) {
-            for (const Verifier &one : commands[at].verifiers) {
-                if (one.stage == stage) {
-                    made.push_back(&one);
+            for (const Verifier &verifier : commands[at].verifiers) {
+                if (verifier.stage == stage) {
+                    made.push_back(&verifier);
                 }
             }
         }

@@ -84,14 +84,14 @@ void Limits::finish()
         depth_ = std::max(depth_, check.violations + (check.on_change ? 1 : 0));
         simple =
             simple && check.when == nullptr && !check.on_change && check.of_label.empty() && check.patterns.empty();
-        for (const Alarm::Limits &one : check.limits) {
-            simple = simple && !one.inside && one.range.calibrated;
+        for (const Alarm::Limits &limit : check.limits) {
+            simple = simple && !limit.inside && limit.range.calibrated;
         }
     }
     if (simple) {
         low_ = -infinite, high_ = infinite;
-        for (const Alarm::Limits &one : checks_[0].limits) {
-            const Range &range = one.range;
+        for (const Alarm::Limits &limit : checks_[0].limits) {
+            const Range &range = limit.range;
             low_ = std::max(low_, range.low_open ? std::nextafter(range.low, infinite) : range.low);
             high_ = std::min(high_, range.high_open ? std::nextafter(range.high, -infinite) : range.high);
         }
@@ -102,9 +102,9 @@ Bands Limits::bands() const
 {
     Bands made;
     if (!none() && checks_.back().when == nullptr && !checks_.back().on_change) {
-        for (const Alarm::Limits &one : checks_.back().limits) {
-            if (!one.inside && one.range.calibrated) {
-                made.emplace(one.level, std::pair(one.range.low, one.range.high));
+        for (const Alarm::Limits &limit : checks_.back().limits) {
+            if (!limit.inside && limit.range.calibrated) {
+                made.emplace(limit.level, std::pair(limit.range.low, limit.range.high));
             }
         }
     }
@@ -120,15 +120,15 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
     std::uint32_t violations = 1;
     if (chosen != checks_.end()) {
         violations = chosen->violations;
-        for (const Alarm::Limits &one : chosen->limits) {
-            auto x = number_of(now, one.range.calibrated);
+        for (const Alarm::Limits &limit : chosen->limits) {
+            auto x = number_of(now, limit.range.calibrated);
             if (chosen->on_change) {
                 const auto last =
-                    before != nullptr && before->good() ? number_of(*before, one.range.calibrated) : std::nullopt;
+                    before != nullptr && before->good() ? number_of(*before, limit.range.calibrated) : std::nullopt;
                 x = x && last ? std::optional(*x - *last) : std::nullopt;
             }
-            if (x && one.range.holds(*x) == one.inside) {
-                level = std::max(level, one.level);
+            if (x && limit.range.holds(*x) == limit.inside) {
+                level = std::max(level, limit.level);
             }
         }
         if (!chosen->of_label.empty()) {

@@ -66,8 +66,8 @@ std::string said(const std::vector<Note> &notes)
 std::vector<Note> take(Monitor &monitor, const std::vector<Bytes> &packets)
 {
     std::vector<Arrival> batch;
-    for (const Bytes &one : packets) {
-        batch.push_back({1, 2, one});
+    for (const Bytes &packet : packets) {
+        batch.push_back({1, 2, packet});
     }
     return monitor.take(batch);
 }

@@ -9,9 +9,9 @@ namespace {
 std::optional<std::uint32_t> elements(const std::vector<Dimension> &dimensions)
 {
     std::int64_t n = 1;
-    for (const Dimension &one : dimensions) {
-        const std::int64_t many = one.last.fixed - one.first.fixed + 1;
-        if (!one.first.is_fixed() || !one.last.is_fixed() || many < 0 || many > std::int64_t(Slots::most) ||
+    for (const Dimension &dimension : dimensions) {
+        const std::int64_t many = dimension.last.fixed - dimension.first.fixed + 1;
+        if (!dimension.first.is_fixed() || !dimension.last.is_fixed() || many < 0 || many > std::int64_t(Slots::most) ||
             (n *= many) > std::int64_t(Slots::most)) {
             return std::nullopt;
         }

@@ -73,12 +73,13 @@ def _stubs(functions: list[Function]) -> str:
         return f"{one.name}: {f'_{len(one.shape)}' if one.shape else 'float'}"
 
     def given(f: Function) -> str:
-        types = ["NDArray[Any]" if one.shape else "int" if one.ctype == "int" else "float" for one in results(f)]
+        types = ["NDArray[Any]" if result.shape else "int" if result.ctype == "int" else "float"
+                 for result in results(f)]
         return types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
 
     lines = [_STUBS]
     for f in functions:
-        arguments = "".join(f"{taken(one)}, " for one in f.takes)
+        arguments = "".join(f"{taken(take)}, " for take in f.takes)
         lines.append(f"def {f.name}({arguments}{'/' if f.takes else ''}) -> {given(f)}:\n"
                      f'    """{f.doc or f.header}"""\n'.replace("\\", "\\\\"))
     return "\n".join(lines)

@@ -17,9 +17,9 @@ def text(s: Struct, includes: Iterable[str], enums: Iterable[Enumeration], messa
     guard = s.header.upper().replace("/", "_").replace(".", "_")
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */", f"#ifndef {guard}", f"#define {guard}", ""]
     lines += [*(f'#include "{header}"' for header in sorted(set(includes))), ""]
-    for one in enums:
-        lines += [*_doc(one.doc), f"typedef enum {one.name} {{",
-                  *(f"    {v.name} = {v.value}," for v in one.values), f"}} {one.name};", ""]
+    for enum in enums:
+        lines += [*_doc(enum.doc), f"typedef enum {enum.name} {{",
+                  *(f"    {v.name} = {v.value}," for v in enum.values), f"}} {enum.name};", ""]
     for message in messages:
         lines += [*_doc(message.doc), f"typedef struct {message.name} {{",
                   *_fields(message.fields, "    "), f"}} {message.name};", ""]

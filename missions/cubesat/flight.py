@@ -99,7 +99,7 @@ def attitude(f, trackers):
         f.stars = fsw.AttitudeMekf(
             rate_noise=GYRO["noise"], bias_walk=GYRO["walk"], bias_std=2 * GYRO["bias"], star_std=10 * arcsec, gate=30,
             hold=2 * s, coast=2 * minute, persistence=5)
-        seen = [one.attitude for one in eyes(f, trackers)]
+        seen = [eye.attitude for eye in eyes(f, trackers)]
         f.connect((fsw.newest(*seen) if trackers > 1 else seen[0]) >> f.stars.stars)
 
 

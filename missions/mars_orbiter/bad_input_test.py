@@ -95,7 +95,7 @@ def test_commands_of_another_version(craft):
     load(craft, "stored", block_bytes(fill_store(fsw.StoredCommands(**STORED), steps)))
     craft.command("control", Action.START, 1).completed()
     craft.listen(5 * s)
-    assert [(one.reason, one.stored_on) for one in craft.simulation.flight.commands.reports[-3:]] == [
+    assert [(report.reason, report.stored_on) for report in craft.simulation.flight.commands.reports[-3:]] == [
         (Reason.VERSION, 1), (Reason.OK, 1), (Reason.OK, 1)] and stored.state.running == 0
     ends_on_the_sun(craft)
 
@@ -131,7 +131,7 @@ def test_a_table_that_is_not_what_was_made(craft, spoil, why):
     craft.command("write", "flight.power", reset_computer=1)
     craft.listen(2 * minute)
     assert f.boot.boot.boots == 2 and block_bytes(f.plan) == before and f.files.state.tables == 0
-    assert "REFUSED" in [one.name for one in craft.events if one.output == "flight.files.event"]
+    assert "REFUSED" in [event.name for event in craft.events if event.output == "flight.files.event"]
     ends_on_the_sun(craft)
 
 
@@ -145,7 +145,8 @@ def test_an_ephemeris_that_ends(craft, mode, body):
     assert craft.listen(20 * minute).mode == mode
     craft.events.clear()
     assert craft.listen(4 * minute).mode == "safe"
-    assert [one.text for one in craft.events if one.output == "flight.monitors.event"] == ["FIRED monitor 5, value 2"]
+    assert [event.text for event in craft.events
+            if event.output == "flight.monitors.event"] == ["FIRED monitor 5, value 2"]
     refused(craft, f"the mode's condition does not hold: .*{body}_at", "mode", mode)
     ends_on_the_sun(craft)
 
@@ -159,8 +160,8 @@ def test_two_sequences_that_contradict_each_other(craft):
     steps = {number: packets.store_sequence(number, [(60 * 10**9, packets.mode(mode))])
              for number, mode in ((1, "sun"), (2, "inertial"))}
     for number in (2, 1):
-        for one in steps[number]:
-            craft.send([craft.numbered(one)]).completed()
+        for step in steps[number]:
+            craft.send([craft.numbered(step)]).completed()
     with pytest.raises(NoAnswer, match="not what it names"):
         craft.send([craft.numbered(packets.control(Action.START, 1, storing(steps[2])))]).completed()
     start = [craft.numbered(packets.control(Action.START, n, storing(steps[n]))) for n in (1, 2)]
@@ -168,7 +169,7 @@ def test_two_sequences_that_contradict_each_other(craft):
         craft.send(start).completed()
     refused(craft, "runs, stands or is held already", "control", Action.START, 1)
     craft.listen(2 * minute)
-    done = [one for one in f.commands.reports if one.stored_on and one.executed]
+    done = [report for report in f.commands.reports if report.stored_on and report.executed]
     assert [one.stored_on for one in done] == [1] and done[0].good
     assert craft.telemetry.mode == "sun"
     craft.listen(20 * minute)

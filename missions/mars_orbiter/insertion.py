@@ -32,7 +32,7 @@ class Flown:
     events: list[Event]     # of telemetry
 
     def said(self, output: str) -> list[Event]:
-        return [one for one in self.events if one.output == f"flight.{output}"]
+        return [event for event in self.events if event.output == f"flight.{output}"]
 
     @property
     def period(self) -> float:

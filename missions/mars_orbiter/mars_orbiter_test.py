@@ -59,7 +59,7 @@ def flown(changes, lasts=5 * minute, **fields):
     commands = sim.flight.commands
     commands.take_packets()
     log = sun_faults(sim, changes, lasts)
-    told = [decoded(commands.dictionary, one.packet) for one in commands.take_packets()]
+    told = [decoded(commands.dictionary, packet.packet) for packet in commands.take_packets()]
     events = [one.content for one in told if one.path == "events" and one.content.t > FAILS.value * 1e9]
     assert sim.flight.active_mode == "safe"
     return log, {(e.output.split(".")[1], e.name): e.t / 1e9 - FAILS.value for e in reversed(events)}, sim.flight

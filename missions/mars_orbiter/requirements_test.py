@@ -23,8 +23,9 @@ TESTED = [one for one in ALL if one.method == "test"]
 
 def fields(requirement):
     """What it looks at: {(message, path of a field in it)}."""
-    signals = [one.signal for one in requirement.formula.comparisons]
-    return {(one.port, one.recorded.removeprefix(f"{one.port}.")) for signal in signals for one in signal.fields} | {
+    signals = [comparison.signal for comparison in requirement.formula.comparisons]
+    return {(field.port, field.recorded.removeprefix(f"{field.port}.")) for signal in signals
+            for field in signal.fields} | {
         (f"{process}.activity", "kind") for signal in signals for process, _ in signal.events}
 
 
@@ -36,7 +37,7 @@ def flown(scenario):
     requirements = Requirements(sim)
     own = requirements.for_scenario(scenario)
     ports = {port for one in own for port, _ in fields(one)} - {"flight.mode", "flight.activity"}
-    log = sim.record(*(field_path.port(sim, one) for one in sorted(ports)), every=1 * s)
+    log = sim.record(*(field_path.port(sim, port) for port in sorted(ports)), every=1 * s)
     watch = requirements.watch(only=[one.id for one in own])
     sim.scenarios[scenario]()
     return SimpleNamespace(scenario=scenario, requirements=requirements, log=log, outcomes=watch.outcomes())
@@ -64,8 +65,8 @@ class Bent(Log):
 @pytest.mark.parametrize("scenario", SIM.scenarios)
 def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
     found = flown(scenario)
-    assert [str(one) for one in found.outcomes if one.verdict != "holds"] == []
-    again = found.requirements.judge(found.log, [one.requirement.id for one in found.outcomes])
+    assert [str(outcome) for outcome in found.outcomes if outcome.verdict != "holds"] == []
+    again = found.requirements.judge(found.log, [outcome.requirement.id for outcome in found.outcomes])
     assert [str(one) for one in again if one.verdict != "holds"] == []
     for one, other in zip(found.outcomes, again, strict=True):     # the record has every other sample only
         assert one.margin == other.margin or one.margin == pytest.approx(other.margin, rel=0.05), (one, other)

@@ -59,13 +59,13 @@ class Frames:
         found["frame_size"] = found["frame_size"] or 1024
         found["window"] = found["window"] or 128
         if found["secured"]:
-            found["keys"] = (*(int(one["key"]) for one in values["roles"]), int(values["telemetry_key"]))
+            found["keys"] = (*(int(role["key"]) for role in values["roles"]), int(values["telemetry_key"]))
         return cls(**found)
 
     @classmethod
     def parse(cls, text: str) -> Frames:
         """Of an address: `frames=68`, the spacecraft alone, or `frames=spacecraft:68,cop1:1,...`. Raises SetupError."""
-        known = [one.name for one in fields(cls) if one.name not in ("secured", "keys")]
+        known = [field.name for field in fields(cls) if field.name not in ("secured", "keys")]
         values: dict[str, Any] = {}
         for word in text.split(","):
             name, colon, value = word.partition(":")
@@ -101,7 +101,7 @@ class Frames:
 def cltu(frame: bytes) -> bytes:
     """A frame as a CLTU (CCSDS 231.0-B)."""
     blocks = (frame[at:at + 7].ljust(7, b"\x55") for at in range(0, len(frame), 7))
-    return b"\xEB\x90" + b"".join(one + bytes([_parity(one)]) for one in blocks) + b"\xC5" * 7 + b"\x79"
+    return b"\xEB\x90" + b"".join(block + bytes([_parity(block)]) for block in blocks) + b"\xC5" * 7 + b"\x79"
 
 
 def _parity(block: bytes) -> int:

@@ -138,7 +138,7 @@ def mission(name: str, project: Path | str | None = None, source: str | None = N
         raise NewError(f"{known[name]} has this name, and would be hidden; choose another name")
     template = TEMPLATES / "missions/first_light"
     texts = _copied(template if source is None else _source(source, root, known), folder)
-    if not any(one.name.endswith("_test.py") for one in texts):
+    if not any(text.name.endswith("_test.py") for text in texts):
         texts[folder / f"{name}_test.py"] = _read(template / "first_light_test.py")
     _write(texts)
     return list(texts), f"Fly it: {_command(project)} run {name}"
@@ -146,7 +146,7 @@ def mission(name: str, project: Path | str | None = None, source: str | None = N
 
 def _missions(root: Path) -> dict[str, Path]:
     """The folder of each mission that a project finds, by its name."""
-    own = [one for one in sorted((root / "missions").glob("*")) if folders.is_mission(one)]
+    own = [path for path in sorted((root / "missions").glob("*")) if folders.is_mission(path)]
     return folders.missions() | {one.name: one for one in own}
 
 
@@ -159,7 +159,7 @@ def _source(source: str, root: Path, known: Mapping[str, Path]) -> Path:
         raise NewError(f"--from {source}: there is no such mission{did_you_mean(source, known)} there are "
                        f"{', '.join(known)}")
     folder = folder.resolve()
-    home = next((one for one in folder.parents if "fledge_project(" in _read(one / "CMakeLists.txt")), FLEDGE)
+    home = next((parent for parent in folder.parents if "fledge_project(" in _read(parent / "CMakeLists.txt")), FLEDGE)
     used = {word for file in folder.rglob("*.py") for word in _words(file)}
     there = {declared for tree in (FLEDGE, root) for declared, _ in _declared(tree)}
     if own := {declared: header for declared, header in _declared(home) if declared in used - there}:
@@ -188,7 +188,7 @@ def _words(file: Path) -> Iterator[str]:
         elif isinstance(node, ast.Attribute):
             yield node.attr
         elif isinstance(node, ast.ImportFrom):
-            yield from (one.name for one in node.names)
+            yield from (name.name for name in node.names)
             if node.level:      # from .other.world import build
                 yield f".{(node.module or '').partition('.')[0]}"
 

@@ -119,7 +119,8 @@ def test_what_executives_say_is_what_a_second_run_sees(seed):
         for mode, (n, first) in sim.process(process).entered.items():
             assert n == counted.get(mode, 0)
             assert first == next((t for t, one in rows if one == mode), None)
-    assert sorted((one.t, one.process, one.name) for one in happenings(sim.activity) if one.kind == "event") \
+    assert sorted((happening.t, happening.process, happening.name)
+                  for happening in happenings(sim.activity) if happening.kind == "event") \
         == sorted(fired)
 
 

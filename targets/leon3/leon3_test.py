@@ -81,7 +81,7 @@ def test_several_boards_fly_in_one_run(on, tmp_path, capsys):
     assert cli.main(["fly", "formation", "sensed", *span, "--on", on, "--out", str(tmp_path)]) == 0, capsys.readouterr()
     rows = [line for line in capsys.readouterr().out.splitlines() if " on leon3" in line]
     assert len(rows) == 2 and all(" none " in row and "s, simulated" in row for row in rows)
-    for process, target in (one.split("=") for one in on.split(",")):
+    for process, target in (word.split("=") for word in on.split(",")):
         desktop, board = Archive(tmp_path / "desktop.mcap"), Archive(tmp_path / process / f"{target}.mcap")
         assert board.complete
         assert compare(desktop, board, [t for t in board.topics if t.startswith(f"/{process}/")]) == []

@@ -286,7 +286,7 @@ class Hostile:
                            for line in self.any(WHOLE).split("\n"))
             return f"{head}G = [1]\ndef main(f):\n{body}    yield\n    print(G)\n"
         classes = (("H", "object"), ("L", "list"), ("E", "Exception"), ("T", "tuple"))
-        return (head + "".join(self.of_a_class(*one) for one in classes)
+        return (head + "".join(self.of_a_class(*cls_) for cls_ in classes)
                 + "f = None\nG = []\ndef main(f_):\n    global f, G\n    f = f_\n"
                 f"    G = [{', '.join(self.any(self.any([NUMBERS, TEXTS, MADE, MADE])) for _ in range(PLACES))}]\n"
                 + "".join(self.attempt(self.statement()) for _ in range(self.random.randrange(3, 12)))

@@ -335,8 +335,8 @@ def test_a_refusal_has_the_words_of_the_desktop(run, types):
         "MrpFeedback(K='high')", "MrpFeedback(P=[1, 2])", "WheelConfig(axes_B=[[1, 2]])", "WheelConfig(J=[])",
         "WheelConfig(n=-1)", "Noise(level=256)", "Noise(wide=[0, 1.5])", "Noise(counts=[70000, 0])", "Noise(part=[])",
         "Noise(parts=[{}])", "Noise(phases=['SAFE'])")]
-    text = HEAD + "".join(f"try:\n    {one}\nexcept ValueError as e:\n    print(str(e).split('; found')[0])\n"
-                          for one in statements)
+    text = HEAD + "".join(f"try:\n    {statement}\nexcept ValueError as e:\n    print(str(e).split('; found')[0])\n"
+                          for statement in statements)
     here, there = desktop(text, types[0]), run("from fledge import flight as fsw\n" + text)
     assert there[:-1] == here[:-1] and len(here) == len(statements)
     assert there[-1].startswith(here[-1])   # that of an enumeration names its enumerators, too
@@ -351,8 +351,8 @@ a = place(fsw.TrackingError(sigma_BcB=[0, 0, 1]), "tracking_error")
 b = place(fsw.MrpFeedback(K=1, P=2), "mrp_feedback")
 c = fsw.WheelConfig()
 """
-    for one in statements:
-        text += (f"try:\n    {one}\n    print('no error')\n"
+    for statement in statements:
+        text += (f"try:\n    {statement}\n    print('no error')\n"
                  "except Exception as e:\n    print(type(e).__name__ + ': ' + str(e))\n")
     return run(text)
 

@@ -100,7 +100,7 @@ class Flying:
 
     def said(self):
         """[(kind, line, text)] since the last time."""
-        found = [(one.kind, one.line, one.text) for one in self.texts]
+        found = [(text.kind, text.line, text.text) for text in self.texts]
         self.texts.clear()
         return found
 
@@ -449,7 +449,7 @@ def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path,
     for target in targets:
         assert compare(Archive(out / "desktop.mcap"), Archive(out / f"{target}.mcap")) == []
         packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
-        assert [(one.content.kind, one.content.text) for one in packets if one.path == "texts"] == [
+        assert [(packet.content.kind, packet.content.text) for packet in packets if packet.path == "texts"] == [
             (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
 
 
@@ -482,7 +482,7 @@ def test_what_harms_an_interpreter_does_no_harm_to_a_target(tmp_path, capsys):
     found = Dictionary.load(next((out / "c").glob("*_packets.json")))
     for target in targets:
         packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
-        kinds = [one.content.kind for one in packets if one.path == "texts"]
+        kinds = [packet.content.kind for packet in packets if packet.path == "texts"]
         assert kinds.count(Kind.PROCEDURE_STARTED) == kinds.count(Kind.PROCEDURE_KILLED) == len(HARM)
 
 

@@ -266,8 +266,8 @@ TEST_F(Link, BitsAreWrongAtTheBitErrorRate)
         }
         const double bits = 8.0 * n * units, expected = bits * i.out.down.bit_error_rate;
         EXPECT_NEAR(static_cast<double>(wrong), expected, 5 * std::sqrt(expected));
-        for (const std::uint64_t one : places) {
-            EXPECT_NEAR(static_cast<double>(one), expected / 8, 5 * std::sqrt(expected / 8) + 1);
+        for (const std::uint64_t place : places) {
+            EXPECT_NEAR(static_cast<double>(place), expected / 8, 5 * std::sqrt(expected / 8) + 1);
         }
         radio.update({units * second, second});
         EXPECT_EQ(i.out.down_traffic.damaged, damaged);

@@ -39,8 +39,8 @@ void ContainerReader::fill(Container &container, Node node)
     for (Node child : elements(node)) {
         const View name = tag(child);
         if (name == "EntryList") {
-            for (Node one : elements(child)) {
-                declared_.attempt(node, container.path, [&] { container.entries.push_back(entry(one)); });
+            for (Node element : elements(child)) {
+                declared_.attempt(node, container.path, [&] { container.entries.push_back(entry(element)); });
             }
         } else if (name == "BaseContainer") {
             base(container, child);

@@ -87,7 +87,7 @@ def compare(matrix: Matrix, name: str, baseline: Seen, seen: Seen, ns: int, faul
                  for t, ours, theirs in _differences(baseline, seen, path, ns)]
     isolated = []       # (t, unit, whether it has a fault)
     for path, units in matrix.isolating.items():
-        own = functools.reduce(operator.or_, (units.get(one.unit, 0) for one in faults))
+        own = functools.reduce(operator.or_, (units.get(fault.unit, 0) for fault in faults))
         named = matrix.named.get(path) or {bits.bit_length() - 1: unit for unit, bits in units.items()}
         for t, ours, theirs in _differences(baseline, seen, path, ns):
             for bit in range(32):

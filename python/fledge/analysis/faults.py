@@ -180,7 +180,7 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
     Raises SetupError before the first flight if something is wrong with all of them.
     """
     assert matrix.simulation.mission
-    names = [matrix.scenario(one) for one in scenarios] or [chosen(matrix.simulation, None)[0]]
+    names = [matrix.scenario(scenario) for scenario in scenarios] or [chosen(matrix.simulation, None)[0]]
     wanted = list(matrix.faults() if faults is None else faults)
     sets = [[one] for one in wanted]
     if double:
@@ -271,8 +271,8 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
     modes = {process.name: [(one.t, one.name) for one in activity
                             if one.kind == "mode" and one.process == process.name]
              for process in sim.processes if process.modes}
-    outcomes = {one.requirement.id: one for one in watch.outcomes()} if watch and not failed else {}
-    judged = (any(one.verdict == HOLDS for one in outcomes.values()) if outcomes else
+    outcomes = {outcome.requirement.id: outcome for outcome in watch.outcomes()} if watch and not failed else {}
+    judged = (any(outcome.verdict == HOLDS for outcome in outcomes.values()) if outcomes else
               not problem and has_checks(function))
     return Seen(activity, modes, {port.name: port.decoded() for port in Log(sim, sim.kernel.logs)._ports()},
                 {process.name for process in sim.flights}, sim.time, problem, failed, judged, outcomes,
@@ -292,9 +292,9 @@ def _traces(watch: Judged) -> dict[tuple[str, str], Any]:
         "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne}
     found = {}
     for requirement in watch.requirements:
-        for one in requirement.formula.comparisons if requirement.formula is not None else ():
-            times, values = watch.values(one)
-            found[requirement.id, one.text] = times, relations[one.relation](values, one.limit)
+        for comparison in requirement.formula.comparisons if requirement.formula is not None else ():
+            times, values = watch.values(comparison)
+            found[requirement.id, comparison.text] = times, relations[comparison.relation](values, comparison.limit)
     return found
 
 
@@ -333,7 +333,7 @@ def _on_the_way(sim: Simulation, stops: list[int], then: Callable[[Any, int], An
 def _record(sim: Simulation) -> bool:
     """Record all outputs of flight, and attitudes. What the scenario records keeps its period: a port has one record,
     with the shorter of two periods."""
-    own = {one.path for one in sim.records}
+    own = {record.path for record in sim.records}
     period = min((task.period for process in sim.flights for task in process.tasks), default=SECOND)
     for process in sim.processes:
         for one in process:

@@ -212,7 +212,7 @@ def test_a_matrix_knows_all_units_of_a_mission():
     matrix = Matrix("mars_orbiter")
     assert {"world.gyro_a", "world.recorder", "world.wheels", "world.power"} <= set(matrix.units)
     assert not any(unit.startswith("panel.") for unit in matrix.units)
-    assert {one.kind for one in matrix.faults(["world.recorder"])} == {"FLIP", "WEAR"}
+    assert {fault.kind for fault in matrix.faults(["world.recorder"])} == {"FLIP", "WEAR"}
     table, = matrix.isolating.values()
     assert matrix.named["flight.protection.table.faulted"][table["world.gyro_b"].bit_length() - 1] == "gyro b"
     assert table["world.angles_b"] == table["world.gyro_b"] != table["world.gyro_a"]

@@ -241,7 +241,7 @@ def _takes_faults(one: Any) -> bool:
 
 def _fields(owner: Any) -> dict[str, Any]:
     """The fields of a fault of a model, by name."""
-    return {f.name: f for one in objects.struct(owner).fields if one.name == "faults" for f in one.struct.fields
+    return {f.name: f for field in objects.struct(owner).fields if field.name == "faults" for f in field.struct.fields
             if not f.spare}
 
 
@@ -251,17 +251,17 @@ def _kinds_of(owner: Any) -> dict[str, int]:
 
 
 def _planned(owner: Any) -> list[dict[str, Any]]:
-    return [{name: getattr(one, name) for name in _fields(owner)} for one in owner.faults]
+    return [{name: getattr(fault, name) for name in _fields(owner)} for fault in owner.faults]
 
 
 def plant(sim: Simulation, ns: int, faults: Sequence[Fault], lasts: int) -> None:
     """Have the faults in the models from a time [ns] on, also where the scenario has just assigned others."""
-    for one in faults:
-        process, _, instance = one.unit.partition(".")
+    for fault in faults:
+        process, _, instance = fault.unit.partition(".")
         owner: Any = getattr(sim.process(process), instance)
         known = _fields(owner)
         planned = _planned(owner)
-        number = _kinds_of(owner)[one.kind]
+        number = _kinds_of(owner)[fault.kind]
         if not any(row["kind"] == number and row["begin"] == ns for row in planned):
             times = {"begin": ns, **({"lasts": lasts} if "lasts" in known else {})}     # whole numbers are [ns]
-            owner.faults = [*planned, {"kind": one.kind, **one.fields, **times}]
+            owner.faults = [*planned, {"kind": fault.kind, **fault.fields, **times}]

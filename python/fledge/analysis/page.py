@@ -32,10 +32,11 @@ def cells(flight: Flight) -> dict[str, Any]:
     def joined(texts: Sequence[object]) -> str:
         return " + ".join(map(str, texts))
 
-    details = [one.details for one in flight.faults]
+    details = [fault.details for fault in flight.faults]
     return {
         "scenario": flight.scenario, "mode": flight.mode, "begin [s]": flight.begin,
-        "unit": joined([one.unit for one in flight.faults]), "kind": joined([one.kind for one in flight.faults]),
+        "unit": joined([fault.unit for fault in flight.faults]),
+        "kind": joined([fault.kind for fault in flight.faults]),
         "details": joined(details) if any(details) else "", "effect": flight.effect,
         "detected": "yes" if flight.detected is not None else "no", "after [s]": flight.detected, "by": flight.by,
         "isolated": "yes" if flight.isolated is not None else "wrongly" if flight.wrongly else "no",
@@ -58,7 +59,7 @@ def text(flights: Sequence[Flight]) -> list[str]:
     """Lines: for each scenario and mode the effect of each unit's faults by kind; then the counts. A mark says where
     flight did not notice."""
     lines: list[str] = []
-    single = [one for one in flights if len(one.faults) == 1]
+    single = [flight for flight in flights if len(flight.faults) == 1]
     kinds = list(dict.fromkeys(one.faults[0].kind for one in single))
     for scenario, mode, begin in dict.fromkeys((one.scenario, one.mode, one.begin) for one in single):
         rows: dict[str, dict[str, str]] = {}
@@ -71,7 +72,7 @@ def text(flights: Sequence[Flight]) -> list[str]:
         lines += [f"{scenario}, {begin:g} s" + (f", in {mode}" if mode else ""),
                   *columns([("", *kinds), *((unit, *(row.get(kind, "") for kind in kinds))
                                             for unit, row in rows.items())], indent="  "), ""]
-    counted = Counter((one.effect, one.detected is not None) for one in flights)
+    counted = Counter((flight.effect, flight.detected is not None) for flight in flights)
     rows_ = [(effect, str(counted[effect, True] + counted[effect, False]),
               f"{counted[effect, True]} detected" if effect != "none" else "", what)
              for effect, what in EFFECTS.items() if counted[effect, True] + counted[effect, False]]
@@ -81,7 +82,7 @@ def text(flights: Sequence[Flight]) -> list[str]:
 def as_csv(flights: Sequence[Flight]) -> str:
     """A line for each flight."""
     out = io.StringIO()
-    rows = [cells(one) for one in flights]
+    rows = [cells(flight) for flight in flights]
     writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
@@ -95,18 +96,19 @@ def write(flights: Sequence[Flight], matrix: Matrix, folder: Path, command: str)
     assert matrix.simulation.mission
     about = {"mission": matrix.simulation.name, "seed": matrix.simulation.seed, "command": command,
              "versions": identity(matrix.simulation.mission.folder)}
-    rows = [cells(one) for one in flights]
+    rows = [cells(flight) for flight in flights]
     chosen = {name: [f"{row[name]:g}" if isinstance(row[name], float) else row[name] for row in rows]
               for name in FILTERS}
     filters = {name: list(dict.fromkeys(values)) for name, values in chosen.items() if len(set(values)) > 1}
-    counts = Counter(one.effect for one in flights)
+    counts = Counter(flight.effect for flight in flights)
     page = templates().get_template("faults.html").render(
         about=about, rows=rows, filters=filters,
         values=[[chosen[name][i] for name in filters] for i in range(len(rows))],
-        hidden=[hidden(one) for one in flights], effects={name: (counts[name], what) for name, what in EFFECTS.items()},
-        scenarios=list(dict.fromkeys(one.scenario for one in flights)))
-    data: dict[str, Any] = {**about, "flights": [{**asdict(one), "faults": [
+        hidden=[hidden(flight) for flight in flights],
+        effects={name: (counts[name], what) for name, what in EFFECTS.items()},
+        scenarios=list(dict.fromkeys(flight.scenario for flight in flights)))
+    data: dict[str, Any] = {**about, "flights": [{**asdict(flight), "faults": [
         {"unit": fault.unit, "kind": fault.kind, **{k: str(v) for k, v in fault.fields.items()}}
-        for fault in one.faults]} for one in flights]}
+        for fault in flight.faults]} for flight in flights]}
     return write_files({"report.html": page, "faults.csv": as_csv(flights),
                         "results.json": json.dumps(data, indent=1) + "\n"}, folder)

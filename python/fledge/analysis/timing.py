@@ -107,11 +107,12 @@ class Search(Work[Run, Paths]):
                  folder: Path | str | None = None, **parameters: Any) -> None:
         target: Any = TARGETS.ready(["leon3"], "profile")[0]
         self.target, self.seed = target, seed
-        self.jobs = [Job(mission, one, duration, seed, folder=folder, parameters=parameters) for one in scenarios]
+        self.jobs = [Job(mission, scenario, duration, seed, folder=folder, parameters=parameters)
+                     for scenario in scenarios]
         if process is None and len(self.jobs[0].parts) > 1:
             raise Failure(f"{self.jobs[0].title} has several flight processes; choose one with --process: "
-                          + ", ".join(one.process for one in self.jobs[0].parts))
-        self.parts = [one.part(process) if process else one.parts[0] for one in self.jobs]
+                          + ", ".join(part.process for part in self.jobs[0].parts))
+        self.parts = [job.part(process) if process else job.parts[0] for job in self.jobs]
         first = self.parts[0]
         self.campaign = Campaign(mission, campaign) if campaign or (
             self.jobs[0].start.mission.folder / "dispersions.py").exists() else None
@@ -271,8 +272,8 @@ class _Watch:
             return
         self.found[key] = Longest(
             task, mode, period / 1e9, cycles / self.search.clock, cycles, self.run.index, self.job.scenario,
-            self.search.seed, self.t / 1e9, self.draws, {path: numbers for one in modules
-                                                         for path, numbers in self._inputs(one.name)})
+            self.search.seed, self.t / 1e9, self.draws, {path: numbers for module in modules
+                                                         for path, numbers in self._inputs(module.name)})
 
     def _inputs(self, module: str) -> Iterator[tuple[str, Any]]:
         """(path, numbers) of each field that a module has read."""

@@ -58,7 +58,7 @@ class Kept:
         self.columns = {name: np.array([math.copysign(1.0, x) if math.isinf(x) else x
                                         for x in (float(row[i] or "nan") for row in rows)])
                         for i, name in enumerate(head) if name not in ("run", "outcome", "failure")}
-        self.draws = {_head(one["path"], one["unit"]): one["nominal"] for one in self.summary["draws"]}
+        self.draws = {_head(draw["path"], draw["unit"]): draw["nominal"] for draw in self.summary["draws"]}
         self.sources = json.loads((folder / SOURCES).read_text("utf-8")) if (folder / SOURCES).exists() else {}
 
     def margins(self, requirement: dict[str, Any]) -> np.ndarray:
@@ -69,7 +69,7 @@ class Kept:
         text, unit = requirement["requirement"], requirement["unit"]
         if (formula := _head(f"margin of {text}", unit)) in self.columns:
             return self.columns[formula]
-        comparison = next(one for one in text.split()[::-1] if one in ("<", "<=", ">", ">=", "==", "!="))
+        comparison = next(word for word in text.split()[::-1] if word in ("<", "<=", ">", ">=", "==", "!="))
         name = text.rpartition(f" {comparison} ")[0]
         values = self.columns[_head(text if _head(text, unit) in self.columns else name, unit)]
         if comparison in ("==", "!="):
@@ -133,11 +133,12 @@ def compare(this: Kept, other: Kept) -> list[Change]:
                 here, there, equal_nan=True):
             raise SetupError(f"the draws of {name} differ: both versions need the same dispersions")
     found = []
-    known = {one["requirement"]: one for one in other.summary["requirements"]}
-    for one in this.summary["requirements"]:
-        if one["requirement"] in known:
-            found.append(Change(one["requirement"], one["unit"], True, other.margins(known[one["requirement"]]),
-                                this.margins(one)))
+    known = {requirement["requirement"]: requirement for requirement in other.summary["requirements"]}
+    for requirement in this.summary["requirements"]:
+        if requirement["requirement"] in known:
+            found.append(Change(requirement["requirement"], requirement["unit"], True,
+                                other.margins(known[requirement["requirement"]]),
+                                this.margins(requirement)))
     found += [Change(name, "", False, other.columns[name], values) for name, values in this.columns.items()
               if name not in this.draws and name in other.columns]
     return found
@@ -179,8 +180,8 @@ def text(this: Kept, other: Kept, found: Sequence[Change]) -> list[str]:
             at = int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))
             rows.append((one.name, number(float(np.nanmedian(one.moved))), number(float(one.moved[at])), str(at)))
     lines += ["", *columns(rows, right={1, 2, 3}, indent="  ")] if len(rows) > 1 else ["", "  nothing moved by a bit"]
-    only = [(name, {one["requirement"] for one in a.summary["requirements"]} -
-             {one["requirement"] for one in b.summary["requirements"]})
+    only = [(name, {requirement["requirement"] for requirement in a.summary["requirements"]} -
+             {requirement["requirement"] for requirement in b.summary["requirements"]})
             for name, a, b in (("this", this, other), ("other", other, this))]
     lines += [f"  not compared: {one} is required in the {name} version alone" for name, texts in only
               for one in sorted(texts)]

@@ -72,7 +72,8 @@ def test_a_revision_is_flown(tmp_path):
     assert not [one for one in compare(again, tree) if one.moved.any()]
     found = compare(this, other)
     assert {one.name for one in found if one.required} == {one.name for one in compare(again, tree) if one.required}
-    assert any(np.abs(one.moved).max() > 0 for one in found) and all(one.lost for one in regressions(found))
+    assert any(np.abs(one.moved).max() > 0 for one in found) and all(regression.lost for regression
+                                                                     in regressions(found))
 
 
 def test_only_the_same_runs_are_compared(weak, tmp_path):

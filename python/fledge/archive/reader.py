@@ -287,7 +287,7 @@ class Archive(Records):
         units: dict[str, str] = {}
         meanings: dict[str, str] = {}
         if topics is None:
-            topics = [one.topic for one in self.topics.values() if one not in self.executives()]
+            topics = [topic.topic for topic in self.topics.values() if topic not in self.executives()]
         for channel, fields, heads in self._select(topics, head):
             short = self._short_name(channel)
             columns: dict[str, Any] = {}

@@ -147,7 +147,7 @@ def test_every_command_tells_it_once_and_leaves_nothing(write, tmp_path, capsys,
     assert len(told) == 1 + len(FOUND)
     assert "the scenario begins" not in said.out or not command.startswith(("run", "verify"))
     assert not any(word in said.out + said.err for word in ("flown", "unknown", "record  ", "Traceback"))
-    assert {one for one in tmp_path.rglob("*") if "__pycache__" not in one.parts} == before
+    assert {path for path in tmp_path.rglob("*") if "__pycache__" not in path.parts} == before
 
 
 def test_what_a_scenario_gives_is_not_missing(write, capsys):

@@ -136,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
             with _ended_as_by_ctrl_c():
                 problem, code = script.run(function, lambda: trace(options))
         finally:
-            words = [one.replace(options.token or "\0", "...") for one in options.words]      # the page is for others
+            words = [word.replace(options.token or "\0", "...") for word in options.words]      # the page is for others
             at = page.write(folder / "script.html", entries, shlex.join(["./fledge", *words]))
             say(f"  page     {at}")
     if problem:

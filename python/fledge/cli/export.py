@@ -124,7 +124,7 @@ def export_xtce(options: argparse.Namespace) -> int:
     missions = [read(sim, options.process)] if options.process else read_all(sim)
     if not missions:
         raise Failure(f"{sim.name} has no flight process, so there are no packets")
-    databases = [packets.database(one) for one in missions]
+    databases = [packets.database(mission) for mission in missions]
     more = ground.read(missions[0].place, databases)
     files = {f"{sim.name}.xml": xtce.xtce(sim.name, databases, more)}
     for station, emit in (("yamcs", stations.yamcs), ("cosmos", stations.cosmos)):

@@ -191,7 +191,7 @@ def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> in
              "campaign": flights.campaign.name, "scenario": flights.scenario, "seed": options.seed,
              "searched": flights.space.described(flights.shown), "probability": found.value, "low": found.low,
              "high": found.high, "runs": found.runs, "repetitions": found.parts,
-             "levels": [[_finite(x) for x in one] for one in found.levels],
+             "levels": [[_finite(x) for x in level] for level in found.levels],
              "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None)}
     path = folder / "probability.json"
     path.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")

@@ -51,7 +51,7 @@ def faults(options: argparse.Namespace) -> int:
     matrix = Matrix(options.mission, options.seed, **given_parameters(options))
     name = matrix.simulation.name
     wanted = matrix.faults(options.unit, options.kind)
-    begin = [parse_duration(one, "--begin") for one in options.begin.split(",")] if options.begin else None
+    begin = [parse_duration(word, "--begin") for word in options.begin.split(",")] if options.begin else None
     lasts = parse_duration(options.lasts, "--lasts") if options.lasts else None
     limit = flight_time(options)
     folder = Path(options.out) if options.out else Path("runs") / name / "faults"
@@ -72,7 +72,7 @@ def faults(options: argparse.Namespace) -> int:
         wall = time.perf_counter() - begun
         paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
     say("\n".join(page.text(flights)))
-    for one in [one for one in flights if page.hidden(one)][:8]:
+    for one in [flight for flight in flights if page.hidden(flight)][:8]:
         say(f"  hidden   {one.scenario}, {one.begin:g} s: {' and '.join(map(str, one.faults))}: "
             + (", ".join(one.violated) or one.text))
     say(f"  flown    {counted(len(flights), 'flight')} in {wall:.3g} s")

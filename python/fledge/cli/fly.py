@@ -199,9 +199,9 @@ def _checked(options: argparse.Namespace, job: Job, others: list[tuple[Part, Tar
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
     for field, _, _, where in bounds:
-        if not any(one.puts_out(field) for one in job.parts):
+        if not any(part.puts_out(field) for part in job.parts):
             raise Failure(f"{where}: flight puts out no field {field}"
-                          + (f"; its processes are {', '.join(one.process for one in job.parts)}"
+                          + (f"; its processes are {', '.join(part.process for part in job.parts)}"
                              if len(job.parts) > 1 else ""))
     return bounds
 
@@ -226,7 +226,7 @@ def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, st
     from fledge.targets.serial import Serial
     from fledge.targets.ssh import Ssh
 
-    words = [(process, word) for process, word in [*(("", one) for one in names), *apart.items()]
+    words = [(process, word) for process, word in [*(("", name) for name in names), *apart.items()]
              if serial_line.is_line(word)]
     for option in ("elf", "baud", "pace"):
         if getattr(options, option) and not words:
@@ -412,7 +412,7 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
         for name, record in records.items():
             raised, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
                 options, job, name, record)
-            violated = [one.requirement.id for one in outcomes if one.verdict == VIOLATED]
+            violated = [outcome.requirement.id for outcome in outcomes if outcome.verdict == VIOLATED]
             if violated:
                 wrong[name].append(f"violates {', '.join(violated)}")
             if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
@@ -538,7 +538,8 @@ def _rounded(desktop: Archive, archive: Archive, part: Part, flown: Flown, bound
         if after > part.job.duration:
             texts.append(f"{field} not judged, which has its bound from {after:g} s on")
             continue
-        near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
+        near = [difference for difference in differences(after)
+                if f".{difference.topic}.{_plain(difference.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
         problem = problem if worst <= bound else f"{field} is beyond its bound"
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")

@@ -19,8 +19,9 @@ def show(findings: Sequence[Finding], process: str = "") -> Sequence[Finding]:
     """Print the first findings, a line each; returns all. process: of a program that prints beside others."""
     title = f"  health   {process + ': ' if process else ''}"
     groups: dict[tuple, list[Finding]] = {}     # a fault passes from module to module: at the same updates
-    for one in findings:
-        groups.setdefault((one.kind, one.first, one.updates) if one.updates else (one.text,), []).append(one)
+    for finding in findings:
+        groups.setdefault((finding.kind, finding.first, finding.updates) if finding.updates else (finding.text,),
+                          []).append(finding)
     for group in list(groups.values())[:SHOWN]:
         say(title + group[0].text + (f"; and so {counted(len(group) - 1, 'other')}" if len(group) > 1 else ""))
     if len(groups) > SHOWN:
@@ -54,11 +55,12 @@ def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findi
     from fledge.records.activity import facts
 
     data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",
-            "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in findings],
+            "time": sim.time, "state_time": sim.state_time, "health": [finding._asdict() for finding in findings],
             "assumptions": sim.assumptions, "processes": facts(sim)}
     if outcomes:
-        data["requirements"] = [{"id": one.requirement.id, "verdict": one.verdict, "margin": one.margin_text,
-                                 "at": one.at, "where": one.where, "reason": one.reason} for one in outcomes]
+        data["requirements"] = [{"id": outcome.requirement.id, "verdict": outcome.verdict,
+                                 "margin": outcome.margin_text, "at": outcome.at, "where": outcome.where,
+                                 "reason": outcome.reason} for outcome in outcomes]
     with Part(path) as part:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return path

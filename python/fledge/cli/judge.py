@@ -72,8 +72,8 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
 
     sim = fledge.load(job.asked, job.seed, **job.parameters)
     assert sim.mission
-    packets = {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
-               if one.telemetry(target).exists()}
+    packets = {part.process: read_script(part.telemetry(target).read_text()) for part in job.parts
+               if part.telemetry(target).exists()}
     stand_in(sim, records, exchange, packets)
     if not options.report:
         sim.plots = False
@@ -136,11 +136,11 @@ def show_required(outcomes: Sequence[Outcome], where: str = "") -> None:
     """Print how many requirements hold, and each that does not. where: on which targets, if on several."""
     if not outcomes:
         return
-    count = {verdict: sum(one.verdict == verdict for one in outcomes) for verdict in (HOLDS, VIOLATED, UNKNOWN)}
+    count = {verdict: sum(outcome.verdict == verdict for outcome in outcomes) for verdict in (HOLDS, VIOLATED, UNKNOWN)}
     counts = [f"{n} {word}" for n, word in zip(count.values(), ("hold", "violated", "unknown")) if n]
     say("  required " + (f"{where}: " if where else "") + ", ".join(counts))
-    for one in outcomes:
-        if one.verdict != HOLDS:
-            say(f"           {one}")
-            if one.verdict == VIOLATED and one.requirement.skew:
-                say(f"           {one.requirement.id}: {one.requirement.skew}")
+    for outcome in outcomes:
+        if outcome.verdict != HOLDS:
+            say(f"           {outcome}")
+            if outcome.verdict == VIOLATED and outcome.requirement.skew:
+                say(f"           {outcome.requirement.id}: {outcome.requirement.skew}")

@@ -68,7 +68,7 @@ def test_a_program_is_loaded_by_the_boards_own_commands(name, tmp_path, openocd,
     said, shown = openocd.said(), capsys.readouterr().out
     assert said[:2] == ["-c", "adapter serial 0123"]
     options = list(zip(said[2::2], said[3::2]))
-    assert options == [*(("-f", one) for one in board.scripts), *(("-c", one) for one in board.commands),
+    assert options == [*(("-f", script) for script in board.scripts), *(("-c", command) for command in board.commands),
                        *(("-c", one.format(file="{" + str(file) + "}", entry=hex(elf.read(file).entry)))
                          for one in board.load)]
     assert shlex.join(["openocd", *said]) in shown and "build id 1234abcd" in shown and "loaded, and started" in shown
@@ -243,7 +243,7 @@ def test_a_program_is_built_for_a_host_copied_and_flies_there(server, tmp_path, 
     shown = capsys.readouterr().out
     file = there / "nadir_spin"
     assert file.read_bytes() == (tmp_path / "runs/nadir_spin/fly/linux/nadir_spin").read_bytes()
-    assert sorted(one.name for one in there.iterdir()) == ["nadir_spin", "nadir_spin-line"]
+    assert sorted(path.name for path in there.iterdir()) == ["nadir_spin", "nadir_spin-line"]
     by_clock = shlex.split(shown.splitlines()[1])
     assert by_clock[-2:] == [f"{getpass.getuser()}@board", f"{shlex.quote(str(file))} --clock --for 60"]
     figures = dict(line.split(maxsplit=1) for line in run_there(
@@ -295,4 +295,4 @@ def test_a_host_flies_in_the_loop_with_ssh_as_its_line(server, tmp_path, monkeyp
     host, ssh = f"ssh:{getpass.getuser()}@board", server(home=tmp_path / "home")
     assert cli.main(["fly", "nadir_spin", "--on", host, "--ssh", ssh, "--for", "10s"]) == 0, capsys.readouterr()
     assert f"passed   desktop, ssh-{getpass.getuser()}-board" in capsys.readouterr().out
-    assert [one.name for one in (tmp_path / "home/fledge/nadir_spin").iterdir()] == ["nadir_spin-line"]
+    assert [path.name for path in (tmp_path / "home/fledge/nadir_spin").iterdir()] == ["nadir_spin-line"]

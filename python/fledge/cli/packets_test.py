@@ -57,7 +57,7 @@ def test_reading_goes_on_behind_damage():
     cut = b"".join(ALL)[:-1]
     assert found(cut) == (ALL[:-1], [(len(cut) - len(ALL[-1]) + 1, "27 bytes are no packet: a packet of 28 bytes would "
                                       "begin there")])
-    notes = [one.note for one in pieces(ALL[0] + b"\x9a\0" + b"".join(ALL[1:]))]
+    notes = [piece.note for piece in pieces(ALL[0] + b"\x9a\0" + b"".join(ALL[1:]))]
     assert notes == ["what follows it is no packet: it may be damaged, too", *[""] * 8]
 
 
@@ -120,7 +120,7 @@ def test_telemetry_frames():
         frames = frames_of(b"".join(ALL), check=check)
         assert len(frames) > 2
         assert found(b"".join(frames), frames=64) == (ALL, [])
-        assert found(b"".join(b"mark" + one for one in frames), frames=64, skip=4) == (ALL, [])
+        assert found(b"".join(b"mark" + frame for frame in frames), frames=64, skip=4) == (ALL, [])
         whole, problems = found(frames[0] + b"".join(frames[2:]), frames=64)
         assert whole == [one for one in ALL if one in whole] and 0 < len(whole) < len(ALL)
         assert problems == [(64, "1 frames of virtual channel 0 are missing in front of this one")]
@@ -173,7 +173,7 @@ def test_aos_frames():
         how = {"frames": len(frames[0]), "insert": options.get("insert", 0), "control": options.get("control", False)}
         fill = aos(zones[:1], **options, channel=63)
         assert found(b"".join(frames + fill), **how) == (ALL, []), options
-        assert found(b"".join(one + b"code" for one in frames), **how, trailer=4) == (ALL, [])
+        assert found(b"".join(frame + b"code" for frame in frames), **how, trailer=4) == (ALL, [])
         note = list(pieces(b"".join(frames), Format(**how)))[-1].note
         assert note == f"{len(frames)} AOS frames of spacecraft 157, 1 idle packets"
     frames = aos(zones, check=False, header_check=True)
@@ -181,7 +181,7 @@ def test_aos_frames():
     assert (68, "a frame is passed over: the check of its header does not hold") in found(
         frames[0] + damaged + b"".join(frames[2:]), frames=68)[1]
     mixed = aos(zones, check=False)
-    longer = [one + b"\0\0" for one in zones]
+    longer = [zone + b"\0\0" for zone in zones]
     both = found(b"".join(mixed[:2]) + longer[0] + b"".join(mixed[2:]), frames=len(mixed[0]))
     assert both == (ALL, [(2 * len(mixed[0]), "a frame is passed over: it is of TM, the others are of AOS")])
     uslp = b"\xc0" + bytes(63)
@@ -234,8 +234,8 @@ def test_the_code_of_real_frames(capsys):
     data = bytearray(cadus.read_bytes())
     for i in range(64):         # 16 of each code word of the third frame
         data[2 * 1024 + 4 + 7 * i] ^= 0x55 + i
-    assert [one.packet for one in pieces(bytes(data), Format(4, 892, 0, 4, randomized=True)) if one.packet] == [
-        one.packet for one in pieces(cadus.read_bytes(), Format(4, 892, 0, 4, randomized=True)) if one.packet]
+    assert [piece.packet for piece in pieces(bytes(data), Format(4, 892, 0, 4, randomized=True)) if piece.packet] == [
+        piece.packet for piece in pieces(cadus.read_bytes(), Format(4, 892, 0, 4, randomized=True)) if piece.packet]
     data[2 * 1024 + 4 + 7 * 64] ^= 1
     assert (2052, "a frame is passed over: its Reed-Solomon code has too many wrong symbols") in found(
         bytes(data), skip=4, frames=892, reed_solomon=4, randomized=True)[1]

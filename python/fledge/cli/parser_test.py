@@ -26,7 +26,7 @@ def test_an_unknown_argument_is_refused_by_its_own_command(capsys, words, said, 
 
 def test_the_same_thing_has_one_name_in_all_commands():
     """A campaign is --campaign, how many fly at a time is --jobs; neither is a position."""
-    commands, = (one for one in cli.parser()._actions if isinstance(one, argparse._SubParsersAction))
+    commands, = (action for action in cli.parser()._actions if isinstance(action, argparse._SubParsersAction))
     for name, one in commands.choices.items():
         places = [action.dest for action in one._actions if not action.option_strings]
         assert "campaign" not in places and not {"--threads", "--workers"} & set(one._option_string_actions), name

@@ -103,7 +103,7 @@ def _longest(options: argparse.Namespace, folder: Path, duration: float | None) 
         with Bar(Path(options.mission).name) as bar:
             found = search.search(options.longest, options.jobs, lambda done: bar.at(
                 done / options.longest, f"{done} of {options.longest}"))
-        say(f"{search.jobs[0].title}, {', '.join(one.scenario for one in search.jobs)}: the longest paths in "
+        say(f"{search.jobs[0].title}, {', '.join(job.scenario for job in search.jobs)}: the longest paths in "
             f"{counted(found.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
                                                   else ", which differ in their noise: there is no dispersions.py"))
         say("\n".join(timing.text(found)))

@@ -74,8 +74,8 @@ def replay(options: argparse.Namespace) -> int:
         raise Failure(f"cannot start {command[0] if command else options.node}: {error.strerror or error}") from None
     if again.record:
         say(f"  record   {again.record} ({size_of(again.record)})")
-    for one in again.differences:
-        say(f"  differs  {one}")
+    for difference in again.differences:
+        say(f"  differs  {difference}")
     if again.outcome:
         raise Failure(f"{exchange.simulation}: the replay ended early: {again.outcome}", 1)
     if not again.differences:

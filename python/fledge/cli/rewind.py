@@ -36,8 +36,8 @@ def _needed(options: argparse.Namespace) -> list[str]:
 
     try:
         plan = json.loads((Path(options.run) / "run.json").read_text(encoding="utf-8"))["plan"]
-        targets = sorted({one["target"] for one in plan["programs"] if one["target"]})
-        serves = any(one["serve"] for one in plan["programs"])
+        targets = sorted({program["target"] for program in plan["programs"] if program["target"]})
+        serves = any(program["serve"] for program in plan["programs"])
     except (OSError, ValueError, TypeError, KeyError):
         targets, serves = [], False     # the command itself says what is wrong
     return ["build cosim", *targets, *["control_room", "build ground", "view"] * serves]

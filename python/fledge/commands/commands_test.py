@@ -381,7 +381,7 @@ def test_a_procedure_on_the_desktop(mission):
     assert f.active_mode == "rest" and f.control.K == 2.5
     mission.run(2 * s)
     assert f.control.K == 3 and f.vehicle.vehicle.I_B[2, 2] == 801 and f.vehicle.vehicle.head.t == 2_000_000_000
-    assert [(one.kind, one.text) for one in commands.texts] == [
+    assert [(text.kind, text.text) for text in commands.texts] == [
         (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "mode wait"), (Kind.PRINTED, "3.0 wait"),
         (Kind.PROCEDURE_ENDED, "")]
     assert commands.counters.executed == 2 + 3      # of the procedure: a mode, and parameters of two modules
@@ -411,5 +411,5 @@ def test_a_procedure_on_the_desktop_is_stopped(mission):
         mission.run(2 * s)
         stop()
         mission.run(2 * s)
-    assert [one.text for one in commands.texts] == ["", "by command", "", "flight begins anew"]
+    assert [text.text for text in commands.texts] == ["", "by command", "", "flight begins anew"]
     assert commands.counters.refused == 0

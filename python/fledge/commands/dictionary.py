@@ -222,7 +222,7 @@ class Dictionary:
         name = Code(code).name.lower().replace("_", " ") if code in Code._value2member_map_ else f"the code {code}"
         file = " " + packet[12:].decode(errors="replace") if code in NAMED else ""
         names = {int(Code.MODE): self.modes, int(Code.ARM): self.events,
-                 int(Code.TELEMETRY): [one.path for one in self.outputs]}.get(code, [])
+                 int(Code.TELEMETRY): [output.path for output in self.outputs]}.get(code, [])
         if code in (Code.TABLE_LOAD, Code.TABLE_DUMP, Code.CHECK) and place < len(self.blocks):
             return f"{name} {self.blocks[place].path}{file}"
         if code in (Code.WRITE, Code.STAGE, Code.COMMIT, Code.PUBLISH, Code.READ) and place < len(self.blocks):

@@ -156,7 +156,7 @@ def value_of(field: Field, raw: bytes, shape: Sequence[int], mark: str) -> Any:
         return raw.rstrip(b"\0").decode(errors="replace")
     if len(shape) == 1 and field.type != "struct":      # all at once
         numbers = packing.unpack(f"{mark}{shape[0]}{ELEMENTS[field.type].code}", raw)
-        return [field.labels.get(one, one) for one in numbers] if field.type == "enum" else list(numbers)
+        return [field.labels.get(number, number) for number in numbers] if field.type == "enum" else list(numbers)
     if shape:
         size = len(raw) // shape[0]
         return [value_of(field, raw[i * size:(i + 1) * size], shape[1:], mark) for i in range(shape[0])]

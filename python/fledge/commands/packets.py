@@ -267,7 +267,7 @@ class Packets:
         if len(numbers) > CHOICES:
             raise SetupError(f"a report has up to {CHOICES} numbers or fields; found {len(numbers)}")
         choices = [dict(zip(("output", "type", "offset", "n"), (output, NUMBERS.index(field.type), offset, n)))
-                   for output, field, offset, n in (self.dictionary.number(one, "any") for one in numbers)]
+                   for output, field, offset, n in (self.dictionary.number(number, "any") for number in numbers)]
         none = dict.fromkeys(("output", "type", "offset", "n"), 0)
         packet = self._write_row("Housekeeping", "reports", place, {
             "period": every, "on": int(on), "n": len(choices), "choices": choices + [none] * (CHOICES - len(choices))})
@@ -318,8 +318,8 @@ class Packets:
         return self._command(Code.CHECK, self.dictionary.block(module)[0])
 
     def _named(self, code: Code, first: int, name: str, most: int = 1) -> bytes:
-        parts = [one.encode() for one in name.split(">")]
-        if len(parts) > most or not all(0 < len(one) <= NAME_MAX and b"\0" not in one for one in parts):
+        parts = [word.encode() for word in name.split(">")]
+        if len(parts) > most or not all(0 < len(part) <= NAME_MAX and b"\0" not in part for part in parts):
             raise SetupError(f"a file on board has a name of 1 to {NAME_MAX} bytes without '>' and NUL; found '{name}'")
         return self._command(code, first, data=name.encode())
 

@@ -14,7 +14,7 @@ class Timed(NamedTuple):
 
 def script(packets: Iterable[Timed]) -> str:
     """The lines of a file of packets, for --script of fledge_board_node."""
-    return "".join(f"{one.t} {one.packet.hex()}\n" for one in packets)
+    return "".join(f"{packet.t} {packet.packet.hex()}\n" for packet in packets)
 
 
 def read_script(text: str) -> list[Timed]:

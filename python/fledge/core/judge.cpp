@@ -70,8 +70,8 @@ void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<
 {
     std::vector<std::span<const double>> spans;
     spans.reserve(sources.size());
-    for (const auto &one : sources) {
-        spans.emplace_back(one.data(), static_cast<std::size_t>(one.size()));
+    for (const auto &source : sources) {
+        spans.emplace_back(source.data(), static_cast<std::size_t>(source.size()));
     }
     judge.play({times.data(), static_cast<std::size_t>(times.size())}, spans);
 }

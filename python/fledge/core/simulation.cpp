@@ -206,10 +206,10 @@ auto differential_states(const sim::Simulation &simulation)
         for (const auto &instance : process->instances()) {
             if (sim::Model *model = instance->model()) {
                 const auto *memory = reinterpret_cast<const double *>(model->memory().data());
-                for (const sim::DifferentialState &one : model->differential_states()) {
-                    rows.emplace_back(instance->path, paths.at(one.of), one.name, one.unit,
-                                      sizeof(double) * static_cast<std::size_t>(one.value - memory),
-                                      sizeof(double) * static_cast<std::size_t>(one.rate - memory));
+                for (const sim::DifferentialState &state : model->differential_states()) {
+                    rows.emplace_back(instance->path, paths.at(state.of), state.name, state.unit,
+                                      sizeof(double) * static_cast<std::size_t>(state.value - memory),
+                                      sizeof(double) * static_cast<std::size_t>(state.rate - memory));
                 }
             }
         }

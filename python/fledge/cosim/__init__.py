@@ -149,7 +149,7 @@ class Controller:
                  report: Callable[[str], None] | None = None) -> None:
         from fledge import _cosim
 
-        pairs = [(one, "abort") if isinstance(one, str) else (one[0], one[1]) for one in nodes]
+        pairs = [(node, "abort") if isinstance(node, str) else (node[0], node[1]) for node in nodes]
         self._core = _cosim.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
                                     unencrypted, float(join), float(reply), sharing,
                                     time_ns(save_every, "Controller: save_every"), report or (lambda text: None))

@@ -238,7 +238,7 @@ def test_a_link_loses_delays_and_garbles_messages(board):
 
 
 def begin_gdb(program, *commands):
-    words = [word for one in commands for word in ("-ex", one)]
+    words = [word for command in commands for word in ("-ex", command)]
     return subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", *words, program], stdout=subprocess.PIPE,
                             stderr=subprocess.STDOUT, text=True, env=without_preload(os.environ))
 
@@ -297,11 +297,11 @@ def test_a_trace_shows_each_instruction_in_words(board, tmp_path):
     board.sim.run(0.5)
     board.finish()
     lines = (tmp_path / "trace.txt").read_text().splitlines()
-    assert len([one for one in lines if " traps: " not in one]) == board.core.instructions - before[0]
+    assert len([line for line in lines if " traps: " not in line]) == board.core.instructions - before[0]
     entry = next(i for i, one in enumerate(lines) if re.search(
         r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp  %o6=[0-9a-f]{8}$", one))
     assert re.search(r" (nadir_spin_tick|run_gnc)\S* +(call|nop|mov|std|ldd|st|ld|add|or)", lines[entry - 1])
-    cycles = [int(one.split()[0]) for one in lines]
+    cycles = [int(line.split()[0]) for line in lines]
     assert cycles == sorted(cycles) and cycles[0] < cycles[-1]
     end = board.registers
     board.restore(before[1])
@@ -316,7 +316,7 @@ def test_coverage_tells_the_lines_and_branches_that_ran(board, program, tmp_path
     text = (tmp_path / "flight.info").read_text()
     file = next(part for part in text.split("end_of_record") if "flight/control/mrp_feedback.c\n" in part)
     source = next(line[3:] for line in file.splitlines() if line.startswith("SF:"))
-    lines = dict(map(int, one[3:].split(",")[:2]) for one in file.splitlines() if one.startswith("DA:"))
+    lines = dict(map(int, line[3:].split(",")[:2]) for line in file.splitlines() if line.startswith("DA:"))
     numbers = {text.strip(): i for i, text in enumerate(open(source, encoding="utf-8"), 1)}
     assert "FNDA:5,mrp_feedback_update" in file
     assert any(count == 0 for count in lines.values()) and max(lines.values()) >= 5

@@ -470,8 +470,8 @@ PYBIND11_MODULE(_emulator, m)
         .def("symbols",
              [](const Computer &c) {
                  std::vector<std::string> names;
-                 for (const Program::Symbol &one : c.program.symbols()) {
-                     names.push_back(one.name);
+                 for (const Program::Symbol &symbol : c.program.symbols()) {
+                     names.push_back(symbol.name);
                  }
                  return names;
              })
@@ -539,8 +539,8 @@ PYBIND11_MODULE(_emulator, m)
         .def("depths",
              [](const Computer &c) {
                  std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> rows;
-                 for (const StackDepth::Stack &one : c.tools.depths()) {
-                     rows.emplace_back(one.name, one.used(), one.size);
+                 for (const StackDepth::Stack &depth : c.tools.depths()) {
+                     rows.emplace_back(depth.name, depth.used(), depth.size);
                  }
                  return rows;
              })

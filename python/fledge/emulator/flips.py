@@ -102,7 +102,7 @@ class Campaign:
             raise SetupError("flips: at and duration must be more than 0 s")
         if not 1 <= bits <= 32:
             raise SetupError(f"flips: a flip inverts 1 to 32 bits of a word; found {bits}")
-        if rates and not (len(rates) == 2 and all(0 <= one < math.inf for one in rates) and any(rates)):
+        if rates and not (len(rates) == 2 and all(0 <= rate < math.inf for rate in rates) and any(rates)):
             raise SetupError("flips: expected the rates of registers and of memory, in flips per bit and day, both at "
                              f"least 0 and one more; found {', '.join(map(str, rates))}")
         self.edac, self.bits, self.rates = edac, bits, rates
@@ -161,7 +161,8 @@ class Campaign:
         self.n_memory = sum(n for *_, n in self.areas)
 
     def _values(self) -> list[np.ndarray]:
-        return [self.log[one.path][self.log.time_of(one.path) >= self.at / 1e9].astype(float) for one in self.measures]
+        return [self.log[measure.path][self.log.time_of(measure.path) >= self.at / 1e9].astype(float)
+                for measure in self.measures]
 
     def _registers(self) -> list[tuple[str, str, list[int]]]:
         """(place, name, the lowest bits that a flip may begin at) of each register: of the bits that exist."""
@@ -321,7 +322,7 @@ def deviation(measure: Measure, values: np.ndarray, undisturbed: np.ndarray) -> 
 
 def table(outcomes: Sequence[Outcome]) -> list[str]:
     """Lines: for each place, how many flips had which effect."""
-    counts = Counter((one.flip.place, one.effect) for one in outcomes)
+    counts = Counter((outcome.flip.place, outcome.effect) for outcome in outcomes)
     width = [max(len(effect), 6) for effect in EFFECTS]
 
     def line(name: str, cells: Sequence[Any]) -> str:
@@ -339,7 +340,7 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
 def shares(outcomes: Sequence[Outcome], per_day: float | None = None) -> list[str]:
     """Lines: of each effect its share, with the interval that holds the true one with 95 % confidence, and how many of
     it a day brings. per_day: flips, of Campaign."""
-    counts = Counter(one.effect for one in outcomes)
+    counts = Counter(outcome.effect for outcome in outcomes)
     rows: list[tuple[str, ...]] = [("", "%", "95 % confidence", *(["per day", "95 % confidence"] if per_day else []))]
     for effect in EFFECTS:
         bounds = confidence(counts[effect], len(outcomes))
@@ -358,7 +359,7 @@ def severity(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> list[s
 
     lines = []
     for effect in list(EFFECTS)[1:]:
-        found = np.array([one.deviations for one in outcomes if one.effect == effect])
+        found = np.array([outcome.deviations for outcome in outcomes if outcome.effect == effect])
         if len(found):
             rows: list[tuple[str, ...]] = [(f"{effect} ({len(found)})", "median", "95 %", "most", "")]
             ranks = [math.ceil(p * len(found)) - 1 for p in (0.5, 0.95, 1.0)]
@@ -371,7 +372,7 @@ def severity(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> list[s
 def csv(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> str:
     """One line for each flip."""
     rows = ["place,where,bit,bits,instruction,time,effect,first,missed,resets,corrected,"
-            + ",".join(f"{one.path} [{one.unit}]" for one in measures)]
+            + ",".join(f"{measure.path} [{measure.unit}]" for measure in measures)]
     for o in outcomes:
         f = o.flip
         cells = (f.place, f.text, f.bit, f.bits, f.instruction, None if f.time is None else f.time / 1e9, o.effect,
@@ -393,7 +394,7 @@ def plot(campaigns: Mapping[str, Sequence[Outcome]], title: str, path: Path) -> 
         panels = figure.subplots(len(campaigns), 1, sharex=True, squeeze=False).flatten()
         figure.suptitle(title, **TITLE)
         for axes, (name, outcomes) in zip(panels, campaigns.items()):
-            counts = Counter((one.flip.place, one.effect) for one in outcomes)
+            counts = Counter((outcome.flip.place, outcome.effect) for outcome in outcomes)
             total = {place: sum(counts[place, effect] for effect in EFFECTS) for place in PLACES}
             shown = [place for place in reversed(PLACES) if total[place]]
             left = [0.0] * len(shown)

@@ -52,8 +52,8 @@ def test_a_wrong_output_is_as_wrong_as_on_the_desktop(campaign):
     cosine = (np.einsum("nij,nij->n", here, there) - 1) / 2
     turned = np.degrees(np.arccos(cosine.min()))
     expected = [turned, turned, None, np.abs(torques - others).max()]
-    assert [one.path.split(".")[1] for one in campaign.measures] == ["craft", "tracking", "tracking", "motor"]
-    assert [one.unit for one in campaign.measures] == ["deg", "deg", "rad/s", "N m"]
+    assert [measure.path.split(".")[1] for measure in campaign.measures] == ["craft", "tracking", "tracking", "motor"]
+    assert [measure.unit for measure in campaign.measures] == ["deg", "deg", "rad/s", "N m"]
     for found, wanted in zip(gain.deviations, expected):
         if campaign.edac:
             assert found == 0.0

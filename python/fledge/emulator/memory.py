@@ -31,7 +31,7 @@ class Variable:
 
     def _field(self, name: str) -> Any:
         _, _, struct, path = self._place
-        known = [one for one in struct.fields if not one.spare]
+        known = [field for field in struct.fields if not field.spare]
         found = next((one for one in known if one.name == name), None)
         if found is None:
             names = [one.name for one in known]
@@ -70,12 +70,12 @@ class Variable:
         board.poke(address + field.offset, np.broadcast_to(values, field.shape).astype(">" + dtype).tobytes())
 
     def __dir__(self) -> list[str]:
-        return [one.name for one in self._place[2].fields if not one.spare]
+        return [field.name for field in self._place[2].fields if not field.spare]
 
     def __repr__(self) -> str:
         _, address, struct, path = self._place
         lines = [f"{path}, a {struct.name} at 0x{address:08x}"]
-        for one in struct.fields:
-            if not one.spare and one.type != "struct":
-                lines.append(f"  {one.name} = {getattr(self, one.name)} {one.unit}".rstrip())
+        for field in struct.fields:
+            if not field.spare and field.type != "struct":
+                lines.append(f"  {field.name} = {getattr(self, field.name)} {field.unit}".rstrip())
         return "\n".join(lines)

@@ -394,7 +394,8 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
                      f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
                      f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
     places = packet_lanes(boards)
-    room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
+    room = max((lane.capacity for b in boards for snorkel in b.snorkels if snorkel.carries == "commands"
+                for lane in snorkel.lanes),
                default=0)
     lines += [*(["};"] if found else []), *_packets(boards, found), "",
               *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",

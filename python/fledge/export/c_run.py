@@ -146,7 +146,7 @@ def modes(mission: Mission) -> Iterator[str]:
 
 def in_modes(mission: Mission, names: list[str]) -> str:
     """Whether one of these modes is in force."""
-    return " || ".join(f"m->mode.current == {mode(mission, one)}" for one in names)
+    return " || ".join(f"m->mode.current == {mode(mission, name)}" for name in names)
 
 
 def guards(mission: Mission) -> Iterator[str]:

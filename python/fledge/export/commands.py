@@ -67,7 +67,7 @@ def source(mission: Mission, found: Dictionary) -> str:
         lines += ["};"]
     if n:
         runs = {message.struct.name: byte_runs(message.struct.fields) for message in mission.outputs}
-        lines += ["", *(line for one in runs.items() for line in numbers(*one)),
+        lines += ["", *(line for item in runs.items() for line in numbers(*item)),
                   "static const TelemetryOutput outputs[] = {"]
         for message in mission.outputs:
             one = message.struct.name
@@ -137,12 +137,12 @@ def drives(mission: Mission) -> list[str]:
     struct, outputs = mission.struct(), mission.outputs
     if not mission.services:
         return []
-    framed = any(one.type == "SpaceLink" for one in mission.services)
+    framed = any(service.type == "SpaceLink" for service in mission.services)
     events = [i for i, one in enumerate(outputs) if one.struct.name == "FlightEvent"]
-    return [*wrap([f"&{one.function}_service," for one in mission.services],
+    return [*wrap([f"&{service.function}_service," for service in mission.services],
                   "static const CommandService *const list[] = {", "    ", "};"), "",
             *function("static void *module(void *mission, uint32_t place)",
-                      [*wrap([f"offsetof({struct}, {one.name})," for one in mission.services],
+                      [*wrap([f"offsetof({struct}, {service.name})," for service in mission.services],
                              "    static const size_t places[] = {", "        ", "};"),
                        "    return (uint8_t *)mission + places[place];"]),
             *function("static const void *output(const void *mission, uint16_t place, uint32_t *size)",

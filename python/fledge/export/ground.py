@@ -76,9 +76,9 @@ class _Reader(Tables):
             times[key] = self.number(whole, (), key, getattr(Ground, key))
             if times[key] <= 0:
                 self.refuse((key,), f"`{key}` is > 0 s", f"it is {times[key]:g}", "give a longer time")
-        items = {f"{packet.path}.{item.name}": item for one in databases for packet in one.packets
+        items = {f"{packet.path}.{item.name}": item for database in databases for packet in database.packets
                  for item in packet.items}
-        commands = [command.path for one in databases for command in one.commands if not command.abstract]
+        commands = [command.path for database in databases for command in database.commands if not command.abstract]
         telemetry: dict[str, Shown] = {}
         hazardous: dict[str, str] = {}
         for key in self.table(whole, (), "telemetry"):

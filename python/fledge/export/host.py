@@ -63,7 +63,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
-        *[("store", f"&{name}_services.store")] * any(one.type == "Files" for one in mission.modules),
+        *[("store", f"&{name}_services.store")] * any(module.type == "Files" for module in mission.modules),
         *[("keys", f"&{name}_services.keys")] * secured,
         ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded) + 2}u"),
@@ -87,8 +87,8 @@ def executive(mission: Mission, first: int) -> list[str]:
                   *(f"    {string(mission.mode_titles[mode].encode())}," for mode in mission.modes), "};", ""]
     if mission.events:
         lines += ["static const MissionEvent events[] = {"]
-        for one in mission.events:
-            lines += row(string(one.title.encode()), string(cut(one.when)))
+        for event in mission.events:
+            lines += row(string(event.title.encode()), string(cut(event.when)))
         lines += ["};", ""]
     mode = "executive_mode()" if composed else f"(uint16_t)((const {struct} *)mission)->mode.current"
     lines += ["static uint16_t mode(const void *mission)", "{", "    (void)mission;",
@@ -99,7 +99,7 @@ def executive(mission: Mission, first: int) -> list[str]:
                   f"    return {'executive_event(i)' if composed else 'NULL'};"]
     else:
         lines += ["    static const size_t places[] = {",
-                  *(f"        offsetof({struct}, event.{one.name})," for one in mission.events), "    };",
+                  *(f"        offsetof({struct}, event.{event.name})," for event in mission.events), "    };",
                   "    return (const void *)((const uint8_t *)mission + places[i]);"]
     lines += ["}", "", "static const MissionExecutive mission_executive = {"]
     lines += [f"    .{key} = {value}," for key, value in (
@@ -119,9 +119,9 @@ def definitions(mission: Mission, types: list[Any]) -> str:
     name = f"{mission.name}_definitions"
     lines = [*written(mission), '#include "targets/mission_host.h"', "", f"extern const MissionDefinition {name}[];",
              f"const MissionDefinition {name}[] = {{"]
-    for one in types:
-        lines += [f'    {{"{one.name}", "fledge/msg/{one.name}",',
-                  *(f"     {string(line.encode())}" for line in one.schema.splitlines(keepends=True))]
+    for type_ in types:
+        lines += [f'    {{"{type_.name}", "fledge/msg/{type_.name}",',
+                  *(f"     {string(line.encode())}" for line in type_.schema.splitlines(keepends=True))]
         lines[-1] += "},"
     return "\n".join([*lines, "};", ""])
 

@@ -77,7 +77,7 @@ class Database:
         return self.dictionary.order
 
     def command(self, path: str) -> Command:
-        return next(one for one in self.commands if one.path == path)
+        return next(command for command in self.commands if command.path == path)
 
     def chain(self, command: Command) -> list[Command]:
         """Its parents from the first on, and itself."""
@@ -122,7 +122,7 @@ def packets(mission: Mission, found: Dictionary) -> Iterator[Packet]:
     yield reports(mission, found)
     for output, message in zip(found.outputs, mission.outputs):
         fields = list(numbers(message.struct.fields))
-        if output.path != message.path or sum(one.bits for one in fields) != 8 * output.size:
+        if output.path != message.path or sum(field.bits for field in fields) != 8 * output.size:
             raise ExportError(f"{output.path}: its packet has {output.size} bytes, its fields have not")
         yield Packet(output.path, first_words(message.struct.doc), output.stream, fields)
 
@@ -179,7 +179,7 @@ def texts(mission: Mission, found: Dictionary) -> Packet:
 
 def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
     """What services send. It is big-endian everywhere."""
-    types = {one.type for one in mission.modules}
+    types = {module.type for module in mission.modules}
     if "EventLog" in types:
         path, stream = f"{mission.process}.events", found.texts + 1 + SERVICES.index("events")
         *head, arguments = EVENT_RECORD
@@ -191,11 +191,12 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
             "severity": {"meaning": "how grave it is", "enumerators": numbered(["none", *SEVERITIES])},
             "id": "which event of the output"}), "big", rest=record([arguments], {"arguments": rest}))
         for place, output in enumerate(found.outputs):
-            for one in output.events:
-                own = [number(name, "f64", unit="" if unit in ("-", "SI") else unit) for name, unit in one.arguments]
+            for event in output.events:
+                own = [number(name, "f64", unit="" if unit in ("-", "SI") else unit) for name, unit in event.arguments]
                 spare = [replace(bits("spare", 64), name=f"spare{i}") for i in range(len(own), len(rest))]
-                yield Packet(f"{output.path}.{one.name}", f"{one.meaning} ({one.severity})", stream, [*own, *spare],
-                             "big", path, {"output": place, "id": one.id})
+                yield Packet(f"{output.path}.{event.name}", f"{event.meaning} ({event.severity})", stream,
+                             [*own, *spare],
+                             "big", path, {"output": place, "id": event.id})
     if "Housekeeping" in types:
         items = [
             number("t", "i64", "flight's instant", "ns"), number("report", "u16", "which"),
@@ -293,7 +294,7 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "class": {"unacknowledged": 1, "acknowledged": 2}, "even": {"refuse": 0, "even": 1},
         "state": {"clear": 0} | {name: 1 + i for i, name in enumerate(UNIT_STATES)}}
     types = {one.type for one in mission.modules}
-    published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
+    published = {block.path: blocks[block.path] for block in found.blocks if block.configuration}
     for code in Code:
         of = {**choices, "module": published if code == Code.PUBLISH else blocks}
         names = [name for name in ARGUMENTS[code] if name != "version"]

@@ -201,7 +201,7 @@ def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = Non
     subset takes with it the configuration that is wired to it; what it reads of the rest of its process becomes an
     input, too. Raises ExportError, and SetupError for what a run would refuse as well.
     """
-    flights = {one.name: one for one in sim.flights}
+    flights = {flight.name: flight for flight in sim.flights}
     if process is None and len(flights) != 1:
         raise ExportError(f"{sim.name} has {len(flights)} flight processes; choose one: {', '.join(flights)}"
                           if flights else f"{sim.name} has no flight process")

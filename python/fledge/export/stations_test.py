@@ -48,7 +48,7 @@ def complaints(text, variables):
             continue
         word, *given = shlex.split(line)
         of, patterns = COSMOS.get(word, (None, []))
-        least = sum(not one.startswith("?") for one in patterns)
+        least = sum(not pattern.startswith("?") for pattern in patterns)
         if of is None:
             yield f"{number}: {word} is no word"
         elif of not in ("", top, item):
@@ -65,12 +65,12 @@ def complaints(text, variables):
 def test_cosmos_knows_each_word(folder):
     plugin = (folder / "cosmos/plugin.txt").read_text()
     variables = dict(re.findall(r"^VARIABLE (\w+) (\S+)$", plugin, re.MULTILINE))
-    files = [one for one in (folder / "cosmos").rglob("*.txt")]
+    files = [path for path in (folder / "cosmos").rglob("*.txt")]
     assert len(files) >= 4
-    for one in files:
-        assert list(complaints(one.read_text(), variables)) == [], one
+    for file in files:
+        assert list(complaints(file.read_text(), variables)) == [], file
     targets = re.findall(r"^TARGET (\S+) ", plugin, re.MULTILINE)
-    assert sorted(one.name for one in (folder / "cosmos/targets").iterdir()) == sorted(targets)
+    assert sorted(path.name for path in (folder / "cosmos/targets").iterdir()) == sorted(targets)
     wrong = "TARGETS A A\nTARGET A\n  PORT 1\nTELEMETRY T P BIG_ENDIAN\n  APPEND_ITEM 3X 8 UINT"
     assert list(complaints(wrong, {})) == [
         "1: TARGETS is no word", "2: TARGET A", "3: PORT follows TARGET", "5: APPEND_ITEM 3X 8 UINT"]
@@ -78,7 +78,7 @@ def test_cosmos_knows_each_word(folder):
 
 def test_yamcs_knows_each_key(folder):
     instance = yaml.safe_load((folder / "yamcs/etc/yamcs.yaml").read_text())["instances"]
-    assert [one.name for one in (folder / "yamcs/etc").iterdir() if one.name != "yamcs.yaml"] == [
+    assert [path.name for path in (folder / "yamcs/etc").iterdir() if path.name != "yamcs.yaml"] == [
         f"yamcs.{name}.yaml" for name in instance]
     made = yaml.safe_load((folder / f"yamcs/etc/yamcs.{instance[0]}.yaml").read_text())
     assert set(made) == {"services", "dataLinks", "mdb", "streamConfig"}

@@ -39,13 +39,13 @@ def ends_open(packet: Packet) -> bool:
 class _Writer:
     def __init__(self, databases: Sequence[Database], ground: Ground, station: str) -> None:
         self.databases, self.ground, self.station = databases, ground, station
-        paths = [f"{packet.path}.{item.name}" for one in databases for packet in self.packets(one)
+        paths = [f"{packet.path}.{item.name}" for database in databases for packet in self.packets(database)
                  for item in packet.items]
-        paths += [f"{command.path}.{item.name}" for one in databases for command in one.commands
+        paths += [f"{command.path}.{item.name}" for database in databases for command in database.commands
                   for item in command.items if item.value is not None and command.abstract]
         self.parameters = names.distinct(paths)
-        self.containers = names.distinct(packet.path for one in databases for packet in self.packets(one))
-        self.commands = names.distinct(command.path for one in databases for command in one.commands)
+        self.containers = names.distinct(packet.path for database in databases for packet in self.packets(database))
+        self.commands = names.distinct(command.path for database in databases for command in database.commands)
 
     def packets(self, one: Database) -> list[Packet]:
         """Those of a process, behind the one that is the header of all."""
@@ -60,19 +60,19 @@ class _Writer:
 
     def file(self, name: str) -> str:
         root = Element("SpaceSystem", {"xmlns": NAMESPACE, "name": names.identifier(name)})
-        versions = ", ".join(f"{one.process} {one.dictionary.version:#06x}" for one in self.databases)
+        versions = ", ".join(f"{database.process} {database.dictionary.version:#06x}" for database in self.databases)
         ElementTree.SubElement(root, "Header", {"version": versions, "validationStatus": "Working"})
         telemetry, command = (ElementTree.SubElement(root, tag) for tag in ("TelemetryMetaData", "CommandMetaData"))
         types, parameters, containers = (ElementTree.SubElement(telemetry, tag) for tag in (
             "ParameterTypeSet", "ParameterSet", "ContainerSet"))
-        for one in self.databases:
-            for packet in self.packets(one):
-                self.packet(one, packet, types, parameters, containers)
+        for database in self.databases:
+            for packet in self.packets(database):
+                self.packet(database, packet, types, parameters, containers)
         types, parameters, arguments, metas = (ElementTree.SubElement(command, tag) for tag in (
             "ParameterTypeSet", "ParameterSet", "ArgumentTypeSet", "MetaCommandSet"))
-        for one in self.databases:
-            for each in one.commands:
-                self.command(one, each, types, parameters, arguments, metas)
+        for database in self.databases:
+            for each in database.commands:
+                self.command(database, each, types, parameters, arguments, metas)
         ElementTree.indent(root)
         return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 

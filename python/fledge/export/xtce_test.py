@@ -93,9 +93,9 @@ class Reader:
         self.containers = {one.get("name"): one for one in self.root.iterfind(".//SequenceContainer")}
         self.commands = {one.get("name"): one for one in self.root.iterfind(".//MetaCommand")}
         self.children = {}
-        for one in self.containers.values():
-            if (base := one.find("BaseContainer")) is not None:
-                self.children.setdefault(base.get("containerRef"), []).append(one)
+        for container in self.containers.values():
+            if (base := container.find("BaseContainer")) is not None:
+                self.children.setdefault(base.get("containerRef"), []).append(container)
 
     @staticmethod
     def alias(element):
@@ -496,14 +496,14 @@ def test_packets_of_all_missions_are_the_same_by_their_databases(name, tmp_path)
 
 def test_a_long_array_is_several_commands_each_within_the_longest():
     sim = fledge.load("orbit_raising")
-    for one in databases(sim):
-        for command in one.commands:
+    for database in databases(sim):
+        for command in database.commands:
             assert sum(item.bits for item in command.items) <= 8 * DATA_MAX
-        writes = [command for command in one.commands if ".write." in command.path]
+        writes = [command for command in database.commands if ".write." in command.path]
         size = sum(item.bits for command in writes for item in command.items) // 8
-        spare = sum(f.size for block in one.dictionary.blocks for _, f, _ in leaves(block.fields)
+        spare = sum(f.size for block in database.dictionary.blocks for _, f, _ in leaves(block.fields)
                     if f.name.startswith("spare"))
-        assert size + spare == sum(block.size for block in one.dictionary.blocks)
+        assert size + spare == sum(block.size for block in database.dictionary.blocks)
 
 
 def test_a_parameter_may_have_the_name_of_an_argument_of_all_commands(folder):

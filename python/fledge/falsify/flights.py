@@ -94,8 +94,9 @@ class Flights:
         self.units = self.campaign.dispersions.columns
         self.space = Space(self.marginals)
         # The kinds of faults that are no draws: as the campaign plans them.
-        self.kinds = {f"{one}.kind": FieldPath(self.campaign.nominal, f"{one}.kind").value() for one in self.faults
-                      if f"{one}.kind" not in self.marginals}
+        self.kinds = {f"{fault}.kind": FieldPath(self.campaign.nominal, f"{fault}.kind").value()
+                      for fault in self.faults
+                      if f"{fault}.kind" not in self.marginals}
         self.flown, self.unknown = 0, 0
         self.errors: list[str] = []
         self.least = np.inf

@@ -35,12 +35,12 @@ def smallest(fly: Fly, marginals: Mapping[str, Marginal], faults: Sequence[str],
     going leaves the least margin. What is left cannot go by itself."""
     lines: dict[str, dict[str, float]] = {}
     for path, m in marginals.items():
-        if not path.startswith(tuple(f"{one}." for one in faults)):
+        if not path.startswith(tuple(f"{fault}." for fault in faults)):
             lines.setdefault(m.declared, {})[path] = m.nominal
     stages: list[dict[str, dict[str, float]]] = [
-        {one: {f"{one}.kind": 0.0} for one in faults}, lines,
-        {path: {path: x} for one in lines.values() for path, x in one.items()
-         if len(one) > 1 and marginals[path].kind != "attitude"}]
+        {fault: {f"{fault}.kind": 0.0} for fault in faults}, lines,
+        {path: {path: x} for line in lines.values() for path, x in line.items()
+         if len(line) > 1 and marginals[path].kind != "attitude"}]
     now = dict(values)
 
     def there(change: Mapping[str, float]) -> bool:

@@ -35,7 +35,7 @@ def scenario(flights: Flights, found: Counterexample, command: str) -> str:
                   for name in ("r_BN_N", "v_BN_N")]
     lines += [line for path in changed if ".orbit." not in path
               for line in _assignments(sim, path, flights.marginals[path].nominal)]
-    for model in dict.fromkeys(one.rpartition(".")[0] for one in flights.faults if one in found.kept):
+    for model in dict.fromkeys(fault.rpartition(".")[0] for fault in flights.faults if fault in found.kept):
         rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in found.removed]
         lines.append(f"sim.{model}.faults = [" + "".join(f"\n        {_fault(row)}," for row in rows) + "\n    ]")
     margin = number_text(found.margin, flights.unit)
@@ -73,7 +73,7 @@ def _assignments(sim: Simulation, path: str, nominal: float) -> list[str]:
     note = "" if field.type == "enum" else f"  # {target.unit}{'; ' if target.unit else ''}nominal {nominal:.6g}"
     mirror = target.elements[0] - target.elements[0] % 9 + target.elements[0] % 3 * 3 + target.elements[0] % 9 // 3
     places = [target.elements[0]] + ([mirror] if "inertia" in field.rule and mirror != target.elements[0] else [])
-    return [f"sim.{target.full}{index_text(one, field.shape)} = {text}{note}" for one in places]
+    return [f"sim.{target.full}{index_text(place, field.shape)} = {text}{note}" for place in places]
 
 
 def _fault(row: Any) -> str:

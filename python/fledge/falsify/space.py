@@ -147,21 +147,21 @@ class Space:
     @property
     def choices(self) -> list[int]:
         """Of each coordinate: of how many values it takes one; 0: of an interval."""
-        return [one.choices for one in self.axes for _ in one.names]
+        return [axis.choices for axis in self.axes for _ in axis.names]
 
     def _parts(self, u: Array) -> list[tuple[Axis, Array]]:
-        k = np.cumsum([0, *(one.n for one in self.axes)])
+        k = np.cumsum([0, *(axis.n for axis in self.axes)])
         return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
 
     def described(self, text: Callable[[str, float], str]) -> list[str]:
         """What each number may be, in words; those of an array that may be the same are one. text: a number of a path
         for people"""
         lines = []
-        for one in self.axes:
-            name, _, words = one.described(text).partition(": ")
-            alike = [other for other in self.axes if other.of.declared == one.of.declared]
+        for axis in self.axes:
+            name, _, words = axis.described(text).partition(": ")
+            alike = [other for other in self.axes if other.of.declared == axis.of.declared]
             if len(alike) > 1 and len({other.described(text).partition(": ")[2] for other in alike}) == 1:
-                name = f"{one.of.declared}, each"
+                name = f"{axis.of.declared}, each"
             lines.append(f"{name}: {words}")
         return list(dict.fromkeys(lines))
 

@@ -40,7 +40,7 @@ class Database:
         belongs to. Raises SetupError with file and line of each fault; lenient: what has one, and what refers to it, is
         in `left_out`, and the rest is read."""
         given = under or {}
-        return cls([(os.fspath(one), given.get(os.fspath(one), "")) for one in files], lenient)
+        return cls([(os.fspath(file), given.get(os.fspath(file), "")) for file in files], lenient)
 
     def decode(self, packet: bytes, root: str | None = None) -> Any:
         """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that

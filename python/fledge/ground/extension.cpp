@@ -169,8 +169,8 @@ template <class Things> std::vector<std::string> paths(const Things &things)
 {
     std::vector<std::string> made;
     made.reserve(things.size());
-    for (const auto &one : things) {
-        made.push_back(one.path);
+    for (const auto &thing : things) {
+        made.push_back(thing.path);
     }
     return made;
 }
@@ -261,8 +261,8 @@ auto command_places(const Loaded &loaded, const std::string &name, const Argumen
     ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments), &places);
     std::vector<std::tuple<std::string, bool, std::size_t, std::size_t>> made;
     made.reserve(places.size());
-    for (const Placed &one : places) {
-        made.emplace_back(one.name, one.argument, one.bit, one.bits);
+    for (const Placed &place : places) {
+        made.emplace_back(place.name, place.argument, place.bit, place.bits);
     }
     return made;
 }

@@ -165,8 +165,8 @@ DictRows command_forms(const Database &db)
 Names container_names(const Database &db)
 {
     py::dict made;
-    for (const Container &one : db.containers) {
-        made[py::str(one.path)] = shown_name(one);
+    for (const Container &container : db.containers) {
+        made[py::str(container.path)] = shown_name(container);
     }
     return made;
 }

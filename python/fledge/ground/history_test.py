@@ -110,7 +110,7 @@ def test_a_second_reader_finds_the_same_messages(flown):
         assert record.complete, record.problem
         assert record.metadata["archive"]["craft"] == "imager"
         assert {*record.topics} == {"/imager/S/Power", "/imager/undecoded"}
-        assert sum(one.count for one in record.topics.values()) == len(
+        assert sum(topic.count for topic in record.topics.values()) == len(
             [t for topic in record.topics for t in record.time_ns(topic)])
         found += [(one.time, one.packet) for one in captures.read(file)]
     assert found == [(t, one) for t, _, one in sent]

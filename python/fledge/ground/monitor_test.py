@@ -286,7 +286,7 @@ def test_packets_of_watched_containers_and_of_their_heirs_are_noted(tmp_path):
     monitor = _ground.Monitor(read(tmp_path, spacecraft(integer("u8"), {"x": "u8"}, heir)))
     batch = [(1, 10, b"\1"), (2, 20, b"\2")]
     assert monitor.take(batch) == []
-    assert [one["header"] for one in monitor.slots()] == [True]     # of P, where all packets begin
+    assert [slot["header"] for slot in monitor.slots()] == [True]     # of P, where all packets begin
     monitor.watch(["P"])
     assert monitor.take(batch) == [("watched", "/S/H", 1, 10, b"\1"), ("watched", "/S/P", 2, 20, b"\2")]
     monitor.watch(["/S/H"])
@@ -345,13 +345,13 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
             problems.append(error)
 
     threads = [threading.Thread(target=reads) for _ in range(3)]
-    for one in threads:
-        one.start()
+    for thread in threads:
+        thread.start()
     for i in range(1, taken + 1):
         monitor.take([(i, i, struct.pack(">I", 10 * i + j) * 50) for j in range(10)])
     over.set()
-    for one in threads:
-        one.join()
+    for thread in threads:
+        thread.join()
     assert problems == []
 
 
@@ -364,7 +364,7 @@ def test_strange_batches_and_packets_are_refused_or_noted(tmp_path):
     for batch in [[(1, 2)], [(1, 2, "text")], [(1.5, 2, b"")], [None], [(1, 2, bytearray(3))], [(1 << 70, 2, b"")]]:
         with pytest.raises((TypeError, RuntimeError, ValueError)):
             monitor.take(batch)
-    assert monitor.take([]) == [] and monitor.version == 0 and [one["name"] for one in monitor.slots()] == ["n"]
+    assert monitor.take([]) == [] and monitor.version == 0 and [slot["name"] for slot in monitor.slots()] == ["n"]
     assert monitor.take([(1, 0, b"")])[0][::4] == ("undecoded", "the packet ends within n")
     assert monitor.take([(1, 0, struct.pack(">H", 60000))])[0][0] == "undecoded" and monitor.newest(0) is None
     notes = monitor.take([(n, 0, struct.pack(">H", n) + bytes(n + 1)) for n in (2, 0, 5000)])

@@ -84,12 +84,12 @@ def _targets(word: str) -> list[str]:
     from fledge.targets import TARGETS      # of the project, too, if one was named
 
     done = word[:max(word.rfind(","), word.rfind("=")) + 1]
-    return [done + target for target in [*TARGETS, *(serial_line.BEGIN + one for one in serial_line.devices())]]
+    return [done + target for target in [*TARGETS, *(serial_line.BEGIN + device for device in serial_line.devices())]]
 
 
 def _runs() -> Iterable[str]:
     """The shortest names of all records in ./runs: a mission's, a kept run's, a folder's, or the file's own."""
-    records = [one for one in RUNS.glob("**/*.mcap") if not one.name.endswith(SCENE)]
+    records = [path for path in RUNS.glob("**/*.mcap") if not path.name.endswith(SCENE)]
     for record in records:
         short = [folder for folder in list(record.parents)[-3::-1]      # runs/X first
                  if folder != KEPT and [one for one in records if folder in one.parents] == [record]]

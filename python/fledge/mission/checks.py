@@ -27,10 +27,10 @@ def has_checks(function: Callable) -> bool:
         if code in seen:
             continue
         seen.add(code)
-        if any(one.opname == "RAISE_VARARGS" for one in dis.get_instructions(code)) or any(
+        if any(instruction.opname == "RAISE_VARARGS" for instruction in dis.get_instructions(code)) or any(
                 name.startswith("assert_") for name in code.co_names):
             return True
-        waiting += [(one, around) for one in code.co_consts if inspect.iscode(one)]
+        waiting += [(const, around) for const in code.co_consts if inspect.iscode(const)]
         for name in code.co_names:
             take(around.get(name))
             for module in (around.get(one) for one in code.co_names):

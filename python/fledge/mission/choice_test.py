@@ -50,10 +50,10 @@ def flying(rule, stale_after, seed):
 def searched(rule, sources, mode, held):
     """What the input takes of messages (t, quality, content) that have aged."""
     if rule == "newest":
-        return max((one for one in sources if one[1]), key=lambda one: one[0], default=sources[0])
+        return max((source for source in sources if source[1]), key=lambda one: one[0], default=sources[0])
     if rule == "by_mode":
         return {"safe": sources[1], "point": sources[0]}.get(mode, held)
-    usable = [one for one in sources if one[1] >= 2]
+    usable = [source for source in sources if source[1] >= 2]
     return usable[0] if rule == "first" and usable else max(sources, key=lambda one: one[1])
 
 
@@ -72,7 +72,7 @@ def test_an_input_takes_what_a_search_finds(rule, stale_after):
             return (one[0], 1, one[2]) if stale_after and one[1] > 1 and t - one[0] > stale_after * NS else one
 
         for t, sources, found in log:
-            held = aged(searched(rule, [aged(one, t) for one in sources], sim.mode, held), t)
+            held = aged(searched(rule, [aged(source, t) for source in sources], sim.mode, held), t)
             assert found == held
             taken |= {i for i, one in enumerate(sources) if one[2] == found[2] != 0}
     assert taken == ({0, 1} if rule == "by_mode" else {0, 1, 2})

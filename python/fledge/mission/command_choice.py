@@ -42,12 +42,12 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
     processes: the class of processes whose outputs may be chosen so.
     """
     process = _process(wire.source.sources[0][0]) if isinstance(wire.source, Choice) else None
-    outside = [one for one in wire.targets if _process(one) not in (process, None)]
+    outside = [target for target in wire.targets if _process(target) not in (process, None)]
     if not isinstance(process, processes) or not outside or any(
             _process(one) is not process for one, *_ in wire.sources):
         yield wire
         return
-    if inside := [one for one in wire.targets if one not in outside]:
+    if inside := [target for target in wire.targets if target not in outside]:
         yield _like(wire, wire.source, inside)
     module = _module(wire)
     name = "_".join(_core.path(outside[0]).split(".")[1:])

@@ -42,8 +42,8 @@ def dictionary(process: Flight) -> Dictionary:
                for name, one in process.instances.items()]
     found = Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
     found.guards = {mode: guard.text for mode, guard in process.guards.items()}
-    found.frames = next((frames for one in process.instances.values()
-                         if (frames := frames_of(_core.struct(one), _core.memory(one)))), None)
+    found.frames = next((frames for instance in process.instances.values()
+                         if (frames := frames_of(_core.struct(instance), _core.memory(instance)))), None)
     return found
 
 
@@ -269,7 +269,7 @@ class Commands:
     def play(self, packets: Iterable[Timed]) -> None:
         """Send these from now on, of a target that flew, in the order of time, or its frames; by
         radios, too."""
-        self._core.play_telemetry([(one.t, one.packet) for one in packets])
+        self._core.play_telemetry([(packet.t, packet.packet) for packet in packets])
 
     def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]]]:
         """The ground's end of a radio, a world.Radio that serves this process: send(bytes); and take(), what has come

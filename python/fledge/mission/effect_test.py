@@ -111,7 +111,7 @@ def test_a_command_before_the_first_run_waits_for_it_too(sim):
     sim.flight.control.P = 46 * N * m * s
     sim.run(1 * s)
     assert sim.flight.control.K == 9 and sim.flight.control.P[0, 0] == 46
-    assert [one.executed for one in sim.flight.commands.reports] == [False, True]
+    assert [report.executed for report in sim.flight.commands.reports] == [False, True]
 
 
 @pytest.mark.parametrize("change", [

@@ -273,8 +273,8 @@ def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) ->
     messages = np.zeros(len(frame), dtype_of(struct))
     for name, sources in numbers.items():
         target = messages
-        for one in name.split("."):
-            target = target[one]
+        for word in name.split("."):
+            target = target[word]
         for index, source in zip(np.ndindex(target.shape[1:]), sources):
             if source:
                 try:

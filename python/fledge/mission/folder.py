@@ -174,7 +174,8 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
 def _required(simulation: Simulation, flights: Any) -> list[str]:
     """What these processes lack, which may be why composing the next one has failed, with its places."""
     return [f"{file}, line {line}: {text}" for file, line, text in simulation.problems
-            if " is required" in text and text.startswith(tuple(f"{one.name}." for one in flights))] if flights else []
+            if " is required" in text and text.startswith(tuple(f"{flight.name}."
+                                                                for flight in flights))] if flights else []
 
 
 def _parameters(build: Callable[..., Any], taken: int) -> dict[str, Any]:
@@ -188,7 +189,7 @@ def _parameters(build: Callable[..., Any], taken: int) -> dict[str, Any]:
 def _composed(process: Process) -> set[str]:
     """The names of what a process runs. Its events are not among them, because a world's file may look at both; nor is
     what chooses among commands for the world, which exports add too."""
-    chooses = {one.name for one in process.command_choices}
+    chooses = {choice.name for choice in process.command_choices}
     return {f"{process.name}.{name}" for name in (*process.instances, *(task.name for task in process.tasks),
                                                   *(name for name, _ in process.modes)) if name not in chooses}
 

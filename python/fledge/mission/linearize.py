@@ -41,7 +41,7 @@ def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, disc
     if not discrete and (part is not None or period is not None):
         raise SetupError("linearize: part and period are for discrete=True")
     into = [one for path in _several(inputs) for one in state.inputs(path)]
-    out = [one for path in _several(outputs) for one in state.outputs(path)]
+    out = [output for path in _several(outputs) for output in state.outputs(path)]
     for names in ([one.name for one in into], [one.name for one in out]):
         if twice := [name for name in names if names.count(name) > 1]:
             raise SetupError(f"linearize: {twice[0]} is named twice")
@@ -112,10 +112,10 @@ def _continuous(state: State, into: Sequence[Number], out: Sequence[Number]) -> 
 
 def _about(states: Sequence[Number], into: Sequence[Number], out: Sequence[Number]) -> dict[str, Any]:
     """What a Linear says of its numbers."""
-    return {"states": [one.name for one in states], "inputs": [one.name for one in into],
-            "outputs": [one.name for one in out], "x0": np.array([one.value for one in states]),
+    return {"states": [state.name for state in states], "inputs": [one.name for one in into],
+            "outputs": [one.name for one in out], "x0": np.array([state.value for state in states]),
             "u0": np.array([one.value for one in into]),
-            "units": {one.name: one.unit or "-" for one in (*states, *into, *out)}}
+            "units": {state.name: state.unit or "-" for state in (*states, *into, *out)}}
 
 
 def _reaching(A: NDArray[Any], C: NDArray[Any]) -> NDArray[Any]:
@@ -296,7 +296,7 @@ class _Changes:
         self.state = state
         self.base: Any = None
         self.found: dict[str, list[str]] = {}
-        self.steps = [one for path in sorted(run) for one in state.steps(state.nodes[path])]
+        self.steps = [step for path in sorted(run) for step in state.steps(state.nodes[path])]
         named = {host for host in state.integrated}
         self.unnamed = [(path, at, size) for (kind, path), (at, size) in state.blocks.items()
                         if kind == "model" and path in run and path not in named]

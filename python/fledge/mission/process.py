@@ -511,9 +511,9 @@ class Process:
 
         Raises SetupError if an input already has a writer, or a module has no name yet.
         """
-        for one in wires:
-            if not isinstance(one, Wire):
-                raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
+        for wire in wires:
+            if not isinstance(wire, Wire):
+                raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {wire!r}")
         for one in (part for wire in wires for part in routed(wire, Flight)):
             for target in one.targets:
                 target = self._with_room(one.source, target)
@@ -589,7 +589,7 @@ class Process:
         self._new_name(name, what)
         if isinstance(tasks, (str, Task)):
             raise SetupError(f"{what}: expected a list of tasks, as in [\"{_task_name(tasks)}\"]; found {tasks!r}")
-        names = [_task_name(one) for one in tasks]
+        names = [_task_name(task) for task in tasks]
         if when is not None and not isinstance(when, _core.Condition):
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
         for one in _several(after):
@@ -717,8 +717,8 @@ class Process:
         other._tasks.update(self._tasks)
         other._choices.extend(self._choices)
         other._declared_at.update(self._declared_at)
-        for one in other._instances.values():
-            _core.set_context(one, weakref.ref(other))
+        for instance in other._instances.values():
+            _core.set_context(instance, weakref.ref(other))
         events = {e.name: e for e in other._core_process.events}
         for name, handle in self._handles.items():
             if isinstance(handle, Mode):

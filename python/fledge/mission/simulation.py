@@ -334,7 +334,7 @@ class Simulation:
         """Before a run: of the first one, warn of what is implausible."""
         if self._core.now < 0:
             for flight in self.flights:
-                if any(_core.struct(one).service for one in flight.instances.values()):
+                if any(_core.struct(instance).service for instance in flight.instances.values()):
                     frames = flight.commands.dictionary.frames      # the kernel needs the dictionary, and the keys
                     if frames and frames.secured and self.mission:
                         from fledge.frames import FILE

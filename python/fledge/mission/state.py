@@ -157,7 +157,7 @@ class State:
 
     def measure(self, numbers: Sequence[Number], data: Any = None) -> None:
         """Note values and sizes: the largest magnitude within an array."""
-        values = self.read(self.base if data is None else data, [one.places[0] for one in numbers])
+        values = self.read(self.base if data is None else data, [number.places[0] for number in numbers])
         arrays: dict[str, float] = {}
         for one, value in zip(numbers, values):
             one.value = float(value)
@@ -209,7 +209,7 @@ class State:
 
     def rates(self, numbers: Sequence[Number]) -> list[int]:
         """[bytes] where a snapshot has the derivatives of differential states."""
-        return [self._rates[one.name] for one in numbers]
+        return [self._rates[number.name] for number in numbers]
 
     def failed(self, number: Number, value: float, error: RunError) -> SetupError:
         return SetupError(f"{self.what}: with {number.name} = {value:.9g}: {error}")

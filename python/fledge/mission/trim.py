@@ -50,7 +50,7 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
     wanted = _wanted(state, rates, "rates", _rates) + _wanted(state, outputs, "outputs", lambda s, p: s.outputs(p))
     if not wanted:
         raise SetupError("trim: name the rates or outputs that are to vanish, or to have a value")
-    for what, names in (("free", [one.name for one in numbers]), ("wanted", [one.name for one, _ in wanted])):
+    for what, names in (("free", [number.name for number in numbers]), ("wanted", [one.name for one, _ in wanted])):
         if len(set(names)) < len(names):
             raise SetupError(f"trim: {next(n for n in names if names.count(n) > 1)} is {what} twice")
     length = time_ns(after, "trim: after")
@@ -61,7 +61,7 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
     state.measure(numbers)
     places = [one.places[0] for one, _ in wanted]
     values = np.array([value for _, value in wanted])
-    start, sizes = (np.array(x) for x in zip(*((one.value, one.size) for one in numbers)))
+    start, sizes = (np.array(x) for x in zip(*((number.value, number.size) for number in numbers)))
     count = 0
 
     def data_of(x: NDArray[Any]) -> NDArray[Any]:
@@ -89,7 +89,7 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
         if (weight == 0).any():
             name = wanted[int(np.argmin(weight))][0].name
             if first[int(np.argmin(weight))]:
-                raise SetupError(f"trim: {name} does not depend on {listed([one.name for one in numbers], most=6)}")
+                raise SetupError(f"trim: {name} does not depend on {listed([n.name for n in numbers], most=6)}")
         weight[weight == 0] = 1
         found = least_squares(lambda x: lacks(x) / weight, start, lambda x: slopes(x) / weight[:, None], x_scale=sizes,
                               xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
@@ -98,7 +98,7 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
         raise SetupError(f"trim: the run ended on the way: {error}") from None
     result = Trim({one.name: float(x) for one, x in zip(numbers, found.x)},
                   {one.name: float(x) for (one, _), x in zip(wanted, left)}, count,
-                  {one.name: one.unit or "-" for one in (*numbers, *(one for one, _ in wanted))})
+                  {number.name: number.unit or "-" for number in (*numbers, *(one for one, _ in wanted))})
     if not np.isfinite(left).all() or (abs(left) > ENOUGH * weight).any():
         raise SetupError(f"trim: no such state was found, from where the simulation stands; the nearest is\n{result}")
     simulation.kernel.restore(data_of(found.x).tobytes(), edited=True)
@@ -127,16 +127,16 @@ def _free(state: State, path: str) -> list[Number]:
     if not state.fresh and (found := state.states(path)):
         return found
     numbers = state.inputs(path)
-    for one in numbers:
-        for view, _ in one.incoming:
+    for number in numbers:
+        for view, _ in number.incoming:
             target = _core.path(view)
-            if one.name.rpartition(".")[0] != target and one.name.partition("[")[0].rpartition(".")[0] != target:
-                raise SetupError(f"trim: {one.name} is an output, which its module writes anew")
+            if number.name.rpartition(".")[0] != target and number.name.partition("[")[0].rpartition(".")[0] != target:
+                raise SetupError(f"trim: {number.name} is an output, which its module writes anew")
             if any(target == wired for _, wired, *_ in state.simulation.wires):
                 raise SetupError(f"trim: a wire writes {target}, so it cannot be free")
             if any(target == fed for fed, *_ in state.simulation.feeds):
                 raise SetupError(f"trim: {target} is fed by hand, so it cannot be free")
-    if state.fresh and any(one.incoming for one in numbers):
+    if state.fresh and any(number.incoming for number in numbers):
         raise SetupError(f"trim: before the first instant, parameters are free; {path} is an input")
     return numbers
 

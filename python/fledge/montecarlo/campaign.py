@@ -213,7 +213,7 @@ class Campaign:
         d = self.dispersions
         drawn = [(path, repr(draw)) for path, draw in d.draws.items()]
         kept = [(one.path, one.field_path.field.doc) for one in d.shown]
-        checked = [(repr(one), one.message) for one in d.requirements]
+        checked = [(repr(requirement), requirement.message) for requirement in d.requirements]
         return table(f"{self.name} of {self.nominal.name}, runs of {d.duration:g} s",
                      [("dispersed", drawn), ("retained", kept), ("requirements", checked)], notes=[self.summary])
 

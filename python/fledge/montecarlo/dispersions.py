@@ -176,8 +176,8 @@ class Dispersions:
 
     def _sampling(self) -> int:
         own = self._every or max((self._duration or 0) // 200, 1)
-        return min([own, *(one.declared.every for one in self.requirements
-                           if isinstance(one, FormulaCheck) and one.declared.every)])
+        return min([own, *(requirement.declared.every for requirement in self.requirements
+                           if isinstance(requirement, FormulaCheck) and requirement.declared.every)])
 
     # --- distributions ---
 
@@ -245,7 +245,7 @@ class Dispersions:
                     self._numbers(draw.high, target, draw, _INFINITY)]
         groups: dict[tuple[float, ...], list[int]] = {}  # elements with the same numbers
         for k in kept:
-            groups.setdefault(tuple(one[k] for one in numbers), []).append(k)
+            groups.setdefault(tuple(number[k] for number in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
             self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group],
                                 _core.Distribution(draw.kind, a, b, low, high, draw.scale, choices, draw.stride))
@@ -357,8 +357,8 @@ class Dispersions:
 
     def _crafts(self) -> list[Any]:
         """All spacecraft."""
-        return [one for process in self.simulation.processes for one in process.instances.values()
-                if _core.struct(one).name == "Spacecraft"]
+        return [instance for process in self.simulation.processes for instance in process.instances.values()
+                if _core.struct(instance).name == "Spacecraft"]
 
     def fault(self, path: str, **fields: Any) -> None:
         """Plan one more fault of a sensor or actuator, and disperse it:
@@ -377,8 +377,8 @@ class Dispersions:
         owner = takers[path]
         if "kind" not in fields:
             raise SetupError(f'd.fault({path!r}): name its kind, as in kind="BIAS" or kind=d.choice("NONE", "BIAS")')
-        known = [f.name for one in _core.struct(owner).fields if one.name == "faults" for f in one.struct.fields]
-        planned = [{name: getattr(one, name) for name in known} for one in owner.faults]
+        known = [f.name for field in _core.struct(owner).fields if field.name == "faults" for f in field.struct.fields]
+        planned = [{name: getattr(fault, name) for name in known} for fault in owner.faults]
         self.faults.append(f"{path}.faults[{len(planned)}]")
         for name in fields:
             if name not in known:
@@ -533,7 +533,8 @@ class Dispersions:
         """A number over time for each retained variable and for each requirement."""
         found: dict[str, Variable] = {}
         for one in [*(variable.summary for variable in self.shown),
-                    *(one.variable for one in self.requirements if not isinstance(one, FormulaCheck))]:
+                    *(requirement.variable
+                      for requirement in self.requirements if not isinstance(requirement, FormulaCheck))]:
             found.setdefault(one.measure_text, one)
         return list(found.values())
 

@@ -258,7 +258,7 @@ def test_drawn_enumerators_have_their_names_and_times_are_seconds(tmp_path, caps
             said[line.split()[1]] = line.split(maxsplit=2)[2].partition(", nominal ")[::2]
     assert name[said[kind][0]] == drawn[kind] and said[kind][1] == "NONE"
     assert said[begin] == (f"{drawn[begin] / 1e9:.7g} s", "0 s")
-    row, = (one for one in report.summary(campaign.fly(4), str)["draws"] if one["path"] == kind)
+    row, = (draw for draw in report.summary(campaign.fly(4), str)["draws"] if draw["path"] == kind)
     assert sum(row["counts"].values()) == 4 and row["counts"][said[kind][0]] >= 1 and "mean" not in row
 
 
@@ -557,7 +557,8 @@ def test_the_draw_that_matters_is_found():
         d.check(rate.norm().final < 1)
 
     result = Campaign("nadir_spin", push).fly(60)
-    linear, even = (drivers.drivers(result, result.reached(one)[0]) for one in result.campaign.dispersions.requirements)
+    linear, even = (drivers.drivers(result, result.reached(requirement)[0])
+                    for requirement in result.campaign.dispersions.requirements)
     assert [one.path for one in linear] == [one.path for one in even] == ["world.craft.omega_BN_B[1]"]
     assert linear[0].share > 0.9 and linear[0].correlation > 0.99
     assert even[0].share > 0.5 and abs(even[0].correlation) < 0.5

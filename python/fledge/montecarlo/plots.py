@@ -47,8 +47,9 @@ def figures(result: Result) -> list[Figure]:
         return [*_axes(result),
                 *(_bands(result, variable) for variable in result.campaign.dispersions.shown),
                 *_requirements(result),
-                *_histograms(result, "final", "at the end", [(_axis_label(one), result.final(one)[result.complete])
-                                                             for one in result.campaign.dispersions.measures()]),
+                *_histograms(result, "final", "at the end",
+                             [(_axis_label(measure), result.final(measure)[result.complete])
+                                                             for measure in result.campaign.dispersions.measures()]),
                 *_drivers(result),
                 *_histograms(result, "draws", "what was drawn", [
                     (axis_label(path.partition(".")[2], result.campaign.dispersions.columns[path]), values)
@@ -107,7 +108,7 @@ def _bands(result: Result, variable: Variable) -> Figure:
     path, shape = variable.field_path, variable.field_path.shape
     panels = variable.panels
     if shape:
-        there = np.array([[0.0 if result.is_zero(one) else 1.0 for one in panels[1:]]])
+        there = np.array([[0.0 if result.is_zero(panel) else 1.0 for panel in panels[1:]]])
         panels = panels[:1 + used(there, shape)]
     columns = 1 if len(panels) == 1 else 2
     figure, axes = _figure(-(-len(panels) // columns), columns,
@@ -152,9 +153,9 @@ def _band_panel(axis: Axes, variable: Variable, result: Result, factor: float) -
     for k, run in enumerate(failed[:LINES_MAX]):
         axis.plot(time, run, color=FAILED, linewidth=0.6, alpha=0.8,
                   label=None if k else _count(min(len(failed), LINES_MAX), n, "failed run"))
-    for one in result.campaign.dispersions.requirements:
-        if one.variable.measure_text == variable.measure_text:
-            _limit(axis, one, result, factor)
+    for requirement in result.campaign.dispersions.requirements:
+        if requirement.variable.measure_text == variable.measure_text:
+            _limit(axis, requirement, result, factor)
 
 
 def _count(shown: int, n: int, what: str) -> str:
@@ -329,8 +330,9 @@ def _curve(axis: Axes, x: np.ndarray, grid: np.ndarray, bad: np.ndarray, require
 def judged(result: Result) -> list[tuple[Variable, str, np.ndarray, Requirement | None]]:
     """(measure, when, (runs,) values, requirement) of each requirement; of each measure at the end if there is none."""
     d = result.campaign.dispersions
-    return ([(one.variable, one.variable.when, _reached(result, one), one) for one in d.requirements]
-            or [(one, "at the end", result.final(one), None) for one in d.measures()])
+    return ([(requirement.variable, requirement.variable.when, _reached(result, requirement), requirement)
+             for requirement in d.requirements]
+            or [(measure, "at the end", result.final(measure), None) for measure in d.measures()])
 
 
 def _reached(result: Result, requirement: Requirement) -> np.ndarray:

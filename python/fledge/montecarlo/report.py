@@ -73,7 +73,7 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     depends = []
     for variable, when, reached, _ in judged(result):
         depends.append({"measure": variable.measure_text, "when": when,
-                        "drivers": [one._asdict() for one in drivers(result, reached)]})
+                        "drivers": [driver._asdict() for driver in drivers(result, reached)]})
     requirements = []
     for one in d.requirements:
         values, times, holds = result.reached(one)
@@ -104,16 +104,16 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "interrupted": result.interrupted, "pass_rate_95_percent": [low, high],
         "duration": d.duration, "every": d.every,
         "requirements": requirements,
-        "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": (
-            found := describe(result.final(one), words := enumerator_names(one.field_path.field))),
+        "final": [{"measure": measure.measure_text, "unit": measure.unit, "percentiles": (
+            found := describe(result.final(measure), words := enumerator_names(measure.field_path.field))),
             "names": {p: words[int(x)] for p, x in found.items() if x in words}}
-            for one in d.measures()],
+            for measure in d.measures()],
         "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
                    "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
         "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
         "health": [{"kind": one.kind, "path": one.path, "runs": n, "run": first, "text": one.text}
                    for one, n, first in result.unhealthy()],
-        "axes": {path: {"values": [text_of(one) for one in values], "unit": campaign.unit(path)}
+        "axes": {path: {"values": [text_of(value) for value in values], "unit": campaign.unit(path)}
                  for path, values in campaign.axes.items()} if isinstance(campaign, Sweep) else {},
         "points": getattr(campaign, "points", 1),
         "drivers": depends, "significance": SIGNIFICANCE,
@@ -139,15 +139,17 @@ def text(data: dict, failures: int | None = None) -> str:
         lines.append(f"  passed   {passed} of {flown}, {100 * passed / flown:.4g} %; "
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
     if data["requirements"]:
-        rows = [(one["requirement"], f"{one['held']} of {one['of']}",
-                 ", ".join([*([f"worst {one['shown']} in run {one['worst_run']}"] if one.get("shown") else []),
-                            *([f"no good data in {one['not_judged']}"] if "not_judged" in one else [])]))
-                for one in data["requirements"]]
+        rows = [(requirement["requirement"], f"{requirement['held']} of {requirement['of']}",
+                 ", ".join([*([f"worst {requirement['shown']} in run {requirement['worst_run']}"]
+                              if requirement.get("shown") else []),
+                            *([f"no good data in {requirement['not_judged']}"]
+                              if "not_judged" in requirement else [])]))
+                for requirement in data["requirements"]]
         lines += ["", "required", *columns(rows, indent="  ")]
     if data["modes"]:
-        rows = [(one["mode"], f"begun in {one['runs']} of {one['of']}",
-                 "first at " + ", ".join(f"{t:.4g} s ({p} %)" for p, t in one["first"].items())
-                 if one["first"] else "") for one in data["modes"]]
+        rows = [(mode["mode"], f"begun in {mode['runs']} of {mode['of']}",
+                 "first at " + ", ".join(f"{t:.4g} s ({p} %)" for p, t in mode["first"].items())
+                 if mode["first"] else "") for mode in data["modes"]]
         lines += ["", "modes", *columns(rows, indent="  ")]
     if any(one["percentiles"] for one in data["final"]):
         shown = list(next(one["percentiles"] for one in data["final"] if one["percentiles"]))
@@ -219,7 +221,7 @@ def as_csv(result: Result) -> str:
     reached: dict[str, Any] = {}
     for r in d.requirements:
         reached[repr(r) if repr(r.variable) in reached else repr(r.variable)] = result.reached(r)[0], r.variable.unit
-    final = {repr(one.final): (result.final(one), one.unit) for one in d.measures()}
+    final = {repr(measure.final): (result.final(measure), measure.unit) for measure in d.measures()}
     draws = [*result.draws.values()]
     columns = {**{name: (result.entered(name), "s") for name in d.modes}, **final, **reached}
     out = io.StringIO()

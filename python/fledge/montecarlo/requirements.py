@@ -242,8 +242,8 @@ class FormulaCheck(Requirement):
         import numpy as np
 
         columns = []
-        for one in self._judged.sources:
-            field = one.fields[0]
+        for source in self._judged.sources:
+            field = source.fields[0]
             values = result.retained[field.path].astype(float)
             values = values.reshape(*values.shape[:2], -1)
             if field.has_quality:
@@ -255,9 +255,9 @@ class FormulaCheck(Requirement):
         if self.declared.every:     # as while it flies: the first sample at or after each multiple
             slots = ns // self.declared.every
             taken = np.r_[True, slots[1:] != slots[:-1]]
-            ns, columns = ns[taken], [one[:, taken] for one in columns]
+            ns, columns = ns[taken], [column[:, taken] for column in columns]
         for run in range(runs):
-            self._judged.play_samples(ns, [one[run] for one in columns])
+            self._judged.play_samples(ns, [column[run] for column in columns])
             outcome = self._judged.outcomes()[0]
             if outcome.margin is not None:
                 margins[run] = outcome.margin

@@ -132,7 +132,7 @@ class Result:
             1, -1, *variable.field_path.shape)}))[0] for run in wanted if run in self.store.lines}
 
     def _counts(self, variable: Variable) -> Counts:
-        texts = [one.measure_text for one in self.store.panels]
+        texts = [panel.measure_text for panel in self.store.panels]
         return self.store.counts[texts.index(variable.measure_text)]
 
     # --- health ---
@@ -161,8 +161,9 @@ class Result:
         from fledge.display import table
 
         d = self.campaign.dispersions
-        rows = [(repr(one), f"{self.reached(one)[2][self.complete].sum()} of {self.complete.sum()}", one.message)
-                for one in d.requirements]
+        rows = [(repr(requirement), f"{self.reached(requirement)[2][self.complete].sum()} of {self.complete.sum()}",
+                 requirement.message)
+                for requirement in d.requirements]
         shown = list(itertools.islice(self.failures.items(), 8))
         more = [("", f"and {len(self.failures) - len(shown)} more")] if len(self.failures) > len(shown) else []
         return table(repr(self)[1:-1], [("requirements, and the complete runs that fulfil them", rows),

@@ -53,10 +53,11 @@ class Share:
         """Shares that follow each other as one."""
         import numpy as np
 
-        return cls(shares[0].first, [x for one in shares for x in one.flown], [x for one in shares for x in one.errors],
-                   [x for one in shares for x in one.health], np.concatenate([one.draws for one in shares]),
-                   np.concatenate([one.entered for one in shares]),
-                   [np.concatenate(values) for values in zip(*(one.retained for one in shares))])
+        return cls(shares[0].first, [x for share in shares for x in share.flown],
+                   [x for share in shares for x in share.errors],
+                   [x for share in shares for x in share.health], np.concatenate([share.draws for share in shares]),
+                   np.concatenate([share.entered for share in shares]),
+                   [np.concatenate(values) for values in zip(*(share.retained for share in shares))])
 
     @classmethod
     def failed(cls, campaign: Campaign, index: int, error: str) -> Share:

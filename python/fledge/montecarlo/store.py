@@ -53,10 +53,10 @@ class Store:
         d = campaign.dispersions
         self.campaign, self.runs = campaign, runs
         self.strict: bool = strict
-        self.names = ["outcome", "findings", *d.columns, *d.modes, *(repr(one.final) for one in d.measures()),
+        self.names = ["outcome", "findings", *d.columns, *d.modes, *(repr(measure.final) for measure in d.measures()),
                       *(text for i in range(len(d.requirements)) for text in (f"worst {i}", f"time {i}"))]
         self.exact: bool = runs * numbers_of_run(campaign) <= EXACT
-        self.panels: list[Variable] = [] if self.exact else [one for variable in d.shown for one in variable.panels]
+        self.panels: list[Variable] = [] if self.exact else [panel for variable in d.shown for panel in variable.panels]
         self.counts: list[Counts] = [Counts(len(d.ns)) for _ in self.panels]
         self.errors: dict[int, str] = {}
         self.health: dict[int, list[Finding]] = {}      # of each run with findings, if exact
@@ -138,7 +138,7 @@ class Store:
         good = complete & ~np.array([self.strict and bool(found) for found in health])
         columns = [np.where(complete, _COMPLETE, _ERROR), [len(found) for found in health],
                    *share.draws[new].T, *share.entered[new].T,
-                   *(one.values(series)[:, -1] for one in d.measures())]
+                   *(measure.values(series)[:, -1] for measure in d.measures())]
         for requirement in d.requirements:
             worst, times, holds = requirement.worst(series)
             columns += [worst, times]
@@ -176,7 +176,7 @@ class Store:
 
         wanted = 8 * (self.runs * len(self.names) + sum(a * b * c for a, b, c in self._shapes))
         if self.folder:
-            there = next(one for one in self.folder.parents if one.exists())
+            there = next(parent for parent in self.folder.parents if parent.exists())
             room, what = shutil.disk_usage(there).free, f"what is left of the disk of {there}"
         else:
             room, what = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2, "half of this machine's memory"

@@ -135,7 +135,7 @@ class Sweep(Campaign):
 
     def on_grid(self, values: np.ndarray) -> np.ndarray:
         """(runs at a point, values of the last axis, ..., of the first) of (runs,) numbers."""
-        return values.reshape(-1, *(len(one) for one in reversed(self.axes.values())))
+        return values.reshape(-1, *(len(axis) for axis in reversed(self.axes.values())))
 
 
 def number(values: Sequence[Any], value: Any) -> float:

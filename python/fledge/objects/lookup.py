@@ -20,7 +20,7 @@ def lookup(module: str, types: dict[str, Any],
     own `extra`."""
     @cache
     def enumerations() -> dict[str, Any]:
-        tables = [_core.struct(one) for one in types.values()]
+        tables = [_core.struct(type_) for type_ in types.values()]
         found = [f.enumeration for table in tables for f in table.fields] + [table.events for table in tables]
         return {one[0]: enumeration(*one) for one in found if one}
 

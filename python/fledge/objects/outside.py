@@ -110,9 +110,9 @@ def _is_library(one: Any) -> bool:
 def _codes(code: CodeType) -> Iterator[CodeType]:
     """A function's code, and those of the functions within it."""
     yield code
-    for one in code.co_consts:
-        if isinstance(one, CodeType):
-            yield from _codes(one)
+    for const in code.co_consts:
+        if isinstance(const, CodeType):
+            yield from _codes(const)
 
 
 def _instructions(code: CodeType) -> Iterator[tuple[str, Any, int]]:
@@ -149,7 +149,8 @@ def _mark(value: Any, depth: int = 2) -> Any:
         return _mark(value.__self__, depth)
     if isinstance(value, GeneratorType):
         frame = value.gi_frame
-        return frame and (frame.f_lasti, [_mark(one, depth - 1) for one in frame.f_locals.values()] if depth else None)
+        return frame and (frame.f_lasti, [_mark(local, depth - 1) for local in frame.f_locals.values()]
+                          if depth else None)
     try:
         return pickle.dumps(value)
     except Exception:    # whatever its class raises

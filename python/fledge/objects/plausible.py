@@ -107,8 +107,8 @@ def check_kept(process: Process, wires: Iterable[Any]) -> None:
     inputs: dict[str, list[tuple[str, int, str]]] = {}
     for source, target, _, stale_after, choice in wires:
         inputs.setdefault(target, []).append((source, stale_after, choice))
-    for one in process.instances.values():
-        path, fields = _core.path(one), _core.struct(one).fields
+    for instance in process.instances.values():
+        path, fields = _core.path(instance), _core.struct(instance).fields
         if not any(field.group == "par" and field.name == "hold" for field in fields):
             continue
         for field in fields:

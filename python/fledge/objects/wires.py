@@ -97,19 +97,19 @@ class Choice:
 def newest(*outputs: Any) -> Choice:
     """The output with the latest time; of equal ones the first. So modules in tasks of different modes drive one
     reader: one that its mode has suspended writes nothing new."""
-    return Choice("newest", 1, [(one, "") for one in outputs])
+    return Choice("newest", 1, [(output, "") for output in outputs])
 
 
 def first(*outputs: Any) -> Choice:
     """In order of preference: the first output whose quality is DEGRADED or GOOD; if none has it, as best(). With
     stale_after() an output that is older counts as STALE."""
-    return Choice("first", 2, [(one, "") for one in outputs])
+    return Choice("first", 2, [(output, "") for output in outputs])
 
 
 def best(*outputs: Any) -> Choice:
     """The output with the highest quality; of equal ones the first. With stale_after() an output that is older counts
     as STALE."""
-    return Choice("best", 3, [(one, "") for one in outputs])
+    return Choice("best", 3, [(output, "") for output in outputs])
 
 
 def by_mode(**outputs: Any) -> Choice:

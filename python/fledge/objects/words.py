@@ -65,7 +65,8 @@ def unknown_memory(obj: Any, path: str) -> str:
     if _core.maker(obj) == "computer":
         return f"{path} is memory of a module, and a computer flies it: read board.{path}"
     name, whole = path.rpartition(".")[2], _core.path(obj)
-    outputs = {f"{whole}.{port.name}": [one.name for one in port.struct.fields if not one.spare and one.name != "head"]
+    outputs = {f"{whole}.{port.name}": [field.name
+                                        for field in port.struct.fields if not field.spare and field.name != "head"]
                for port in _core.struct(obj).fields if port.group == "out"}
     same = [f"{port}.{name}" for port, fields in outputs.items() if name in fields]
     return (f"{path} is memory of a module, which the record of a target does not have. A check reads outputs: "

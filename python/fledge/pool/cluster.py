@@ -60,7 +60,7 @@ class Cluster:
             self.close()
             raise SetupError(f"the scheduler at {address} has no workers: start them with ./fledge exec dask-worker "
                              f"{address}") from None
-        self.threads = max(1, sum(one["nthreads"] for one in workers))
+        self.threads = max(1, sum(worker["nthreads"] for worker in workers))
 
     def close(self) -> None:
         self._client.close(timeout=1)
@@ -126,7 +126,7 @@ class Cluster:
                 if isinstance(found, bytes):
                     yield place, opened(found)
                 elif parts := work.split(item):
-                    waiting.extendleft((place, one) for one in reversed(parts))
+                    waiting.extendleft((place, part) for part in reversed(parts))
                 else:
                     yield place, Died(item, found)
         finally:
@@ -173,9 +173,9 @@ def _job(work: Work[Any, Any]) -> bytes:
     import cloudpickle
 
     kind, arguments = work.recipe
-    for one in arguments:
-        module = sys.modules.get(getattr(one, "__module__", None) or "")
-        if callable(one) and module and not module.__name__.startswith(("fledge.", "__main__")):
+    for argument in arguments:
+        module = sys.modules.get(getattr(argument, "__module__", None) or "")
+        if callable(argument) and module and not module.__name__.startswith(("fledge.", "__main__")):
             cloudpickle.register_pickle_by_value(module)
     # As it is, to workers that may have no Fledge, and whose modules may be other ones.
     return bytes(cloudpickle.dumps({"work": (kind, arguments), "identity": {**identity(work.folder), **work.facts}}))

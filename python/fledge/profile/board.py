@@ -120,8 +120,8 @@ class Memory:
 def _same(archive: Archive, messages: Sequence[Any], outputs: Sequence[tuple[int, bytes]]) -> bool:
     """Whether these outputs, all messages at each instant, are those of a record."""
     expected: dict[int, bytes] = {}
-    for one in messages:
-        topic = f"/{one.path.replace('.', '/')}"
+    for message in messages:
+        topic = f"/{message.path.replace('.', '/')}"
         for t, row in zip(archive.time_ns(topic).tolist(), archive[topic]):
             expected[t] = expected.get(t, b"") + row.tobytes()
     return all(expected[t] == content for t, content in outputs if t in expected)

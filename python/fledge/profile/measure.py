@@ -50,7 +50,7 @@ class Profile:
         parts = _parts(0, self.cycles)
         heap = [[h for cycle, h in self.heap if a <= cycle <= b] for a, b in parts]
         counts = [_mean(self.instructions, a, b, self.cycles) for a, b in parts]
-        return ([one for one in counts if one is not None] if None not in counts else [],
+        return ([count for count in counts if count is not None] if None not in counts else [],
                 [max(one) for one in heap] if all(heap) else [])
 
     def problems(self) -> list[str]:

@@ -46,7 +46,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
 
     first, *stretches = valgrind.callgrind(command, folder, "inputs_mark")
     found.init_instructions = first.total
-    found.total_instructions = first.total + sum(one.total for one in stretches)
+    found.total_instructions = first.total + sum(stretch.total for stretch in stretches)
     loop = stretches[:-1]       # what follows the last mark is the last cycle, and the end
     found.instructions = [(mark, sum(one.inclusive[name] for name in LOOP) / (end - mark))
                           for one, mark, end in zip(loop, marks, marks[1:])]
@@ -62,8 +62,8 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     ends = [first.total + loader]       # the instructions until each mark
     for one in loop:
         ends.append(ends[-1] + one.total)
-    before = [one for one in snapshots if one.time < ends[0]]
-    during = [one for one in snapshots if ends[0] <= one.time < ends[-1]]
+    before = [snapshot for snapshot in snapshots if snapshot.time < ends[0]]
+    during = [snapshot for snapshot in snapshots if ends[0] <= snapshot.time < ends[-1]]
     script = heap_marks(figures)
     found.init_heap = max((one.heap for one in before), default=0) + max((peak for t, _, peak in script[:1]), default=0)
     found.init_stack = max((one.stack for one in before), default=None)

@@ -69,13 +69,14 @@ class Declaration:
 
 def place_of(cls: Any) -> tuple[str, int]:
     """(file, line) of the class: those of its first statement that Python knows."""
-    codes = [one.__code__ for one in outside.functions(cls) if one.__qualname__.startswith(cls.__qualname__ + ".")]
+    codes = [function.__code__ for function in outside.functions(cls)
+             if function.__qualname__.startswith(cls.__qualname__ + ".")]
     file = codes[0].co_filename if codes else getattr(sys.modules.get(cls.__module__), "__file__", None) or "?"
     try:
         return file, inspect.getsourcelines(cls)[1]
     except (OSError, TypeError):
-        lines = [code.co_firstlineno for code in codes] + [one.line for one in vars(cls).values()
-                                                           if isinstance(one, Declaration)]
+        lines = [code.co_firstlineno for code in codes] + [var.line for var in vars(cls).values()
+                                                           if isinstance(var, Declaration)]
         return file, max(min(lines, default=2) - 1, 1)
 
 
@@ -258,7 +259,7 @@ def described_field(f: Any) -> Field:
 
 def _described_enum(f: Any) -> Enumeration:
     name, doc, values = f.enumeration
-    return Enumeration(name, doc, tuple(Enumerator(*one) for one in values), "")
+    return Enumeration(name, doc, tuple(Enumerator(*value) for value in values), "")
 
 
 @cache
@@ -266,7 +267,7 @@ def _known_enumerations() -> dict[str, Enumeration]:
     """The enumerations that fields of headers have, by name."""
     types = [*_core.library("flight").values(), *_core.library("world").values(),
              *project.types("flight").values(), *project.types("world").values()]
-    return {f.ctype: _described_enum(f) for one in types for f in _structs(_core.struct(one)) if f.type == "enum"}
+    return {f.ctype: _described_enum(f) for type_ in types for f in _structs(_core.struct(type_)) if f.type == "enum"}
 
 
 def _structs(struct: _core.Struct) -> Iterator[Any]:

@@ -29,11 +29,11 @@ def files(cls: Any, source: Path, name: str, path: str, root: Path, namespace: s
     struct = replace(struct, fields=tuple(replace(f, line=0) for f in struct.fields))
     used = {f.struct.name: f.struct for f in struct.fields if f.struct}
     messages = [one for one in used.values() if one.path.endswith(".py") and one.name not in declared]
-    used |= {f.struct.name: f.struct for one in messages for f in one.fields if f.struct}
+    used |= {f.struct.name: f.struct for message in messages for f in message.fields if f.struct}
     enums = {f.enum.name: f.enum for one in (struct, *messages) for f in one.fields if f.enum}
     includes = [declared[name] for name in (*enums, *used) if name in declared]
     texts = {".h": header.text(struct, includes or ["flight/msg/head.h"],
-                               [one for one in enums.values() if one.name not in declared], messages)}
+                               [enum for enum in enums.values() if enum.name not in declared], messages)}
     where = os.path.relpath(source, root)
     part, ending = ("flight", "_test.py") if struct.kind is Kind.MODULE else ("world", "_model_test.py")
     if struct.kind is Kind.MODULE:

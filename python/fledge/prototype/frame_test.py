@@ -159,4 +159,4 @@ def test_what_is_no_prototype_is_refused(words, complaint, tmp_path, capsys):
     (tmp_path / "CMakeLists.txt").write_text("fledge_project(mine\n    FLIGHT\n    WORLD\n)\n")
     assert cli.main(["new", *words, "--project", str(tmp_path)]) == 2
     assert complaint in capsys.readouterr().err
-    assert [one.name for one in tmp_path.rglob("*")] == ["CMakeLists.txt"]
+    assert [path.name for path in tmp_path.rglob("*")] == ["CMakeLists.txt"]

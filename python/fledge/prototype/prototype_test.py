@@ -152,8 +152,8 @@ def test_a_class_that_is_defined_again_has_the_memory_of_the_first():
 def test_the_tables_of_headers_and_their_description_agree():
     """The description of a table, from which a prototype's is made, has the hash that introspect gave to the header."""
     for types in (_core.library("flight"), _core.library("world")):
-        for one in types.values():
-            table = _core.struct(one)
+        for type_ in types.values():
+            table = _core.struct(type_)
             assert described(table).hash == table.hash, table.name
 
 
@@ -239,7 +239,8 @@ def update(self, t, dt):
 
 
 def define(doc="It does something.", functions=(update,), **members):
-    members = {"__doc__": doc, "__module__": __name__, **{one.__name__: one for one in functions}, **members}
+    members = {"__doc__": doc, "__module__": __name__, **{function.__name__: function for function in functions},
+               **members}
     return type(prototype.Module)("Tried", (prototype.Module,), members)
 
 

@@ -78,7 +78,7 @@ def test_a_record_says_which_modes_began_and_which_events_fired(here, capsys):
     folder = here / "runs" / "modal" / "coasting"
     archive = fledge.Archive(folder / "run.mcap")
     assert modes(archive) == {"flight": [(0.0, "coast"), (61.0, "point")]}
-    assert [tuple(one) for one in happenings(archive) if one.kind == "event"] == [
+    assert [tuple(happening) for happening in happenings(archive) if happening.kind == "event"] == [
         (60.5, "flight", "event", "start", "flight.tracking.error.head.t > 60000000000 ns")]
     assert archive["flight.mode.name"].tolist() == ["coast", "point"]
     assert archive["flight.activity"].dtype.names[:3] == ("head", "kind", "index")
@@ -115,7 +115,7 @@ def test_what_was_never_written_has_no_value(here):
 def test_a_campaign_judges_nothing_that_does_not_exist(here, capsys):
     result = fledge.montecarlo.Campaign("modal").fly(30, seed=1)
     d = result.campaign.dispersions
-    held = [int(result.reached(one)[2].sum()) for one in d.requirements]
+    held = [int(result.reached(requirement)[2].sum()) for requirement in d.requirements]
     assert held[0] == held[3] == 30 and held[2] == 0 and 0 < held[1] < 30
     assert "it is not exact: norm(flight.fine.error.sigma_BR) at the end < 0.05 cannot be judged: flight.fine.error " \
         "was never written at the end" in result.failures[0]
@@ -130,7 +130,7 @@ def test_a_campaign_judges_nothing_that_does_not_exist(here, capsys):
     out = capsys.readouterr().out
     assert "flight.mode.science  begun in 0 of 30" in out and "no good data in 30" in out
     summary = json.loads((here / "runs/modal/montecarlo/any_attitude/summary.json").read_text())
-    assert [one["runs"] for one in summary["modes"]] == [30, 30, 0]
+    assert [mode["runs"] for mode in summary["modes"]] == [30, 30, 0]
     assert "flight.mode.science [s]" in (here / "runs/modal/montecarlo/any_attitude/runs.csv").read_text()
 
 
@@ -189,7 +189,8 @@ def test_commands_and_their_answers_are_recorded(here):
     sim.run(5 * s)
     f.commands.send(f.commands.packets.mode("point")[:-1] + b"\0")
     sim.run(5 * s)
-    commands = [(one.name, one.text) for one in happenings(sim.activity) if one.kind == "command"]
+    commands = [(happening.name, happening.text)
+                for happening in happenings(sim.activity) if happening.kind == "command"]
     assert commands[:2] == [("mode, sequence 0", "accepted"), ("mode, sequence 0", "executed")]
     assert len(commands) == 3 and "refused at its arrival: checksum" in commands[2][1]
     assert [name for _, name in modes(sim.activity)["flight"]] == ["coast", "science"]

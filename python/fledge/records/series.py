@@ -91,8 +91,8 @@ class Records:
     def _find(self, key: str) -> tuple[Any, str | None, tuple[Any, ...]]:
         """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
         tokens = re.findall(r"[^.\[\]]+(?:\[[\d, ]+\])*", key.replace("/", ".").strip("."))
-        given = [tuple(int(i) for i in re.findall(r"\d+", one.partition("[")[2])) for one in tokens]
-        dotted = ".".join(one.partition("[")[0] for one in tokens)
+        given = [tuple(int(i) for i in re.findall(r"\d+", token.partition("[")[2])) for token in tokens]
+        dotted = ".".join(token.partition("[")[0] for token in tokens)
         tail, ports = "." + dotted, self._ports()
         for exact in (True, False):
             def fits(full: str) -> bool:
@@ -113,7 +113,7 @@ class Records:
             known = {full_name(p, n): [field[len(n) + 1 if n else 0:] for field in p.fields
                                        if not field.startswith(HEAD) and field.startswith(f"{n}." if n else "")]
                      for p, n in owners}
-            near = list(filter(None, [nearest(last, [one for fields in known.values() for one in fields])]))
+            near = list(filter(None, [nearest(last, [field for fields in known.values() for field in fields])]))
             raise self._error(f"{self._label}: there is no '{key}'"
                               + (f"; did you mean {owner}.{near[0]}? " if near else "; ")
                               + "; ".join(f"{name} has {listed(fields, most=12)}" for name, fields in known.items()))
@@ -283,8 +283,8 @@ def decoded(values: Any) -> Any:
 
 def part(values: Any, name: str | None) -> Any:
     """A field of a structured array by its name with dots; None: the whole."""
-    for one in name.split(".") if name else ():
-        values = values[one]
+    for word in name.split(".") if name else ():
+        values = values[word]
     return values
 
 

@@ -44,10 +44,10 @@ def write(path: Path, entries: Sequence[Entry], command: str) -> Path:
         part.write_text(templates().get_template("script.html").render(
             run=first, about=first["about"].split("\n\n"), end=end, parts=_parts(entries), command=command,
             version=__version__, seconds=_seconds, counts={
-                "commands": sum(one["kind"] == "command" for one in entries),
-                "refused": sum(one["kind"] == "stage" and not one["good"] for one in entries),
-                "waits": sum(one["kind"] == "wait" for one in entries),
-                "checks": sum(one["kind"] == "check" for one in entries)}), encoding="utf-8")
+                "commands": sum(entry["kind"] == "command" for entry in entries),
+                "refused": sum(entry["kind"] == "stage" and not entry["good"] for entry in entries),
+                "waits": sum(entry["kind"] == "wait" for entry in entries),
+                "checks": sum(entry["kind"] == "check" for entry in entries)}), encoding="utf-8")
     return path
 
 
@@ -56,25 +56,25 @@ def _parts(entries: Sequence[Entry]) -> list[Group]:
     parts: list[Group] = []
     steps: dict[tuple[str, ...], Group] = {}
     rows: dict[int, Row] = {}
-    for one in entries:
-        key = tuple(one.get("step", ()))
-        if one["kind"] == "step":
-            parts.append(Group(" / ".join(key), one["t_ns"], [], []))
+    for entry in entries:
+        key = tuple(entry.get("step", ()))
+        if entry["kind"] == "step":
+            parts.append(Group(" / ".join(key), entry["t_ns"], [], []))
             steps[key] = parts[-1]
-        elif one["kind"] == "step ends":
-            steps.pop(key).ends.append(one)
-        elif one["kind"] == "stage":
-            rows[one["id"]].results.append((_stage(one), None if one["good"] else False))
-        elif one["kind"] not in ("run", "end"):
+        elif entry["kind"] == "step ends":
+            steps.pop(key).ends.append(entry)
+        elif entry["kind"] == "stage":
+            rows[entry["id"]].results.append((_stage(entry), None if entry["good"] else False))
+        elif entry["kind"] not in ("run", "end"):
             if key in steps:
                 part = steps[key]
             elif parts and not parts[-1].title:
                 part = parts[-1]
             else:
-                parts.append(part := Group("", one["t_ns"], [], []))
-            part.rows.append(row := _row(one))
-            if one["kind"] == "command":
-                rows[one["id"]] = row
+                parts.append(part := Group("", entry["t_ns"], [], []))
+            part.rows.append(row := _row(entry))
+            if entry["kind"] == "command":
+                rows[entry["id"]] = row
     return parts
 
 

@@ -204,7 +204,8 @@ class Requirements:
 
     def refuse_longer(self, duration: int, requirements: Iterable[Requirement]) -> None:
         """Raise SetupError for a formula with a window that reaches beyond a run of `duration` [ns]."""
-        for one in requirements:
-            if one.formula is not None and one.formula.reach > duration:
-                raise SetupError(f"{one.place}: {one.id} looks {time_text(one.formula.reach)} ahead, which is longer "
+        for requirement in requirements:
+            if requirement.formula is not None and requirement.formula.reach > duration:
+                raise SetupError(f"{requirement.place}: {requirement.id} looks "
+                                 f"{time_text(requirement.formula.reach)} ahead, which is longer "
                                  f"than the run of {time_text(duration)}")

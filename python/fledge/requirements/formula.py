@@ -48,12 +48,12 @@ class Signal:
     def key(self) -> tuple[Any, ...]:
         """The same of signals that are the same."""
         return (self.operation, self.field.path if self.field else self.event, self.number, self.place,
-                self.numbers, *(one.key for one in self.operands))
+                self.numbers, *(operand.key for operand in self.operands))
 
     @property
     def fields(self) -> list[FieldPath]:
         """The fields that it reads."""
-        return ([self.field] if self.field else []) + [field for one in self.operands for field in one.fields]
+        return ([self.field] if self.field else []) + [field for operand in self.operands for field in operand.fields]
 
     @property
     def paths(self) -> list[str]:
@@ -63,7 +63,7 @@ class Signal:
     @property
     def events(self) -> list[tuple[str, str]]:
         """(process, event) of those that it reads."""
-        return ([self.event] if self.event else []) + [event for one in self.operands for event in one.events]
+        return ([self.event] if self.event else []) + [event for operand in self.operands for event in operand.events]
 
     # --- others of it ---
 
@@ -250,15 +250,15 @@ class Formula:
 
     def walk(self) -> Iterator[Formula]:
         """The nodes, operands before what has them."""
-        for one in self.operands:
-            yield from one.walk()
+        for operand in self.operands:
+            yield from operand.walk()
         yield self
 
     @property
     def reach(self) -> int:
         """[ns] How far from the first sample its windows reach, those without an end apart."""
         own = self.begin if self.kind == "clock" else self.end or 0
-        return own + max((one.reach for one in self.operands), default=0)
+        return own + max((operand.reach for operand in self.operands), default=0)
 
     def __repr__(self) -> str:
         return str(self)

@@ -57,7 +57,7 @@ def problem_of(outcomes: Sequence[Outcome], time: float, problem: str = "") -> s
     """The verdict on a run of a scenario, in every command and on every target: what is wrong in words, "" of one that
     has passed. outcomes: of the requirements that the scenario shows; time: [s] flown; problem: what the scenario
     raised, in words."""
-    violated = [one for one in outcomes if one.verdict == VIOLATED]
+    violated = [outcome for outcome in outcomes if outcome.verdict == VIOLATED]
     if not problem and violated:
         return "failed: " + "; ".join(map(str, violated))
     return problem or ("" if time > 0 else "failed: it flew 0 s, which shows nothing")
@@ -65,7 +65,8 @@ def problem_of(outcomes: Sequence[Outcome], time: float, problem: str = "") -> s
 
 def unit_of(formula: Formula) -> str | None:
     """The unit of its margin; None if its comparisons differ, so that each is taken as a fraction of its limit."""
-    units = {tuple(one.signal.dims): one.unit for one in formula.comparisons if one.measured}
+    units = {tuple(comparison.signal.dims): comparison.unit
+             for comparison in formula.comparisons if comparison.measured}
     return next(iter(units.values()), "") or "-" if len(units) <= 1 else None
 
 
@@ -77,10 +78,10 @@ class Judged:
         self.requirements, self._simulation = list(requirements), simulation
         self._judges: dict[int, _Judge] = {}    # by the time between samples
         self._formulas: list[tuple[_Judge, int]] = []
-        for one in self.requirements:
-            assert one.formula is not None
-            judge = self._judges.setdefault(one.every, _Judge(simulation, one.every, traces))
-            self._formulas.append((judge, judge.add(one.formula)))
+        for requirement in self.requirements:
+            assert requirement.formula is not None
+            judge = self._judges.setdefault(requirement.every, _Judge(simulation, requirement.every, traces))
+            self._formulas.append((judge, judge.add(requirement.formula)))
         self._end: int | None = None
 
     def watch(self, stop: bool) -> None:
@@ -96,7 +97,7 @@ class Judged:
         if any(judge.core.stop for judge in self._judges.values()):
             for judge in self._judges.values():
                 judge.core.stop = judge.core.stops = False      # the user may go on
-            found = [one for one in self.outcomes(so_far=True) if one.verdict == VIOLATED]
+            found = [outcome for outcome in self.outcomes(so_far=True) if outcome.verdict == VIOLATED]
             raise Stopped("; ".join(map(str, found)), found)
 
     def play(self, records: Records, end: int | None) -> None:
@@ -107,12 +108,13 @@ class Judged:
     @property
     def units(self) -> list[str]:
         """Of the margins, as in Outcome."""
-        return [unit_of(one.formula) or "" for one in self.requirements if one.formula is not None]
+        return [unit_of(requirement.formula) or ""
+                for requirement in self.requirements if requirement.formula is not None]
 
     @property
     def sources(self) -> list[Signal]:
         """Of requirements with one time between samples: the fields that play_samples() takes."""
-        return [one for judge in self._judges.values() for one in judge.sources]
+        return [source for judge in self._judges.values() for source in judge.sources]
 
     def play_samples(self, times: Any, values: Sequence[Any]) -> None:
         """Judge samples. times: (n,) [ns]; values: (n, elements) of each of the sources, NaN where unknown."""
@@ -236,7 +238,7 @@ class _Judge:
         """Judge the samples of records; returns when the run ended [ns]."""
         import numpy as np
 
-        series = [self._series(records, one) for one in self.sources]
+        series = [self._series(records, source) for source in self.sources]
         regular = [times for one, (times, _) in zip(self.sources, series) if one.field and not one.field.of_mode]
         found = [times for times in regular or [times for times, _ in series] if len(times)]
         times = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)

@@ -71,7 +71,7 @@ def test_verdicts_and_margins_are_those_of_the_record(mission):
     watch = required.watch()
     log = sim.record(sim.flight.tracking.error)
     sim.run(40 * minute)
-    live = {one.requirement.id: one for one in watch.outcomes()}
+    live = {outcome.requirement.id: outcome for outcome in watch.outcomes()}
     time, norm = log.time, np.linalg.norm(log["error.sigma_BR"], axis=1)
     late = time >= 600
     # A closed form of each margin, by numpy.
@@ -130,12 +130,12 @@ def test_modes_and_events(tmp_path):
     sim.run(100 * s)
     live = judged.outcomes()
     assert live[1].verdict == "holds" and live[1].margin == math.inf
-    fired = [one.fired[0] for one in sim.flight.events.values()]
+    fired = [event.fired[0] for event in sim.flight.events.values()]
     assert any(fired) and not all(fired)
     assert [one.verdict for one in live[2:]] == ["violated" if n else "holds" for n in fired]
     again = Judged(list(r._found.values()))
     again.play(log, sim.time_ns)
-    assert [one.verdict for one in again.outcomes()] == [one.verdict for one in live]
+    assert [outcome.verdict for outcome in again.outcomes()] == [one.verdict for one in live]
     with pytest.raises(SetupError, match="expected one of"):
         r.mode() == "NOWHERE"
     with pytest.raises(SetupError, match="has no event 'nothing'"):
@@ -179,7 +179,7 @@ def test_what_was_never_written_is_unknown(mission):
     unknown, holds = judged.outcomes()
     assert unknown.verdict == "unknown" and "never written" in unknown.reason and holds.verdict == "holds"
     judged.play_samples(np.array([0, 1]), [np.array([[math.nan] * 3, [9] * 3])])
-    assert [one.verdict for one in judged.outcomes()] == ["violated", "unknown"]
+    assert [outcome.verdict for outcome in judged.outcomes()] == ["violated", "unknown"]
 
 
 def test_the_end_of_the_run_leaves_windows_unknown(mission):
@@ -196,7 +196,7 @@ def test_a_window_beyond_the_end_is_the_reason_where_names_decide(mission):
                   'r.require("A-1", "", always(implies(after(8 * s), within(10 * s, good))))',
                   'r.require("A-2", "", always(good | (error.norm() < 1)))')
     judged = Judged(Requirements(sim).all)
-    fields = [one.fields[0].path for one in judged.sources]
+    fields = [source.fields[0].path for source in judged.sources]
     numbers = {"flight.tracking.error.head.quality": np.ones((4, 1)),
                "flight.tracking.error.sigma_BR": np.array([[0.1] * 3, [0.1] * 3, [math.nan] * 3, [0.1] * 3])}
     judged.play_samples(np.arange(4) * 5_000_000_000, [numbers[path] for path in fields])
@@ -229,7 +229,7 @@ def test_expressions_are_those_of_numpy():
     random_ = np.random.default_rng(1)
     for _ in range(50):
         numbers = random_.normal(size=(3, 3))
-        judged.play_samples(np.array([0]), [numbers[of[one.field.path]][None] for one in judged.sources])
+        judged.play_samples(np.array([0]), [numbers[of[source.field.path]][None] for source in judged.sources])
         for outcome, f in zip(judged.outcomes(), wanted):
             assert -outcome.low == pytest.approx(f(*numbers), rel=1e-9, abs=1e-12)
 

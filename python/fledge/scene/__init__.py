@@ -49,7 +49,7 @@ def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: boo
         with Archive(source) as archive:
             return of(archive, plots_only)
     if not isinstance(source, (Archive, Log)):
-        first = {one.path: one for one in reversed(source.records)}
+        first = {record.path: record for record in reversed(source.records)}
         source = Log(source, reversed(first.values()))
     facts = _facts_of_archive(source) if isinstance(source, Archive) else facts_of_simulation(source.simulation)
     try:

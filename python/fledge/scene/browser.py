@@ -50,7 +50,8 @@ class Browser:
         for one in (input_, output, *ends):
             os.close(one)
         self._session = None
-        pages = [one for one in self._call("Target.getTargets")["targetInfos"] if one["type"] == "page"]
+        pages = [targetInfo for targetInfo in self._call("Target.getTargets")["targetInfos"]
+                 if targetInfo["type"] == "page"]
         self._session = self._call("Target.attachToTarget", targetId=pages[0]["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
             self._call(f"{domain}.enable")
@@ -134,6 +135,7 @@ class Browser:
         if event == "Runtime.exceptionThrown":
             self.problems.append(about["exceptionDetails"]["exception"].get("description", "an exception"))
         if event == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning"):
-            self.problems.append(" ".join(str(one.get("value", one.get("description"))) for one in about["args"]))
+            self.problems.append(" ".join(str(argument.get("value", argument.get("description")))
+                                          for argument in about["args"]))
         if event == "Log.entryAdded" and about["entry"]["level"] == "error":
             self.problems.append(about["entry"]["text"])

@@ -54,14 +54,14 @@ class Facts:
         """
         into: dict[str, list[str]] = {}     # input -> those that are wired to it
         for target, text in self.wires.items():
-            sources = [one.partition(" (")[0] for one in text.split(", ")]
-            into[target] = [one for one in sources if one in names]
+            sources = [word.partition(" (")[0] for word in text.split(", ")]
+            into[target] = [source for source in sources if source in names]
         choices = [sources for sources in into.values() if len(sources) > 1]
-        made = {source for target, sources in into.items() for source in sources for one in names
-                if one != source and one.rpartition(".")[0] == target.rpartition(".")[0]
-                and not any({one, source} <= {*sources} for sources in choices)}
-        order = [one for sources in choices for one in sources] + names
-        return sorted((one for one in names if one not in made), key=order.index)
+        made = {source for target, sources in into.items() for source in sources for name in names
+                if name != source and name.rpartition(".")[0] == target.rpartition(".")[0]
+                and not any({name, source} <= {*sources} for sources in choices)}
+        order = [source for sources in choices for source in sources] + names
+        return sorted((name for name in names if name not in made), key=order.index)
 
 
 def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
@@ -71,7 +71,7 @@ def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
         found.add_flight()
     found.add_plots()
     found.scene.modes = modes(records)
-    found.scene.happened = [one for one in happenings(records) if one.kind != "mode"][:HAPPENINGS]
+    found.scene.happened = [happening for happening in happenings(records) if happening.kind != "mode"][:HAPPENINGS]
     return found.scene
 
 
@@ -138,8 +138,8 @@ class Derivation:
         self.used.add(name)
         table, last = self._records._values(self._ports[name]), self._last(name)
         good = (table["head"]["quality"] != NONE) & last
-        for one in fields:
-            good &= np.isfinite(table[one]).all(axis=tuple(range(1, table[one].ndim)))
+        for field in fields:
+            good &= np.isfinite(table[field]).all(axis=tuple(range(1, table[field].ndim)))
         return table, last, good
 
     def _last(self, name: str) -> NDArray[Any]:
@@ -158,7 +158,7 @@ class Derivation:
 
         table, last, good = self._rows(name, *fields)
         kept = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
-        found = [np.array(table[one][kept], dtype=float) for one in fields]
+        found = [np.array(table[field][kept], dtype=float) for field in fields]
         for one in found:
             one[~good[kept]] = np.nan
         return self._records._time(self._ports[name])[kept], *found
@@ -197,7 +197,7 @@ class Derivation:
             time, head = self._records._time(self._ports[name]), table["head"]
             found.append([one[last] for one in (time, good, head["t"] / 1e9, head["quality"],
                                                 self._written(name, table), *(
-                np.array(table[one], dtype=float) for one in fields))])
+                np.array(table[field], dtype=float) for field in fields))])
         times = np.unique(np.concatenate([one[0] for one in found]))
         if getattr(self._records, "single", False):
             times = times[-1:]
@@ -317,7 +317,7 @@ class Derivation:
     def _fit_out(self, craft: Craft) -> None:
         """Add its parts, sensors, estimates, references and directions."""
         facts = self._facts
-        parts = [one for one in facts.of(craft.path, "parts", "").split("; ") if one]
+        parts = [word for word in facts.of(craft.path, "parts", "").split("; ") if word]
         for path in parts:
             add = getattr(self, f"_add_{facts.types.get(path, '')}", None)
             if add:
@@ -649,7 +649,8 @@ class Derivation:
             signal = self._grows(make)
             labels = element_names(port.parts[name])[:signal.values.shape[1]]
             meaning = about.meaning if hasattr(about, "meaning") else about.doc
-            yield Plot(f"{port.name}.{name}", about.unit, meaning, ["".join(one.partition("[")[1:]) for one in labels],
+            yield Plot(f"{port.name}.{name}", about.unit, meaning,
+                       ["".join(label.partition("[")[1:]) for label in labels],
                        signal)
 
 

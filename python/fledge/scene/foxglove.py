@@ -452,7 +452,7 @@ class _Appendix:
         statistics = _record(mcap.STATISTICS, struct.pack(
             "<QHIIIIQQ", total + sum(counts.values()), schemas + 2, n +
             2, attachments, metadata, n_chunks + len(chunks),
-            t0, max(t1, last)), _text(old + b"".join(struct.pack("<HQ", *one) for one in counts.items())))
+            t0, max(t1, last)), _text(old + b"".join(struct.pack("<HQ", *item) for item in counts.items())))
         # Without an index of the record's own chunks one of the others would hide them.
         indexed = self.old[mcap.CHUNK_INDEX] + chunks if self.old[mcap.CHUNK_INDEX] or not n_chunks else []
         summary = b"".join([*self.old[mcap.SCHEMA], *self.old[mcap.CHANNEL], heads, statistics, *indexed,

@@ -136,10 +136,10 @@ def test_the_transforms_are_the_recorded_motion(formation):
         sigma = {name: archive[f"{name}.craft.state.sigma_BN"] for name in r}
     assert [t for t, _ in reader.messages] == times.tolist()
     for i, (t, message) in enumerate(reader.messages):
-        frames = {one["child_frame_id"]: one for one in message["transforms"]}
+        frames = {transform["child_frame_id"]: transform for transform in message["transforms"]}
         assert len(frames) == len(message["transforms"])
-        assert all(one["timestamp"]["sec"] + one["timestamp"]["nanosec"] / 1e9 == t for one in frames.values())
-        assert all(one["parent_frame_id"] in {"inertial", *frames} for one in frames.values())
+        assert all(frame["timestamp"]["sec"] + frame["timestamp"]["nanosec"] / 1e9 == t for frame in frames.values())
+        assert all(frame["parent_frame_id"] in {"inertial", *frames} for frame in frames.values())
         assert (vector(frames["N"]["translation"]) == -r["chief_world"][i]).all()
         assert (vector(frames["deputy_world"]["translation"]) == r["deputy_world"][i] - r["chief_world"][i]).all()
         for name in r:
@@ -151,11 +151,12 @@ def test_the_transforms_are_the_recorded_motion(formation):
 def test_each_entity_follows_a_frame_that_there_is(formation):
     reader = Reader(formation[1], "/scene/entities")
     (t, update), = reader.messages
-    frames = {one["child_frame_id"] for one in Reader(formation[1], "/scene/transforms").messages[0][1]["transforms"]}
-    entities = {one["id"]: one for one in update["entities"]}
+    frames = {transform["child_frame_id"]
+              for transform in Reader(formation[1], "/scene/transforms").messages[0][1]["transforms"]}
+    entities = {entity["id"]: entity for entity in update["entities"]}
     assert t == 0 and len(entities) == len(update["entities"]) and not update["deletions"]
-    assert {one["frame_id"] for one in entities.values()} <= frames and all(
-        one["frame_locked"] for one in entities.values())
+    assert {entity["frame_id"] for entity in entities.values()} <= frames and all(
+        entity["frame_locked"] for entity in entities.values())
     mars, = entities["MARS"]["spheres"]
     assert mars["size"]["x"] == pytest.approx(2 * 3397e3)
     assert entities["chief_world/0 hub"]["cubes"][0]["size"]["x"] > 0.5
@@ -185,12 +186,12 @@ def test_cones_and_plumes():
     craft.parts.append(Part("thruster", "rcs 1", (0, 0, -1), (0, 0, 1), full=2.0,
                             level=tracks.Signal(t, np.array([[0.0], [2.0], [1.0], [0.0], [0.0]]))))
     found = list(foxglove.messages(scene.Scene("test", crafts=[craft], end=4.0)))
-    first = {one["id"]: one for one in found[0][2]["entities"]}
+    first = {entity["id"]: entity for entity in found[0][2]["entities"]}
     cone, = first["craft/0 camera"]["cylinders"]
     assert (cone["bottom_scale"], cone["top_scale"]) == (0, 1) and cone["size"]["x"] == pytest.approx(16 * np.tan(0.25))
     along = axes(cone["pose"]["orientation"])[:, 2]
     np.testing.assert_allclose(along, [0, -1, 0], atol=1e-15)
     np.testing.assert_allclose(vector(cone["pose"]["position"]) - 4 * along, [0, 1, 0], atol=1e-12)
-    plumes = [(time, len(update["entities"]), [one["id"] for one in update["deletions"]])
+    plumes = [(time, len(update["entities"]), [deletion["id"] for deletion in update["deletions"]])
               for time, topic, update in found[1:] if topic == "/scene/entities"]
     assert plumes == [(1.0, 1, []), (2.0, 1, []), (3.0, 0, ["craft/rcs 1, plume"])]

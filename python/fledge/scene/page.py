@@ -82,19 +82,20 @@ def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
         "title": scene.title, "about": scene.about, "begin": scene.begin, "end": scene.end, "epoch": scene.epoch,
         "bounds": {"position": POSITION, "attitude": ATTITUDE, "share": SHARE}, "notes": scene.notes,
         "sun": arrays.motion(scene.sun), "sun_N": None if scene.sun_N is None else list(scene.sun_N),
-        "planets": [{"name": one.name, "radius": one.radius, "flattening": one.flattening, "mu": one.mu,
-                     "motion": arrays.motion(one.motion), "turning": arrays.turning(one.turning)}
-                    for one in scene.planets],
-        "crafts": [_craft(one, arrays) for one in scene.crafts],
-        "stations": [{"name": one.name, "planet": one.planet, "place": list(one.r_P), "up": list(one.up_P),
-                      "mask": one.mask, "links": [{"name": link.name, "craft": link.craft,
+        "planets": [{"name": planet.name, "radius": planet.radius, "flattening": planet.flattening, "mu": planet.mu,
+                     "motion": arrays.motion(planet.motion), "turning": arrays.turning(planet.turning)}
+                    for planet in scene.planets],
+        "crafts": [_craft(craft, arrays) for craft in scene.crafts],
+        "stations": [{"name": station.name, "planet": station.planet, "place": list(station.r_P),
+                      "up": list(station.up_P),
+                      "mask": station.mask, "links": [{"name": link.name, "craft": link.craft,
                                                    "down": arrays.signal(link.down), "up": arrays.signal(link.up)}
-                                                  for link in one.links]} for one in scene.stations],
+                                                  for link in station.links]} for station in scene.stations],
         "modes": [{"process": name, "began": list(began)} for name, began in scene.modes.items()],
         "happened": [{"t": one.t, "text": f"{one.process}: {one.kind} {one.name}" + f", {one.text}" * bool(one.text)}
                      for one in scene.happened],
-        "plots": [{"name": one.name, "unit": one.unit, "meaning": one.meaning, "labels": one.labels,
-                   "signal": arrays.signal(one.signal)} for one in scene.plots],
+        "plots": [{"name": plot.name, "unit": plot.unit, "meaning": plot.meaning, "labels": plot.labels,
+                   "signal": arrays.signal(plot.signal)} for plot in scene.plots],
     }
     head = json.dumps(text, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     head = struct.pack("<I", len(head)) + head
@@ -103,10 +104,11 @@ def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
 
 def _craft(craft: Craft, arrays: _Arrays) -> dict[str, Any]:
     return {"name": craft.name, "label": craft.label, "extent": craft.extent, "motion": arrays.motion(craft.motion),
-            "turning": arrays.turning(craft.turning), "parts": [_part(one, arrays) for one in craft.parts],
-            "poses": [{"kind": one.kind, "name": one.name, "turning": arrays.turning(one.turning),
-                       "motion": arrays.motion(one.motion)} for one in craft.poses],
-            "directions": [{"name": one.name, "signal": arrays.signal(one.signal)} for one in craft.directions],
+            "turning": arrays.turning(craft.turning), "parts": [_part(part, arrays) for part in craft.parts],
+            "poses": [{"kind": pose.kind, "name": pose.name, "turning": arrays.turning(pose.turning),
+                       "motion": arrays.motion(pose.motion)} for pose in craft.poses],
+            "directions": [{"name": direction.name, "signal": arrays.signal(direction.signal)}
+                           for direction in craft.directions],
             "signals": {name: arrays.signal(one) for name, one in craft.signals.items()}}
 
 

@@ -243,11 +243,11 @@ class Scene:
 
     def craft(self, name: str | None = None) -> Craft:
         """The spacecraft of a process; without a name, the only one. Raises SetupError that lists them."""
-        found = [one for one in self.crafts if name in (None, one.name)]
+        found = [craft for craft in self.crafts if name in (None, craft.name)]
         if len(found) == 1:
             return found[0]
         what = "which spacecraft" if name is None else f"there is no spacecraft {name!r}"
-        raise SetupError(f"view: {what}; there are {listed([one.name for one in self.crafts])}")
+        raise SetupError(f"view: {what}; there are {listed([craft.name for craft in self.crafts])}")
 
 
 def _vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:

@@ -537,7 +537,7 @@ def test_the_ground_track_is_that_of_another_library(browser, passing, tmp_path)
     path = path_of(log)
     points = browser.ask("fledgeView.map.track(fledgeView.data.crafts[0], fledgeView.data.planets"
                          ".find((one) => one.name === 'EARTH'), 900)")
-    inside = [one for one in points if one["t"] <= 1800]
+    inside = [point for point in points if point["t"] <= 1800]
     assert len(inside) > 50 and inside[0]["t"] < 40
     for one in inside:
         lat, lon, coarse = ground_below(sim, one["t"], path.at(np.array([one["t"]]))[0])
@@ -546,7 +546,7 @@ def test_the_ground_track_is_that_of_another_library(browser, passing, tmp_path)
         assert apart(one["longitude"], coarse) < np.deg2rad(0.3)
     # Beyond the record the orbit of the moment goes on, without what flattening does to it, and the Earth turns on.
     sim.run(20 * minute)
-    for one in [one for one in points if 1800 < one["t"] < 3000]:
+    for one in [point for point in points if 1800 < point["t"] < 3000]:
         lat, lon, _ = ground_below(sim, one["t"], path_of(log).at(np.array([one["t"]]))[0])
         assert one["latitude"] == pytest.approx(lat, abs=0.01) and apart(one["longitude"], lon) * np.cos(lat) < 0.01
     words = browser.ask("fledgeView.mapWords.textContent").split()

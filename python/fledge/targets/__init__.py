@@ -46,8 +46,8 @@ class Targets(Mapping[str, Target]):
     for."""
 
     def __init__(self, places: Iterable[Path]) -> None:
-        found = {one.parent.name.replace("_", "-"): one.parent for place in places
-                 for one in place.glob("*/__init__.py")}
+        found = {path.parent.name.replace("_", "-"): path.parent for place in places
+                 for path in place.glob("*/__init__.py")}
         self.folders = {name: found[name] for name in sorted(found, key=lambda name: (name != "desktop", name))}
         self._made: dict[str, Target] = {}
 
@@ -55,9 +55,9 @@ class Targets(Mapping[str, Target]):
         """Raises Failure where a folder has no class, or where its class cannot be imported."""
         if name not in self._made:
             made = self._class(self.folders[name])()
-            if unknown := [one for one in made.uses if one not in self]:
+            if unknown := [use for use in made.uses if use not in self]:
                 raise Failure(f"{self.folders[name]}: it uses {' and '.join(unknown)}, and there is no such target")
-            made.used = [self[one] for one in made.uses]
+            made.used = [self[use] for use in made.uses]
             self._made[name] = made
         return self._made[name]
 
@@ -78,9 +78,9 @@ class Targets(Mapping[str, Target]):
             raise Failure(f"{file}: {type(error).__name__}: {error}") from error
         if not file.samefile(module.__file__ or ""):
             raise Failure(f"{folder}: Fledge has {module.__file__} by this name; give the folder another one")
-        for one in vars(module).values():
-            if isinstance(one, type) and issubclass(one, Target) and one.__module__ == module.__name__:
-                return one
+        for var in vars(module).values():
+            if isinstance(var, type) and issubclass(var, Target) and var.__module__ == module.__name__:
+                return var
         raise Failure(f"{file} has no class that derives from fledge.targets.Target; docs/targets.md shows one")
 
     def known(self, names: Iterable[str]) -> list[str]:
@@ -109,8 +109,8 @@ class Targets(Mapping[str, Target]):
             if missing := found[-1].missing():
                 raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here; as root, run: "
                               f"apt-get install {' '.join(self._packages(found[-1], missing))}")
-        for one in dict.fromkeys(used for target in found for used in target.with_used()):
-            one.prepare()
+        for fromkey in dict.fromkeys(used for target in found for used in target.with_used()):
+            fromkey.prepare()
         return found
 
     def _packages(self, target: Target, missing: Iterable[str]) -> list[str]:

@@ -56,8 +56,8 @@ class Bare(Target):
                 flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
         """Build a program of C for the board, with its own sources."""
         scripts: list[str | Path] = []
-        for one in self.scripts:
-            scripts += ["-T", one]
+        for script in self.scripts:
+            scripts += ["-T", script]
         return build.program(folder, name, [*sources, *self.sources], [*includes, build.ROOT], self.compiler,
                              [*self.library, "-g", f'-DTARGET="{self.name}"', *self.flags, *flags],
                              [*self.library, *["-nostartfiles"] * self.start, "-static", "-Wl,--build-id",

@@ -61,8 +61,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *machine, *flags]
     compiled = f"{compiler} {_words(machine)}"
-    shared = shared_objects(folder, sources, compiler, [one for one in flags if not one.startswith(("-D", "-I"))
-                                                        or one in FLAGS])
+    shared = shared_objects(folder, sources, compiler, [flag for flag in flags if not flag.startswith(("-D", "-I"))
+                                                        or flag in FLAGS])
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:

@@ -47,10 +47,10 @@ def _module(mission: Any, place: str, calls: Iterable[str]) -> str:
         if Path(file).stem == mission.name and line.isdigit() and Path(file).is_file():
             text = Path(file).read_text(encoding="utf-8").splitlines()[int(line) - 1]
             own = re.search(r"\(&m->(\w+)[,)]", text)
-            for one in mission.modules:
-                if own and one.name == own[1]:
-                    return f"the module {one.path}, "
-    several = [one.path for one in mission.modules if one.function == stem]
+            for module in mission.modules:
+                if own and module.name == own[1]:
+                    return f"the module {module.path}, "
+    several = [module.path for module in mission.modules if module.function == stem]
     return f"the module {' or '.join(several)}, " if several else ""
 
 

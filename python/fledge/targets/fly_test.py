@@ -299,7 +299,8 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
 
     def shown(reports):
         """Without sequences: those of a target count what the scenario changed otherwise, too."""
-        return [one._replace(sequence=0, detail=0 if one.reason == Reason.SEQUENCE else one.detail) for one in reports]
+        return [report._replace(sequence=0, detail=0 if report.reason == Reason.SEQUENCE else report.detail)
+                for report in reports]
 
     expected = shown(sim.flight.commands.reports)
     assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH, Reason.VERSION, Reason.PLACE,

@@ -75,15 +75,15 @@ def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
     given = sim.flight.commands
     assert given.take_packets() == []
     sim.scenarios["requests"]()
-    desktop = [one.packet for one in given.take_packets()]
+    desktop = [packet.packet for packet in given.take_packets()]
     for name in on:
         assert [one.packet for one in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
         with Archive(out / f"{name}.mcap") as record:
-            assert [one for one in happenings(record)] == [
-                one for one in happenings(sim.activity) if one.process == "flight"], name
+            assert [happening for happening in happenings(record)] == [
+                happening for happening in happenings(sim.activity) if happening.process == "flight"], name
     assert Job(str(mission), "requests", folder=out).parts[0].reports(on[0]) == given.reports
-    done = [(one.t / 1e9, one.rule, one.stored_on, one.reason) for one in given.reports
-            if one.code == Code.MODE and one.executed]
+    done = [(report.t / 1e9, report.rule, report.stored_on, report.reason) for report in given.reports
+            if report.code == Code.MODE and report.executed]
     refused = [one[:3] for one in done if one[3] == Reason.GUARDED]
     assert refused == [(0.0, None, None), (5.1, None, None), (5.1, None, None), (10.1, None, 1), (10.3, 0, None),
                        (29.1, None, None), (39.1, None, 1), (69.1, None, 1)]
@@ -91,8 +91,8 @@ def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
     told = [decoded(given.dictionary, packet) for packet in desktop]
     assert [str(one.content) for one in told if one.path == "events"] == [
         "flight.stored: STARTED list 1", "flight.protection: GUARDED rule 0, mode 2", "flight.stored: ENDED list 1"]
-    happened = [(one.t, one.kind, one.name, one.text.endswith("; its mode was refused"))
-                for one in happenings(sim.activity) if one.kind in ("event", "mode")]
+    happened = [(happening.t, happening.kind, happening.name, happening.text.endswith("; its mode was refused"))
+                for happening in happenings(sim.activity) if happening.kind in ("event", "mode")]
     assert happened == [
         (0.0, "mode", "wait", False), (0.7, "event", "late", False), (8.5, "event", "start", True),
         (49.1, "mode", "point", False), (61.2, "event", "wide", False), (61.3, "mode", "wait", False),
@@ -106,7 +106,7 @@ def test_the_ground_knows_when_a_mode_is_entered(mission):
     assert found.guards == sim.flight.commands.dictionary.guards == {"point": NEAR, "rest": "after point"}
     assert json.loads(found.text())["guards"] == found.guards
     assert Dictionary.read(found.text(), "").guards == found.guards
-    about = next(one for one in commands(export.read(sim), found) if one.path == "flight.mode").about
+    about = next(command for command in commands(export.read(sim), found) if command.path == "flight.mode").about
     assert about.endswith(f"; point is entered only {NEAR}; rest is entered only after point")
     assert "rest: no task of its own; only after point" in repr(sim.flight)
 

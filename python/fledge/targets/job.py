@@ -105,7 +105,7 @@ class Part:
         sent = [self._sent(one) for one in ("desktop", target)]
         found = export.dictionary(self.mission)
         if sent[0] != sent[1] and not found.frames:
-            sent = [[one for one in packets if decoded(found, one.packet).path != "texts"] for packets in sent]
+            sent = [[packet for packet in packets if decoded(found, packet.packet).path != "texts"] for packets in sent]
         for here, there in itertools.zip_longest(*sent):
             if here != there:
                 first = min(one.t for one in (here, there) if one)
@@ -125,12 +125,12 @@ class Part:
         # PDUs are counted apart, and what flight has itself not at all.
         sent = {(sequence_of(one.packet), *one.packet[6:7], False): one.packet for one in self.script}
         found = export.dictionary(self.mission)
-        return [(found.refusal(one, sent.get((one.sequence, one.code, one.own))),
-                 (self.process, one.sequence) in self.job.in_vain) for one in reports if not one.good]
+        return [(found.refusal(report, sent.get((report.sequence, report.code, report.own))),
+                 (self.process, report.sequence) in self.job.in_vain) for report in reports if not report.good]
 
     def failures(self, target: str) -> list[str]:
         """What went wrong there in updates of the script, the last text of each module."""
-        texts = [one.text for one in self._contents(target, "texts") if one.kind is Kind.SCRIPT]
+        texts = [content.text for content in self._contents(target, "texts") if content.kind is Kind.SCRIPT]
         return list({text.partition(",")[0]: text for text in texts}.values())
 
     def _contents(self, target: str, path: str) -> list[Any]:
@@ -139,13 +139,13 @@ class Part:
         packets = self._sent(target) if self.telemetry(target).exists() else []
         if found.frames:
             packets = list(unframed(found.frames, packets))
-        return [one.content for one in (decoded(found, each.packet) for each in packets) if one.path == path]
+        return [one.content for one in (decoded(found, packet.packet) for packet in packets) if one.path == path]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:
         """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
         boards."""
-        return [(one.field, one.at_most, one.after, f"{board.file}:{one.line}") for board in self.described()
-                for one in board.bounds if one.scenario in (None, self.job.scenario)]
+        return [(bound.field, bound.at_most, bound.after, f"{board.file}:{bound.line}") for board in self.described()
+                for bound in board.bounds if bound.scenario in (None, self.job.scenario)]
 
     def described(self) -> list[Board]:
         """The boards that were given, as data."""
@@ -171,7 +171,7 @@ class Part:
 
     def table_sources(self) -> list[Path]:
         """The sources of the mission and its boards as data for the outside, which runs no function of flight."""
-        data = replace(self.mission, modules=[replace(one, script="") for one in self.mission.modules])
+        data = replace(self.mission, modules=[replace(module, script="") for module in self.mission.modules])
         written = export.write(data, self.folder / "c", self.files)
         return [*self._with_modules(written), *(build.ROOT / path for path in build.TABLES)]
 
@@ -237,8 +237,8 @@ class Job:
         self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
         # Of a whole scenario on the desktop.
         self.checked, self.problem, self.outcomes = play.checked, play.problem, play.outcomes
-        for one in self.parts:
-            one.take_script()
+        for part in self.parts:
+            part.take_script()
 
     def _begin(self, play: Rehearsal, boards: Mapping[str, Sequence[Path | str]], folder: Path | str | None) -> None:
         """What is known before the rehearsal flies."""
@@ -246,15 +246,16 @@ class Job:
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
         several = len(play.missions) > 1
-        known = [one.process for one in play.missions]
+        known = [mission.process for mission in play.missions]
         own = {known[0] if process == "" and not several else process: files
                for process, files in boards.items()}
         for process in own:
             if process not in known:
                 raise Failure(f"a board is of a flight process; write PROCESS=FILE, with one of {', '.join(known)}"
                               if process == "" else self.unknown(process, known))
-        self.parts = [Part(self, one, own.get(one.process, ()), self.folder / one.process if several else self.folder)
-                      for one in play.missions]
+        self.parts = [Part(self, mission, own.get(mission.process, ()),
+                           self.folder / mission.process if several else self.folder)
+                      for mission in play.missions]
 
     @cached_property
     def fresh(self) -> Any:
@@ -271,29 +272,29 @@ class Job:
 
     def part(self, process: str) -> Part:
         """The flight process of that name."""
-        for one in self.parts:
-            if one.process == process:
-                return one
-        raise Failure(self.unknown(process, [one.process for one in self.parts]))
+        for part in self.parts:
+            if part.process == process:
+                return part
+        raise Failure(self.unknown(process, [part.process for part in self.parts]))
 
     @property
     def others(self) -> list[str]:
         """The names of the processes that are no flight, and have something to step."""
-        flights = [one.process for one in self.parts]
-        return [one.name for one in self.start.processes if one.tasks and one.name not in flights]
+        flights = [part.process for part in self.parts]
+        return [process.name for process in self.start.processes if process.tasks and process.name not in flights]
 
     @property
     def rounds(self) -> bool:
-        return any(one.rounds for one in self.parts)
+        return any(part.rounds for part in self.parts)
 
     @property
     def boards(self) -> list[Path]:
         """The files of boards that the user gave."""
-        return [path for one in self.parts for path in one.boards]
+        return [path for part in self.parts for path in part.boards]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:
         """Those of all flight processes."""
-        return [bound for one in self.parts for bound in one.bounds()]
+        return [bound for part in self.parts for bound in part.bounds()]
 
     def exchange(self, target: str) -> Path:
         """The path for the record of what the processes read of each other; it is written where boards may round,

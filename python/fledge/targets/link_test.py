@@ -101,7 +101,8 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
                if packet[:2] == b"\x08\x81"]
     assert reports == [(0, 0), (0, 0), (0, 1), (1, 0), (1, 0)]  # executed, reason: the third has a wrong length
     record = Archive(place / f"runs/link/flight/{target}.mcap")
-    said = [(one.kind, one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind != "event"]
+    said = [(happening.kind, happening.name.partition(",")[0], happening.text)
+            for happening in happenings(record) if happening.kind != "event"]
     assert ("mode", "rest", "") in said and [one for one in said if one[0] == "command"] == [
         ("command", "mode", "accepted"), ("command", "noop", "accepted"),
         ("command", "function 101", "refused at its arrival: length"),
@@ -375,7 +376,8 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
                         "19 bytes were no packet\n", log)
     assert carried and int(carried[1]) >= 4, log
     record = Archive(place / "runs/link/flight/linux.mcap")
-    said = [(one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind == "command"]
+    said = [(happening.name.partition(",")[0], happening.text)
+            for happening in happenings(record) if happening.kind == "command"]
     assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
     assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
 
@@ -399,7 +401,7 @@ class Station:
     verifiers of its XTCE; it gives commands their sequence, length and checksum as CfsCommandPostprocessor does."""
 
     def __init__(self, folder, name):
-        links = {one["class"].rpartition(".")[2]: one for one in yaml.safe_load(
+        links = {dataLink["class"].rpartition(".")[2]: dataLink for dataLink in yaml.safe_load(
             (folder / f"etc/yamcs.{name}.yaml").read_text(encoding="utf-8"))["dataLinks"]}
         self.reader = Reader((folder / f"mdb/{name}.xml").read_text(encoding="utf-8"))
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -429,7 +431,7 @@ class Station:
         end, tags = time.monotonic() + within, []
         while time.monotonic() < end and tags[-1:] not in (["CompleteVerifier"], ["FailedVerifier"]):
             if values := self.packet(1):
-                tags += [one.tag for one in verifiers if self.holds(one, values, sequence)]
+                tags += [verifier.tag for verifier in verifiers if self.holds(verifier, values, sequence)]
         return tags
 
     @staticmethod
@@ -446,7 +448,7 @@ class Station:
 
 def shown_by_wireshark(packets, path):
     """(type, secondary header, stream, flags, sequence, length) of each, by a decoder that is not ours."""
-    records = b"".join(struct.pack(">IIII", 0, 0, len(one), len(one)) + one for one in packets)
+    records = b"".join(struct.pack(">IIII", 0, 0, len(packet), len(packet)) + packet for packet in packets)
     path.write_bytes(struct.pack(">IIIIII", 0xA1B2C3D4, 0x00020004, 0, 0, 131072, 147) + records)
     fields = [word for name in ("type", "secheader", "apid", "seqflag", "seqnum", "length")
               for word in ("-e", f"ccsds.{name}")]

@@ -37,10 +37,10 @@ def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any
     """
     nodes = [*job.others, *programs]
     commands = {CONTROLLER: [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration),
-                             "--seed", job.seed, *(word for one in nodes for word in ("--node", one)), "--join",
+                             "--seed", job.seed, *(word for node in nodes for word in ("--node", node)), "--join",
                              timeout, "--reply", timeout, *(["--pace", pace] if pace else []),
                              *(["--record", job.exchange(name)] if job.boards else [])],
-                **{one: python_node(job, one, options) for one in job.others}, **programs}
+                **{other: python_node(job, other, options) for other in job.others}, **programs}
     return _run(job, name, commands)
 
 

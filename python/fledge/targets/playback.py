@@ -32,11 +32,11 @@ def stand_in(sim: Simulation, records: dict[str, Archive], exchange: Archive | N
         core.play_executive(*said)
         if packets and name in packets:
             process.commands.play(packets[name])
-        for one in dict.fromkeys(one for task in process.tasks for one in task.run):
-            instance = process.instances[one]
+        for fromkey in dict.fromkeys(one for task in process.tasks for one in task.run):
+            instance = process.instances[fromkey]
             for field in objects.struct(instance).fields:
                 if field.group == "out":
-                    topic = export.host.topic(f"{name}.{one}.{field.name}")
+                    topic = export.host.topic(f"{name}.{fromkey}.{field.name}")
                     if topic not in record.topics:
                         raise Failure(f"{record.path}: it has no {topic}, so {name} cannot be judged by it")
                     for source, sent in ((record, False), (exchange, True)):

@@ -65,10 +65,10 @@ class Board:
         if program.doubles and not self.doubles:
             raise Failure(f"{program.path} is built for 64-bit floating point in hardware, which {self.name} lacks; "
                           "build it with software doubles (-mfloat-abi=soft of ARM, -mabi=ilp32 or lp64 of RISC-V)")
-        for one in program.segments:
-            if one.stored:
-                self._fits(program.path, one.load, one.stored, [area for area in self.memory if area.loads])
-            self._fits(program.path, one.begin, one.size, self.memory)
+        for segment in program.segments:
+            if segment.stored:
+                self._fits(program.path, segment.load, segment.stored, [area for area in self.memory if area.loads])
+            self._fits(program.path, segment.begin, segment.size, self.memory)
 
     def _fits(self, path: Path, begin: int, size: int, areas: Sequence[Memory]) -> None:
         area = next((one for one in areas if one.holds(begin)), None)
@@ -136,8 +136,8 @@ def _board(name: str, path: Path) -> Board:
                              take.integer(table, where, "size", 1, 2**64) or 0, flag(table, where, "loads")))
     made = Board(name, take.text(data, (), "about", ""), take.choice(data, (), "processor", sorted(
         {*elf.MACHINES.values()})) or "", take.choice(data, (), "bits", (32, 64)) or 0, flag(data, (), "big_endian"),
-        flag(data, (), "doubles"), [str(beside) if (beside := path.parent / one).is_file() else one
-                                    for one in words("scripts")], words("commands"), words("load"), memory)
+        flag(data, (), "doubles"), [str(beside) if (beside := path.parent / word).is_file() else word
+                                    for word in words("scripts")], words("commands"), words("load"), memory)
     if not made.load:
         take.refuse(("load",), "`load` has the commands that load a program", "it has none",
                     'write load = ["program {file} verify reset exit"]')

@@ -142,12 +142,13 @@ def test_a_pair_takes_over_and_safe_mode_follows_the_last_one_on_every_target(mi
         one = decoded(commands.dictionary, packet)
         told.setdefault(one.path, []).append(one.content)
     check_tables(told["flight.protection.table"])
-    assert [(one.name, one.severity) for one in told["events"] if one.output == "flight.protection.event"] == [
+    assert [(event.name, event.severity) for event in told["events"] if event.output == "flight.protection.event"] == [
         ("SET", "info"), ("SET", "info"), ("FIRED", "medium"), ("FIRED", "medium"), ("RESTORED", "info"),
         ("LOST", "high"), ("FIRED", "medium"), ("SET", "info"), ("SET", "info"), ("SET", "info"), ("FIRED", "medium"),
         ("LOST", "high")]
     assert "FIRED rule 0, value 5.1, unit 0, successor 1" in str(told["events"][2])
-    own = [(one.rule, one.stored_on, one.code, one.reason) for one in commands.reports if one.own and one.executed]
+    own = [(report.rule, report.stored_on, report.code, report.reason)
+           for report in commands.reports if report.own and report.executed]
     assert own == [(31, None, Code.MODE, Reason.OK), (31, None, Code.CONTROL, Reason.OK),
                    (None, 4, Code.UNIT, Reason.OK), (None, 4, Code.UNIT, Reason.LAST), (None, 4, Code.UNIT, Reason.OK)]
     assert sim.mode == "safe"
@@ -156,10 +157,10 @@ def test_a_pair_takes_over_and_safe_mode_follows_the_last_one_on_every_target(mi
 def check_tables(tables):
     """What each unit is from when on: in use, ready, faulted, off."""
     changes = []
-    for one in tables:
-        states = "".join(name.removeprefix("UNIT_")[0] for name in one["state"][:4])
+    for table in tables:
+        states = "".join(name.removeprefix("UNIT_")[0] for name in table["state"][:4])
         if not changes or states != changes[-1][1]:
-            changes.append((one["head"]["t"] / 1e9, states))
+            changes.append((table["head"]["t"] / 1e9, states))
     assert changes == [
         (0, "PRPR"), (10.2, "RPPR"), (12.2, "PRPR"),        # by the ground
         (24.8, "FPPR"), (50.5, "FPFP"),                     # silent for 2 s, and then for 3 s; at its limit

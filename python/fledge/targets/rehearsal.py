@@ -191,8 +191,8 @@ class Rehearsal:
     def finish(self) -> None:
         if self.duration is None:
             self.duration = self.sim.time
-        self.in_vain = {(flight.name, self.sent_as.get((flight.name, one.sequence), one.sequence))
-                        for flight in self.sim.flights for one in flight.commands.reports if not one.good}
+        self.in_vain = {(flight.name, self.sent_as.get((flight.name, report.sequence), report.sequence))
+                        for flight in self.sim.flights for report in flight.commands.reports if not report.good}
         self.script.sort(key=lambda one: one.after)
 
 

@@ -141,7 +141,7 @@ def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys,
         assert [one.packet for one in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
 
     # Each command of the sequence once, the one that came due while the computer was down late.
-    done = [(one.t / 1e9, one.reason) for one in commands.reports if one.stored_on == 0 and one.executed]
+    done = [(report.t / 1e9, report.reason) for report in commands.reports if report.stored_on == 0 and report.executed]
     assert [t for t, _ in done] == [20.3, 25.3, 39.7, 45.6, 80.3] and {why for _, why in done} == {Reason.OK}
     assert f.gains.sigma_RN[0] == 0.3, "as built it would be 0"
 
@@ -152,7 +152,7 @@ def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys,
     assert f.outages == [(40 * 10**9, 43 * 10**9)] and f.files.state.tables == 2
     events = [one.content for one in (decoded(commands.dictionary, packet) for packet in desktop)
               if one.path == "events"]
-    said = [(one.output.split(".")[1], one.name) for one in events]
+    said = [(event.output.split(".")[1], event.name) for event in events]
     assert said.count(("files", "REFUSED")) == 1 and said.count(("files", "LOADED")) == 2
     assert [name for module, name in said if module == "memory"] == [
         "BEGUN", "CUT", "RESUMED", "ENDED"]

@@ -218,15 +218,15 @@ def test_a_board_that_is_reset_ends_the_run_and_is_named(board, cables, tmp_path
 
 def test_two_boards_fly_two_processes_of_one_run(cables, tmp_path, capfd):
     programs = {one: built("formation", tmp_path / one, one) for one in ("chief", "deputy")}
-    lines = {one: cables(programs[one]) for one in programs}
-    on = ",".join(f"{one}=serial:{lines[one].device}" for one in lines)
-    elves = [word for one in programs for word in ("--elf", f"{one}={programs[one]}")]
+    lines = {program: cables(programs[program]) for program in programs}
+    on = ",".join(f"{line}=serial:{lines[line].device}" for line in lines)
+    elves = [word for program in programs for word in ("--elf", f"{program}={programs[program]}")]
     code, said = fly(capfd, "formation", "--on", on, *elves, "--for", "5s", "--out", tmp_path / "fly")
-    assert code == 0 and all(f"line     {one} on serial-" in said for one in lines), said
+    assert code == 0 and all(f"line     {line} on serial-" in said for line in lines), said
     # The program of the other process is another one.
-    for one in lines:
-        lines[one] = cables(programs[one])
-    on = ",".join(f"{one}=serial:{lines[one].device}" for one in lines)
+    for line in lines:
+        lines[line] = cables(programs[line])
+    on = ",".join(f"{line}=serial:{lines[line].device}" for line in lines)
     swapped = ["--elf", f"chief={programs['deputy']}", "--elf", f"deputy={programs['chief']}"]
     code, said = fly(capfd, "formation", "--on", on, *swapped, "--for", "5s", "--out", tmp_path / "fly")
     assert code == 1 and "the board's program of formation is not the given one: its build is " in said, said
@@ -302,7 +302,7 @@ def test_a_run_goes_on_after_a_cut_as_its_file_says(board, cables, tmp_path, cap
 def test_a_wrong_line_in_the_file_of_a_run_is_refused_by_its_line(target, more, complaints, tmp_path, capfd):
     assert cli.main(["up", str(up_file(tmp_path, target, more)), "--check"]) == 2
     error = capfd.readouterr().err
-    assert all(one in error for one in complaints), error
+    assert all(complaint in error for complaint in complaints), error
 
 
 def test_a_board_flies_one_process(tmp_path, capfd):

@@ -157,23 +157,25 @@ def test_services_are_the_same_on_every_target(served, tmp_path, capsys):
 
 
 def check_stored(sim, reports, states):
-    kept = [one for one in reports if one.stored_on is not None]
+    kept = [report for report in reports if report.stored_on is not None]
     assert [(one.stored_on, one.code, one.reason) for one in kept if one.executed or not one.good][:12] == [
         (1, Code.MODE, Reason.OK), (1, Code.WRITE, Reason.OK), (1, Code.ARM, Reason.OK),
         (0, Code.MODE, Reason.OK), (0, Code.WRITE, Reason.OK), (1, Code.READ, Reason.OK),
         (0, Code.CONTROL, Reason.OK), (2, Code.WRITE, Reason.RULE), (2, Code.MODE, Reason.OK),
         (2, Code.MODE, Reason.INHIBITED), (1, Code.MODE, Reason.OK), (0, Code.NOOP, Reason.LATE)]
-    assert [one.reason for one in reports if one.stored_on is None and one.monitor is None and not one.good] == [
+    assert [report.reason for report in reports if report.stored_on is None and report.monitor is None
+            and not report.good] == [
         Reason.CRC, Reason.RUNNING]
-    lists = [[row.step for row in stored(one.data)] for one in reports if one.code == Code.LIST and one.executed]
+    lists = [[row.step for row in stored(report.data)]
+             for report in reports if report.code == Code.LIST and report.executed]
     assert lists == [[0, 1, 2, 3], [4]]
-    assert next(one for one in states if one["head"]["t"] == 64 * 10**9)["stored"] == 0     # all are deleted
+    assert next(state for state in states if state["head"]["t"] == 64 * 10**9)["stored"] == 0     # all are deleted
     assert sim.flight.control.K == 3.5
-    assert {one["running"] for one in states} == {0, 2, 4} and {one["held"] for one in states} == {0, 1, 2}
+    assert {state["running"] for state in states} == {0, 2, 4} and {state["held"] for state in states} == {0, 1, 2}
 
 
 def check_monitors(reports, told):
-    started = [(one.monitor, one.reason) for one in reports if one.monitor is not None and one.executed]
+    started = [(report.monitor, report.reason) for report in reports if report.monitor is not None and report.executed]
     assert started == [(0, Reason.OK), (1, Reason.OK), (2, Reason.PLACE)]       # list 3 has nothing
     states = told["flight.monitors.state"]
     assert states[-1]["on"] & 1 == 0 and states[-1]["bad"] == 0
@@ -182,7 +184,7 @@ def check_monitors(reports, told):
 
 def check_events(events):
     """Those that are grave enough, all of the monitors, and twice all again: what a reset keeps, counts on."""
-    said = [(str(one).partition(",")[0].split(": ")[1], one.number, one.before) for one in events]
+    said = [(str(event).partition(",")[0].split(": ")[1], event.number, event.before) for event in events]
     stored = [("INHIBITED list 2", 1, 1), ("LATE list 0", 2, 0)]
     monitors = [("FIRED monitor 0", 3, 0), ("FIRED monitor 1", 4, 0), ("FIRED monitor 2", 5, 0),
                 ("RIGHT monitor 2", 6, 0), ("RIGHT monitor 1", 7, 0)]
@@ -195,12 +197,13 @@ def check_events(events):
 def check_selected(reports):
     """At the first update at or after each period, when it is turned on, and with what is chosen then."""
     ms = 10**6
-    every = [(one.t // ms, list(one.values)) for one in reports if one.report == 0]
+    every = [(report.t // ms, list(report.values)) for report in reports if report.report == 0]
     assert [t for t, _ in every][:6] == [0, 3200, 6400, 9600, 12400, 15600]
     fired = [t for t, names in every if names == ["flight.monitors.state.fired"]]
     assert fired == list(range(100_000, 110_000, 400))
-    assert [one.t // ms for one in reports if one.report == 7] == [0, 20_000, 24_400, 40_000, 60_000]    # 24.4: a reset
-    first = next(one for one in reports if one.t == 62 * 10**9)
+    assert [report.t // ms for report in reports if report.report == 7] == [0, 20_000, 24_400, 40_000,
+                                                                            60_000]    # 24.4: a reset
+    first = next(report for report in reports if report.t == 62 * 10**9)
     assert first.values["flight.stored.state.skipped"] == 1 and not first.left_out
     assert len(first.values["flight.tracking.error.sigma_BR"]) == 3 and len(first.data) == 36
 
@@ -225,7 +228,7 @@ def test_what_is_stored_is_a_parameter_that_flies_from_the_start(mission):
     other.flight.stored.commands = sim.flight.stored.commands
     other.flight.stored.commands[0].list = 0        # whose checksum does not hold any more
     other.run(2 * s)
-    assert [one.reason for one in other.flight.commands.reports] == [Reason.CRC]
+    assert [report.reason for report in other.flight.commands.reports] == [Reason.CRC]
 
 
 def test_a_process_has_one_service_of_a_kind(mission):
@@ -354,9 +357,9 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
     commands = sim.flight.commands
     commands.take_packets()
     sim.scenarios["carries"]()
-    said = [(one.code, one.stage, one.reason) for one in commands.reports
-            if one.code >= Code.FILE_SEND and one.stage != Stage.ACCEPTED]
-    number = next(one.detail for one in commands.reports if one.stage == Stage.STARTED)
+    said = [(report.code, report.stage, report.reason) for report in commands.reports
+            if report.code >= Code.FILE_SEND and report.stage != Stage.ACCEPTED]
+    number = next(report.detail for report in commands.reports if report.stage == Stage.STARTED)
     assert [one for one in said if one[1] != Stage.UNDER_WAY] == [
         (Code.TABLE_LOAD, Stage.DONE, Reason.RULE), (Code.TABLE_LOAD, Stage.DONE, Reason.OK),
         (Code.TABLE_LOAD, Stage.DONE, Reason.PLACE), (Code.CHECK, Stage.DONE, Reason.OK),
@@ -366,14 +369,14 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
         (Code.FILE_REMOVE, Stage.DONE, Reason.PLACE), (Code.FILE_CONTROL, Stage.DONE, Reason.OK),
         (Code.FILE_SEND, Stage.DONE, Reason.FAILED)]
     assert sim.flight.control.K == 3.5 and sim.flight.files.state.failed == 1
-    desktop = [(decoded(commands.dictionary, one.packet).path, one) for one in commands.take_packets()]
+    desktop = [(decoded(commands.dictionary, packet.packet).path, packet) for packet in commands.take_packets()]
     links = [read_script((out / f"{name}.telemetry.txt").read_text()) for name in on]
     assert links == links[:1] * len(on)
     sent = [(one.t, one.packet[16:]) for path, one in desktop if path == "files"]
     job = Job(str(folder), "carries", folder=out)
     found = export.dictionary(job.parts[0].mission)
     assert job.parts[0].reports(on[0]) == commands.reports
-    assert [(one.t, one.packet[16:]) for one in links[0] if decoded(found, one.packet).path == "files"] == sent
+    assert [(link.t, link.packet[16:]) for link in links[0] if decoded(found, link.packet).path == "files"] == sent
 
     down = {}
     for _, pdu in sent:                                 # data of the first file that came down
@@ -381,7 +384,8 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
             down[int.from_bytes(pdu[12:16], "big")] = pdu[16:]
     path, values = read_table(commands.dictionary, b"".join(down[at] for at in sorted(down) if at != 16))
     assert (path, values["K"]) == ("flight.control", 3.5)
-    size, crc = checked(next(one.data for one in commands.reports if one.code == Code.CHECK and one.executed))
+    size, crc = checked(next(report.data for report in commands.reports if report.code == Code.CHECK
+                             and report.executed))
     whole = commands.table(sim.flight.control)
     assert (size, crc) == (len(whole) - 16, int.from_bytes(whole[12:14], "big"))
 
@@ -449,8 +453,8 @@ def test_the_same_flight_gives_the_same_packets_on_every_target(tmp_path, capsys
     paths = [decoded(commands.dictionary, one.packet).path for one in desktop]
     assert {path: paths.count(path) for path in ("files", "reports", "flight.files.event")} == {
         "files": 14, "reports": 20, "flight.files.event": 3}
-    own = [(one.monitor, one.stored_on, one.code, one.reason) for one in commands.reports
-           if one.executed and (one.monitor, one.stored_on) != (None, None)]
+    own = [(report.monitor, report.stored_on, report.code, report.reason) for report in commands.reports
+           if report.executed and (report.monitor, report.stored_on) != (None, None)]
     assert own == [(0, None, Code.CONTROL, Reason.OK), (None, 1, Code.MODE, Reason.OK),
                    (None, 1, Code.WRITE, Reason.RULE)]
 

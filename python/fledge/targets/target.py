@@ -49,7 +49,7 @@ class Target:
         programs = dict.fromkeys(program for one in self.with_used() for program in one.needs)
         if programs:
             programs["ninja"] = None    # which builds for all of them
-        return [one for one in programs if not shutil.which(one)]
+        return [program for program in programs if not shutil.which(program)]
 
     def prepare(self) -> None:
         """Build what all programs of this target need, such as a C library, if it is not there."""

@@ -52,7 +52,7 @@ class Row:
         elif self.method != "test":
             return f"by {self.method}"
         else:
-            found = [one.verdict for one in self.children]
+            found = [child.verdict for child in self.children]
         # What an analysis shows counts where no test shows anything.
         tested = [one for one in found if one in ORDER]
         return min(tested, key=ORDER.index) if tested else next(iter(found), NOT_SHOWN)

@@ -65,11 +65,11 @@ def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
     from fledge.mission.field_path import port
 
     every: dict[str, int] = {}      # [ns] by port
-    for one in requirements:
-        for comparison in one.formula.comparisons if one.formula is not None else ():
+    for requirement in requirements:
+        for comparison in requirement.formula.comparisons if requirement.formula is not None else ():
             for field in comparison.signal.fields:
                 assert field.port
-                every[field.port] = min(one.every, every.get(field.port, one.every))
+                every[field.port] = min(requirement.every, every.get(field.port, requirement.every))
 
     def run(*arguments: Any, **options: Any) -> None:
         del sim.run
@@ -87,19 +87,20 @@ def _shown(watch: Judged, outcomes: Sequence[Outcome], error: str) -> list[Shown
     from fledge.verify import figure
 
     found = []
-    for one in outcomes:
-        shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
-                      one.reason)
+    for outcome in outcomes:
+        shown = Shown(outcome.requirement.id, outcome.verdict, outcome.margin, outcome.low, outcome.high, outcome.unit,
+                      outcome.at, outcome.where,
+                      outcome.reason)
         if error and shown.verdict == UNKNOWN:
             shown.at, shown.where, shown.reason = None, "", "the flight failed before it was decided"
-        assert one.requirement.formula is not None
-        comparisons = one.requirement.formula.comparisons
-        decided = next((each for each in comparisons if each.text == one.where), None)
+        assert outcome.requirement.formula is not None
+        comparisons = outcome.requirement.formula.comparisons
+        decided = next((comparison for comparison in comparisons if comparison.text == outcome.where), None)
         if decided is not None and decided.measured:
             shown.limit = decided.limit
         # Where names decide, no comparison is the nearest: the last one is what the formula ends in.
         if drawn := [decided] if decided is not None else comparisons[-1:]:
-            shown.figure = figure.draw(*watch.values(drawn[0]), drawn[0], one.at, one.verdict)
+            shown.figure = figure.draw(*watch.values(drawn[0]), drawn[0], outcome.at, outcome.verdict)
         found.append(shown)
     return found
 
@@ -120,10 +121,10 @@ def _on_target(flight: Flight, found: Flown) -> tuple[Job, dict[str, Archive]]:
         target = made(["--coverage", COVERAGE])
     job = Job(flight.mission, flight.scenario, None, flight.seed, folder=flight.folder, parameters=flight.parameters)
     desktop = Desktop().fly(job)
-    flown = fly(job, {one.process: target for one in job.parts}, flight.target)
+    flown = fly(job, {part.process: target for part in job.parts}, flight.target)
     records = {process: Archive(one.record) for process, one in flown.items()}
-    bits = [[digest(record, one.outputs, one.is_instant) for record in
-             (records[one.process], Archive(desktop[one.process].record))] for one in job.parts]
+    bits = [[digest(record, part.outputs, part.is_instant) for record in
+             (records[part.process], Archive(desktop[part.process].record))] for part in job.parts]
     found.same = all(here == there for here, there in bits)
     for one in job.parts if flight.coverage and target.takes_tools else ():
         coverage.add(found.coverage, coverage.read(one.folder / COVERAGE, one.roots, one.folder / "c"))
@@ -134,5 +135,5 @@ def _packets(job: Job, target: str) -> dict[str, Any]:
     """The telemetry of each process that sent any."""
     from fledge.commands import read_script
 
-    return {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
-            if one.telemetry(target).exists()}
+    return {part.process: read_script(part.telemetry(target).read_text()) for part in job.parts
+            if part.telemetry(target).exists()}

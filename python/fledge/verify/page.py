@@ -28,12 +28,12 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
     more: what the template takes as it is: seed, made, about, only, repeat; changed: differences to the report before,
     or None, changed_since; csv: file and differences, or None.
     """
-    found = [one.verdict for one in rows]
-    ids = {one.id for one in rows}
-    roots = [one for one in rows if not one.parent]
-    for parent in dict.fromkeys(one.parent for one in rows if one.parent and one.parent not in ids):
+    found = [row.verdict for row in rows]
+    ids = {row.id for row in rows}
+    roots = [row for row in rows if not row.parent]
+    for parent in dict.fromkeys(row.parent for row in rows if row.parent and row.parent not in ids):
         roots.append(Row(parent, "(no requirement of this report)", method="",
-                         children=[one for one in rows if one.parent == parent]))
+                         children=[row for row in rows if row.parent == parent]))
     counts = Counter({word: found.count(word) for word in
                       ("holds", *sorted({one for one in found if one.startswith("by ")}), "violated", "unknown",
                        "not shown")})

@@ -127,7 +127,7 @@ def junit(mission: str, found: Sequence[Row], flown: Sequence[Flown]) -> str:
         suite = _suite(top, f"{mission}.without_flight", 0.0)
         for row in others:
             by = f"{row.evidence or row.verdict}" + (
-                " by " + ", ".join(one.id for one in row.children) if row.of_children else "")
+                " by " + ", ".join(child.id for child in row.children) if row.of_children else "")
             _case(suite, row.id, "skipped", by if row.verdict != NOT_SHOWN else "no flight shows it")
     for suite in top:
         for kind, name in (("tests", "testcase"), ("failures", "testcase/failure"), ("errors", "testcase/error"),

@@ -115,7 +115,7 @@ def test_a_simulation_that_ends_meanwhile_does_not_harm_a_hash(here):
 
 def results(folder):
     found = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    return {one["id"]: one for one in found["requirements"]}, found
+    return {requirement["id"]: requirement for requirement in found["requirements"]}, found
 
 
 def verify(capsys, *arguments, code=1):
@@ -145,7 +145,7 @@ def test_verdicts_and_margins_are_those_of_the_records(report):
     assert found["RAT-1"]["margin"] == pytest.approx(np.radians(3) - rates.max(), rel=1e-12)
     assert brief.series("error.omega_BR_B").time[-1] == 60, "what a requirement reads is recorded in all runs"
     assert found["RAT-1"]["unit"] == "rad/s" and found["STR-1"]["margin"] is None
-    assert {(one["scenario"], one["error"]) for one in whole["flights"]} == {("settle", ""), ("brief", "")}
+    assert {(flight["scenario"], flight["error"]) for flight in whole["flights"]} == {("settle", ""), ("brief", "")}
 
 
 def test_the_records_judged_again_give_the_same(report):

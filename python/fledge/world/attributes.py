@@ -50,8 +50,8 @@ def _bodies(rows: Iterable[BodyFields]) -> list[Body]:
 
 def _set_gravity(craft: _core.Model, bodies: Any) -> None:
     _changes(craft)
-    for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
-        _core.add_gravity(craft, _fields(one, f"{_core.path(craft)}.gravity"))
+    for body in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
+        _core.add_gravity(craft, _fields(body, f"{_core.path(craft)}.gravity"))
 
 
 def _get_gravity(craft: _core.Model) -> list[Body]:
@@ -141,8 +141,8 @@ def _first_body(name: str) -> property:
 
 def _set_shadows(light: _core.Model, bodies: Any) -> None:
     _changes(light)
-    for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
-        _core.add_body(light, _fields(one, f"{_core.path(light)}.shadows"))
+    for body in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
+        _core.add_body(light, _fields(body, f"{_core.path(light)}.shadows"))
 
 
 def _set_serves(radio: _core.Model, process: Any) -> None:

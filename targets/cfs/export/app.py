@@ -29,7 +29,7 @@ def services(mission: Mission) -> list[str]:
 
 def has_files(mission: Mission) -> bool:
     """Whether flight has the service of files."""
-    return any(one.type == "Files" for one in mission.modules)
+    return any(module.type == "Files" for module in mission.modules)
 
 
 @dataclass(frozen=True)

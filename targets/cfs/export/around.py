@@ -67,7 +67,7 @@ def version(app: App, config: Mapping[str, str]) -> str:
 
 def configured(app: App, scope: str, headers: Sequence[str]) -> str:
     """mission_build.cmake or arch_build.cmake: a header for each of config/, which a mission may replace."""
-    listed = " ".join(f"{app.name}_{one}.h" for one in headers)
+    listed = " ".join(f"{app.name}_{header}.h" for header in headers)
     return "\n".join(["# SPDX-License-Identifier: Apache-2.0",
                       f"# The headers of a {scope}: a file of this name in the definitions counts, or that of config/.",
                       *wrap(f"foreach(FILE {listed})".split(), "", "        "),

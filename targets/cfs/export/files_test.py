@@ -100,7 +100,7 @@ def test_files_are_in_a_folder_of_cfe(connected, tmp_path):
     craft.listen(0.2 * s)
     lost.cancel()
     craft.listen(2 * s)
-    assert {one.name for one in (cf / "nav").rglob("*")} == {"next", "old", "science", "table"}
+    assert {path.name for path in (cf / "nav").rglob("*")} == {"next", "old", "science", "table"}
 
 
 def test_without_its_folder_the_files_are_in_flights_memory(connected, tmp_path):

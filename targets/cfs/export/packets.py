@@ -228,7 +228,7 @@ def payloads(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
     parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
              "/* Commands: numbers are big-endian, and the first is the version of the dictionary. */", "",
-             *(line for one in arguments(mission).items() for line in command(prefix, *one)),
+             *(line for item in arguments(mission).items() for line in command(prefix, *item)),
              f"typedef struct {prefix}_HkTlm_Payload {{",
              *with_notes([(f"{type_.partition('[')[0]} {name}{''.join(type_.partition('[')[1:])};", about)
                           for name, type_, about in housekeeping(mission)], "    "),

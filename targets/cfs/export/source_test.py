@@ -104,8 +104,9 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     app = cfs.App("nadir")
     component = package.find("s:ComponentSet/s:Component", ns)
     interfaces = component.find("s:RequiredInterfaceSet", ns)
-    packets = {one.get("name"): one.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type") for one in interfaces}
-    kinds = {one.get("name"): one.get("type").partition("/")[2].upper() for one in interfaces}
+    packets = {interface.get("name"): interface.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type")
+               for interface in interfaces}
+    kinds = {interface.get("name"): interface.get("type").partition("/")[2].upper() for interface in interfaces}
     found = tables.tables(nadir, app)
     for table in found:
         assert kinds.pop(table.name) == "TABLE" and size(packets[table.name]) == 8 + len(table.content)

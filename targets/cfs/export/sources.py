@@ -102,8 +102,8 @@ def external(text: str) -> set[str]:
                 names.add(call[1])
             continue
         if len(words) > 1 and not re.fullmatch(r"(?:struct|enum|union)\s+\w+", before.strip()):
-            for one in before.split(","):               # `S *two, x[3];` has two
-                declared = re.search(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*$", one.strip())
+            for word in before.split(","):               # `S *two, x[3];` has two
+                declared = re.search(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*$", word.strip())
                 if declared:
                     names.add(declared[1])
     return names

@@ -47,9 +47,9 @@ def compose(sim: Simulation, mission: Mission, own: Mission | None = None, board
                                     "a model of the world" for one in fed))
     own = replace(own or mission, form="micropython")
     scripts = read_scripts(sim)
-    left = {one.name: one.memory for one in own.modules}
+    left = {module.name: module.memory for module in own.modules}
     mission = replace(mission, form="micropython", changed=[
-        one for one in mission.modules if one.memory != left[one.name]],
+        module for module in mission.modules if module.memory != left[module.name]],
         begins=mission.initial_mode if mission.initial_mode != own.initial_mode else None)
     files = (emit_c(mission) | emit_board(mission, boards, outputs) | emit_commands(mission) | emit_host(mission)
              | emit_tables(own, scripts.module, scripts.whole, [process.name for process in sim.processes],

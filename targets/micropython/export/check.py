@@ -116,7 +116,7 @@ def _start(struct: _core.Struct, offset: int) -> int:
 def expected(mission: Mission, flight: Flight) -> dict[str, list[str]]:
     """The lines that the target should print, by kind."""
     lines: dict[str, list[str]] = {kind: [] for kind in ("python", "wire", *LISTED)}
-    titles = {one.name: one.path.partition(".")[2] for one in mission.modules}
+    titles = {module.name: module.path.partition(".")[2] for module in mission.modules}
 
     def end(place: str) -> str:
         """tracking.out.error -> tracking.error, as the script calls it"""
@@ -125,7 +125,7 @@ def expected(mission: Mission, flight: Flight) -> dict[str, list[str]]:
 
     for wires in (*mission.wires.values(), *mission.published.values()):
         for i, w in enumerate(wires):
-            before = sum(one.target == w.target for one in wires[:i])
+            before = sum(wire.target == w.target for wire in wires[:i])
             if not w.source.startswith("in."):
                 lines["wire"].append(f"{end(w.source)} {end(w.target)} {w.stale_after}"
                                      + (f" {w.choice} {before}" if w.choice else ""))

@@ -71,21 +71,21 @@ def _choices(flight: Any, several: bool) -> Iterator[str]:
     """The lines that make what connections in world.py, which does not fly, added to a process."""
     if flight.command_choices:
         yield "    f = " + (f"it.process({flight.name!r})" if several else "it")
-    for one in flight.command_choices:
-        outputs = ", ".join((f"{mode}=" if mode else "") + f"f.{output}" for output, mode in one.outputs)
-        age = f".stale_after({one.stale_after} * ns)" if one.stale_after else ""
-        period, offset, priority = one.task
-        yield f"    f.{one.name} = fsw.{one.type}()"
-        yield f"    f.connect((fsw.{one.rule}({outputs}) >> f.{one.name}.chosen){age})"
-        yield (f"    f.task({one.name!r}, every={period} * ns, offset={offset} * ns, priority={priority}, "
-               f"run=[f.{one.name}])")
+    for choice in flight.command_choices:
+        outputs = ", ".join((f"{mode}=" if mode else "") + f"f.{output}" for output, mode in choice.outputs)
+        age = f".stale_after({choice.stale_after} * ns)" if choice.stale_after else ""
+        period, offset, priority = choice.task
+        yield f"    f.{choice.name} = fsw.{choice.type}()"
+        yield f"    f.connect((fsw.{choice.rule}({outputs}) >> f.{choice.name}.chosen){age})"
+        yield (f"    f.task({choice.name!r}, every={period} * ns, offset={offset} * ns, priority={priority}, "
+               f"run=[f.{choice.name}])")
 
 
 def _computed(results: Sequence[Computed]) -> str:
     """The Python of functions that give these results, one at each call."""
     functions: dict[str, list[str]] = {}
-    for one in results:
-        functions.setdefault(one.function, []).append(_literal(one.result))
+    for result in results:
+        functions.setdefault(result.function, []).append(_literal(result.result))
     return "def _in_turn(*results):\n    left = iter(results)\n    return lambda *_, **__: next(left)\n\n\n" + "".join(
         f"{name} = _in_turn({', '.join(literals)})\n" for name, literals in functions.items())
 
@@ -101,7 +101,7 @@ def _given(mission: Any, file: Path | str) -> str:
     """The parameters that the user gave and that its build() takes, as arguments."""
     tree = ast.parse(Path(file).read_text(encoding="utf-8"))
     arguments = next(one.args for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == "build")
-    known = [one.arg for one in (*arguments.args[1:], *arguments.kwonlyargs)]
+    known = [argument.arg for argument in (*arguments.args[1:], *arguments.kwonlyargs)]
     for name, value in mission.parameters.items():
         if name in known and not isinstance(value, (bool, int, float, str)):
             raise ExportError(f"{mission.name}: the parameter {name} must be a number or a text there; found {value!r}")
@@ -206,8 +206,8 @@ def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
             for one in node.orelse:
                 yield from imports(ast.Module([one], []))
-        elif isinstance(node, ast.Try) and any("ImportError" in ast.dump(one.type) or "ModuleNotFound" in ast.dump(
-                one.type) for one in node.handlers if one.type):
+        elif isinstance(node, ast.Try) and any("ImportError" in ast.dump(handler.type) or "ModuleNotFound" in ast.dump(
+                handler.type) for handler in node.handlers if handler.type):
             for one in (*node.handlers, *node.orelse, *node.finalbody):
                 yield from imports(one)
         else:

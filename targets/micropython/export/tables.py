@@ -76,7 +76,7 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     def list_of(what: str, these: Sequence[str], *end: str) -> str:
         if these:
             texts = [*map(quoted, these), *end]
-            lines.extend(wrap([*(f"{one}," for one in texts[:-1]), texts[-1]],
+            lines.extend(wrap([*(f"{text}," for text in texts[:-1]), texts[-1]],
                               f"static const char *const {what}[] = {{", "    ", "};"))
         return what if these else "0"
 

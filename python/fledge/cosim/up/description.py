@@ -424,8 +424,8 @@ class _Reader(Tables):
             self.refuse((*path, "serve"), "`serve` is the file of a control room", str(error),
                         "it is relative to this file's folder")
             return
-        links = [urlsplit(str(one.get("link", ""))) for one in crafts if isinstance(one, dict)]
-        found = [(one.path, dict(parse_qsl(one.query)).get("radio")) for one in links if one.scheme == "cosim"]
+        links = [urlsplit(str(craft.get("link", ""))) for craft in crafts if isinstance(craft, dict)]
+        found = [(link.path, dict(parse_qsl(link.query)).get("radio")) for link in links if link.scheme == "cosim"]
         if not found:
             self.refuse((*path, "serve"), "a control room in a co-simulation has a spacecraft there",
                         f"none in {file} has a link cosim:PROCESS", 'write link = "cosim:flight" in its [[craft]]')

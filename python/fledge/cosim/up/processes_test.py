@@ -45,7 +45,7 @@ def all_there(mark):
     """Wait for the whole family: its three sleeps, in three sessions."""
     def there():
         commands = [command for _, command in mark.processes()]
-        return commands.count("sleep 600") >= 3 and not any(one.startswith("setsid ") for one in commands)
+        return commands.count("sleep 600") >= 3 and not any(command.startswith("setsid ") for command in commands)
 
     wait_for(there)
 

@@ -87,7 +87,8 @@ def noted(run: Path) -> tuple[Plan, dict[str, Any]]:
     """What was started in the folder of a run. Raises RewindError."""
     try:
         found = json.loads((run / NOTE).read_text(encoding="utf-8"))
-        made: dict[str, Any] = {**found["plan"], "programs": [Program(**one) for one in found["plan"]["programs"]]}
+        made: dict[str, Any] = {**found["plan"],
+                                "programs": [Program(**program) for program in found["plan"]["programs"]]}
         return Plan(**made), found
     except FileNotFoundError:
         raise RewindError(f"{run} is no folder of a run: it has no {NOTE}, which fledge up writes") from None
@@ -167,7 +168,7 @@ def changed_since(plan: Plan, found: dict[str, Any]) -> dict[str, str]:
     others = {}
     if (fledge := _fledge()) != found["fledge"]:
         others["fledge"] = f"it was {found['fledge']} and is {fledge}"
-    before: dict[str, Any] = {one["name"]: one for one in found["plan"]["programs"]}
+    before: dict[str, Any] = {program["name"]: program for program in found["plan"]["programs"]}
     for p in plan.nodes:
         was, now = before.get(p.name), json.loads(json.dumps(asdict(p)))
         if was is None:

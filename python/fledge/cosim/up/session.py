@@ -280,7 +280,7 @@ class Session:
             why = f"the run is at {self.progress.t:g} s"
         else:   # else the run would end, and no other one begin
             others = rewind.changed_since(self.plan, rewind.noted(self.folder)[1])
-            why = ", and ".join(f"{one} has changed since the run began" for one in others)
+            why = ", and ".join(f"{other} has changed since the run began" for other in others)
         if why:
             self._refused = f"it does not go back to {t:g} s: {why}"
             self.view.happens(f"  {name} asks for the instant {t:g} s, but {why}")
@@ -311,7 +311,7 @@ class Session:
             command += ["--watch", topic]
         for p in plan.programs:
             if p.asynchronous:
-                complete = "".join([f",complete={p.observers}", *(f",hears={one}" for one in p.sees)]) * p.complete
+                complete = "".join([f",complete={p.observers}", *(f",hears={see}" for see in p.sees)]) * p.complete
                 command += ["--asynchronous", ":".join(filter(None, [p.name + complete, ",".join(p.writes)]))]
         for p in plan.nodes:
             joins = "any" if p.joins == WHEN_IT_COMES else repr(p.joins)

@@ -128,13 +128,13 @@ await run({
         await page.keyboard.press("r");
         await page.locator(".answer.problem", {hasText: "step 2, flight.write.steering.K1"}).waitFor();
         const signs = () => page.locator(".steps tbody td:first-child").allTextContents();
-        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u2717", ""]);
+        assert.deepEqual((await signs()).map((sign) => sign.trim()), ["\u2713", "\u2717", ""]);
         await page.locator(".steps tbody tr").nth(1).click();
         await page.fill("#argument-K1", "0.3");
         await page.keyboard.press("Escape");
         await page.keyboard.press("r");
         await page.locator(".answer", {hasText: "All steps are done."}).waitFor();
-        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u2713", "\u2713"]);
+        assert.deepEqual((await signs()).map((sign) => sign.trim()), ["\u2713", "\u2713", "\u2713"]);
         const [saved] = await Promise.all([page.waitForEvent("download"), press(page, "Save")]);
         assert.equal(JSON.parse(readFileSync(await saved.path(), "utf-8")).steps[1].arguments.K1, 0.3);
         writeFileSync(file, '{"kind": "fledge-stack", "steps": [{"command": "flight.noop", "until": "later"}]}');

@@ -74,4 +74,4 @@ def test_live_plots_have_the_points_of_the_archive(tmp_path):
             drawn = f"{plot}.data.slice(0, 2).map((one) => Array.from(one).slice({-int(some.sum())}))"
             browser.wait_for(f"JSON.stringify({drawn}[0]) === JSON.stringify({(t[some] / 1e9).tolist()})")
             assert browser.ask(drawn)[1] == value[some].tolist(), "the same values, and no gap"
-        assert [one for one in browser.problems if "console.js" in one] == []
+        assert [problem for problem in browser.problems if "console.js" in problem] == []

@@ -9,7 +9,7 @@ def test_the_server_says_when_a_value_is_stale(tmp_path):
     """By the tasks of the mission; what is written once does not age."""
     (tmp_path / "room.toml").write_text('folder = "kept"\n[[craft]]\nmission = "cubesat"\n')
     room = Room(read(tmp_path / "room.toml"))
-    stale = {one["name"]: one["stale"] for one in room.crafts["cubesat"].telemetry.slots()}
+    stale = {slot["name"]: slot["stale"] for slot in room.crafts["cubesat"].telemetry.slots()}
     room.close()
     assert stale["flight.tracking.error.sigma_BR[0]"] == 5      # twice a second
     assert stale["flight.sun_at.sun.r_PN_N[0]"] == 100          # each 10 s

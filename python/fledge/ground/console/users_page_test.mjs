@@ -47,10 +47,10 @@ await run({
             await page.goto(`${address}/#/${name}?craft=imager${name === "commands" ? "&sel=flight.noop" : ""}`);
             await page.locator(`.page.${name}`).waitFor();
             await page.locator(".lacks", {hasText: LACKS}).waitFor();
-            for (const one of buttons) {
-                const found = page.getByRole("button", {name: one, exact: true});
+            for (const button of buttons) {
+                const found = page.getByRole("button", {name: button, exact: true});
                 await found.first().waitFor();
-                assert(await found.first().isDisabled(), `${name}: ${one}`);
+                assert(await found.first().isDisabled(), `${name}: ${button}`);
             }
         }
         await page.goto(`${address}/#/parameters?craft=imager`);    // but all values

@@ -37,10 +37,10 @@ class Newest:
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
-        self._outputs = [one.path for one in dictionary.outputs]
-        paths = self._outputs + [one.path for one in dictionary.blocks]
+        self._outputs = [output.path for output in dictionary.outputs]
+        paths = self._outputs + [block.path for block in dictionary.blocks]
         processes = dict.fromkeys(path.partition(".")[0] for path in paths)
-        self._states = [f"{one}.housekeeping" for one in processes]
+        self._states = [f"{process}.housekeeping" for process in processes]
         self._beginnings = {path[:i] for path in self._outputs for i, letter in enumerate(path) if letter == "."}
         self._contents: dict[str, Any] = {}
         self.events: list[Event] = []   #: what modules have said, in the order of its arrival; each once
@@ -138,19 +138,19 @@ class Sent:
     @property
     def data(self) -> bytes:
         """What a command read back, big-endian."""
-        return b"".join(one.data for one in self.reports if one.executed)
+        return b"".join(report.data for report in self.reports if report.executed)
 
     @property
     def progress(self) -> int:
         """[%] of what a command began, as flight has reported it last."""
-        return max((100 if one.executed and one.good else one.detail if one.stage == Stage.UNDER_WAY else 0
-                    for one in self.reports), default=0)
+        return max((100 if report.executed and report.good else report.detail if report.stage == Stage.UNDER_WAY else 0
+                    for report in self.reports), default=0)
 
     @property
     def over(self) -> bool:
         """Whether flight will say no more of it: it is done, or refused."""
-        return any(not one.good for one in self.reports) or sum(one.executed for one in self.reports) == len(
-            self.packets)
+        executed = sum(report.executed for report in self.reports)
+        return executed == len(self.packets) or not all(report.good for report in self.reports)
 
     def delivered(self, within: Any = WITHIN) -> Self:
         """Wait until the link knows that the spacecraft has all of it: by frames with COP-1. Raises NoAnswer."""
@@ -172,14 +172,15 @@ class Sent:
 
     def __repr__(self) -> str:
         words = ", ".join(dict.fromkeys(map(self._craft.dictionary.command, self.packets)))
-        done = sum(one.executed and one.good for one in self.reports)
-        refused = next((one for one in self.reports if not one.good), None)
+        done = sum(report.executed and report.good for report in self.reports)
+        refused = next((report for report in self.reports if not report.good), None)
         return f"<{words}: " + ("refused" if refused else "executed" if done == len(self.packets) else
                                 self.reports[-1].stage_text if self.reports else "sent") + ">"
 
     def take(self, report: Report) -> bool:
         """Whether a report is about one of these packets, and new."""
-        if not any(sequence_of(one) == report.sequence and one[6] == report.code for one in self.packets) or any(
+        if not any(sequence_of(packet) == report.sequence and packet[6] == report.code
+                   for packet in self.packets) or any(
                 one[1:6] == report[1:6] for one in self.reports):
             return False
         self.reports.append(report)
@@ -201,7 +202,7 @@ class Sent:
 
     def moved(self, by: int) -> None:
         """Count on from another sequence, since flight has refused this one."""
-        self.packets = [moved(one, by) for one in self.packets]
+        self.packets = [moved(packet, by) for packet in self.packets]
         self.reports.clear()
         self.arrived.clear()
         self.given_up = False
@@ -209,12 +210,12 @@ class Sent:
     def _reported(self, word: str, stages: set[Stage], within: Any) -> Self:
         def done(_: Newest) -> bool:
             self._is_on_its_way()
-            for one in self.reports:
-                if not one.good:
-                    packet = next(p for p in self.packets if sequence_of(p) == one.sequence)
+            for report in self.reports:
+                if not report.good:
+                    packet = next(p for p in self.packets if sequence_of(p) == report.sequence)
                     raise NoAnswer(f"{self._craft.dictionary.name} refused "
-                                   + self._craft.dictionary.refusal(one, packet))
-            return len({one.sequence for one in self.reports if one.stage in stages}) == len(self.packets)
+                                   + self._craft.dictionary.refusal(report, packet))
+            return len({report.sequence for report in self.reports if report.stage in stages}) == len(self.packets)
 
         self._craft.wait(done, within, lambda: f"{self!r} was not reported as {word}")
         return self

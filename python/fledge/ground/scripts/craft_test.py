@@ -158,7 +158,7 @@ def served(tmp_path):
 def test_events_reach_the_ground_each_once(served):
     with ground.connect(served) as craft:
         craft.command("monitor", 3, "flight.tracking.error.sigma_BR", measure="max_abs", high=1e-4).completed()
-        craft.wait(lambda t: any(one.name == "FIRED" for one in t.events), within=1 * minute)
+        craft.wait(lambda t: any(event.name == "FIRED" for event in t.events), within=1 * minute)
         fired = craft.events[-1]
         worst = max(map(abs, served.flight.tracking.error.sigma_BR.tolist()))
         assert str(fired).startswith("flight.monitors: FIRED monitor 3, value 0.") and fired.severity == "medium"

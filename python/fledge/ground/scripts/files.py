@@ -234,29 +234,29 @@ class Files:
 
     def absent(self) -> None:
         """Flight has no service for files."""
-        for one in list(self._transfers):
-            self._end(one, "this flight software has no service for files")
+        for transfer in list(self._transfers):
+            self._end(transfer, "this flight software has no service for files")
 
     # --- what the entity tells ---
 
     def _hear(self) -> None:
         while told := self.entity.told():
             if told.what == STARTED:
-                for one in self._transfers:
-                    if one.fetches and one.place == told.to:
-                        one.data = told.id
+                for transfer in self._transfers:
+                    if transfer.fetches and transfer.place == told.to:
+                        transfer.data = told.id
             elif told.what == MESSAGE:
                 self._messages.setdefault(told.id, []).append(told.text)
             elif told.what in (ENDED, ABANDONED):
                 self._ended(told)
-        for one in self._transfers:
-            if found := self.entity.progress(one.data):
-                one.moved(found.done, found.size)
+        for transfer in self._transfers:
+            if found := self.entity.progress(transfer.data):
+                transfer.moved(found.done, found.size)
 
     def _ended(self, told: Any) -> None:
         problem = CONDITIONS.get(told.condition, f"condition {told.condition}") if told.condition else \
             "it is not whole" if told.incomplete else ""
-        found = next((one for one in self._transfers if told.id in (one.id, one.data)), None)
+        found = next((transfer for transfer in self._transfers if told.id in (transfer.id, transfer.data)), None)
         if found and (problem or told.receiver == found.fetches):
             self._end(found, problem)
         elif told.receiver and told.to and not problem and not found:
@@ -273,7 +273,7 @@ class Files:
     def _answered(self, messages: list[tuple[int, tuple[int, int], int]]) -> None:
         """The messages of a transaction: is one the answer to a request of this ground?"""
         about = next((about for kind, about, _ in messages if kind == Message.ORIGIN), None)
-        found = next((one for one in self._transfers if one.id == about), None)
+        found = next((transfer for transfer in self._transfers if transfer.id == about), None)
         if found is None:
             return
         for kind, _, value in messages:

@@ -153,7 +153,7 @@ def test_what_fails_says_why(connected, tmp_path):
         silent = craft.put(plan)
         with pytest.raises(ground.NoAnswer, match="it was sent again and again, and not acknowledged"):
             silent.completed(within=10 * minute)
-        assert not (tmp_path / "x").exists() and {one.name for one in tmp_path.iterdir()} == {"plan", "board"}
+        assert not (tmp_path / "x").exists() and {path.name for path in tmp_path.iterdir()} == {"plan", "board"}
 
 
 def test_cancel_suspend_and_resume(connected, tmp_path):
@@ -180,7 +180,7 @@ def test_cancel_suspend_and_resume(connected, tmp_path):
                     one.completed(within=1 * minute)
         craft.listen(10 * s)
         assert not craft.files.entity.busy and not craft.link.entity.busy
-    assert {one.name for one in board.iterdir()} == {"next", "science"} and not (tmp_path / "more").exists()
+    assert {path.name for path in board.iterdir()} == {"next", "science"} and not (tmp_path / "more").exists()
 
 
 def test_what_the_craft_sends_unasked_is_kept(connected, tmp_path):
@@ -215,7 +215,7 @@ def test_no_file_that_comes_replaces_another_one_and_hidden_names_are_refused(co
         assert craft.directory("") == [f"of{place}" for place in range(4)]
     assert [name for name, _ in craft.files.failed] == refused
     assert all(why == "the file store refused it" for _, why in craft.files.failed)
-    kept = {one.name: one.read_bytes() for one in down.iterdir()}
+    kept = {path.name: path.read_bytes() for path in down.iterdir()}
     ours = [(board / f"of{place}").read_bytes() for place in (0, 1, 2, 3, 1)]
     assert kept == dict(zip(["log", "log.2", "log.3", "log.4", "log.5"], ours)) | dict(
         zip(["log.bin", "log.2.bin", "log.3.bin", "log.4.bin"], ours))
@@ -249,7 +249,7 @@ def test_files_that_come_are_whole_or_not_there_after_kill_9(connected, tmp_path
         while more := os.read(ours, 100):
             told += len(more)
         os.close(ours)
-        kept = [one for one in down.iterdir() if not one.name.startswith(".")]
+        kept = [path for path in down.iterdir() if not path.name.startswith(".")]
         assert len(kept) >= told and all(one.read_bytes() == content for one in kept)
     print(f"{told} files told, {len(kept)} found")
 
@@ -332,6 +332,6 @@ def test_forged_pdus_bring_nothing_down_and_honest_files_arrive(tmp_path, seed):
         assert len(craft.files._messages) < 300 and len(craft.files.received) < 300
     assert (board / "next").read_bytes() == plan.read_bytes()
     assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
-    assert {one.name for one in tmp_path.iterdir()} == {"plan", "down", "board", "got"}
-    for one in down.iterdir():
-        assert one.name.isprintable() and not one.name.startswith("-") and one.stat().st_blocks < 2000, one
+    assert {path.name for path in tmp_path.iterdir()} == {"plan", "down", "board", "got"}
+    for path in down.iterdir():
+        assert path.name.isprintable() and not path.name.startswith("-") and path.stat().st_blocks < 2000, path

@@ -83,7 +83,7 @@ def test_flight_takes_the_frames_of_others_and_its_own_ground_makes_the_same(loa
     sim.run(1 * s)
     assert commands.counters.executed == 1
     frames = commands.take_units()
-    assert frames and all(len(one.packet) == 1024 and one.packet[:2] == b"\x04\x42" for one in frames)
+    assert frames and all(len(frame.packet) == 1024 and frame.packet[:2] == b"\x04\x42" for frame in frames)
     commands.send_unit(packet)      # no frame
     sim.run(1 * s)
     assert commands.counters.executed == 1 and sum(sim.flight.link.state.faults) == 1
@@ -121,7 +121,7 @@ def test_the_dictionary_says_which_frames_a_mission_speaks(load, tmp_path):
     sim = load()
     mission = read(sim)
     paths = write(mission, tmp_path / "out", emit_commands(mission))
-    found = Dictionary.load(next(one for one in paths if one.suffix == ".json"))
+    found = Dictionary.load(next(path for path in paths if path.suffix == ".json"))
     assert found.frames == Frames(68, 1, 0, cop1=1, cltu=1, segments=1) and found.uplink == 1186
     assert found.downlink == 1024
     made = link_of("udp://127.0.0.1:1?listen=2&timer=2&limit=3", None, found.frames)
@@ -158,8 +158,8 @@ def test_a_clone_and_a_snapshot_go_on_with_the_same_frames(load):
     craft.command("telemetry").completed()
     snapshot, other = sim.snapshot(), sim.clone()
     units = sim.flight.commands.take_units, other.flight.commands.take_units
-    for one in units:
-        one()
+    for unit in units:
+        unit()
     sim.run(5 * s)
     other.run(5 * s)
     sent = units[0]()
@@ -233,7 +233,7 @@ def test_no_forged_frame_is_authentic_and_commands_go_on(secured, seed):
     forging.forged = 0
     craft.listen(30 * s)
     craft.command("noop").completed(within=60 * s)
-    order = [one.sequence for one in sim.flight.commands.reports if one.executed == 1 and one.good]
+    order = [report.sequence for report in sim.flight.commands.reports if report.executed == 1 and report.good]
     assert order == sorted(set(order)) and len(order) >= 2
     counts = craft.link.counts
     assert counts["tag"] + counts["replay"] > 5
@@ -282,7 +282,7 @@ def test_resets_of_the_computer_let_nothing_old_pass_and_lock_no_ground_out(secu
             for unit in list(link.heard[0]):
                 link.link.send(unit)
     assert len(sim.flight.outages) == 2 and len(craft.sent) > 40
-    order = [one.sequence for one in commands.reports if one.executed == 1 and one.good]
+    order = [report.sequence for report in commands.reports if report.executed == 1 and report.good]
     assert order == sorted(set(order)) and len(order) > 30, "once and in order, whatever came again"
     assert sim.flight.link.state.faults[13] > 50, "replays are counted"
     if cop1:
@@ -330,7 +330,7 @@ def test_frames_pass_by_a_radio_with_wrong_bits():
     sent = [craft.command("noop") for _ in range(60)]
     for one in sent:
         one.delivered(within=2 * minute)
-    done = [one.sequence for one in f.commands.reports if one.executed]
+    done = [report.sequence for report in f.commands.reports if report.executed]
     assert done == sorted(set(done)) and len(done) == 60
     assert radio.up_traffic.damaged > 10 and radio.down_traffic.damaged > 10
     assert f.link.state.corrected > 10 and sum(f.link.state.faults) > 5 and craft.link.counts["crc"] > 5

@@ -293,14 +293,14 @@ class Streams(_ByTheClock):
         return len(self._streams)
 
     def send(self, packet: bytes) -> None:
-        for one in list(self._streams):
-            self.dropped += not one.put(packet)
-            if one.broken and not self._server:
+        for stream in list(self._streams):
+            self.dropped += not stream.put(packet)
+            if stream.broken and not self._server:
                 raise ConnectionError(GONE)
 
     def close(self) -> None:
-        for one in list(self._streams):
-            self._leave(one, expected=True)
+        for stream in list(self._streams):
+            self._leave(stream, expected=True)
         if self._server:
             self._server.close()
 
@@ -333,9 +333,9 @@ class Streams(_ByTheClock):
             raise ConnectionError(GONE)
 
     def _work(self, wait: float) -> None:
-        for one in [one for one in self._streams if one.broken]:
+        for one in [stream for stream in self._streams if stream.broken]:
             self._leave(one)
-        streams = {one.end: one for one in self._streams}
+        streams = {stream.end: stream for stream in self._streams}
         server = [self._server] if self._server else []
         ready = _ready([*server, *streams], [end for end, one in streams.items() if one.waits], wait)
         for end, what in ready:
@@ -350,7 +350,7 @@ class Streams(_ByTheClock):
                     self._leave(streams[end])
                 else:
                     self._arrived.extend(Timed(self.t, packet) for packet in found)
-        self.skipped = self._gone + sum(one.splitter.skipped for one in self._streams)
+        self.skipped = self._gone + sum(stream.splitter.skipped for stream in self._streams)
 
 
 def split(data: bytes) -> tuple[list[bytes], bytes]:
@@ -368,11 +368,11 @@ def split(data: bytes) -> tuple[list[bytes], bytes]:
 def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, int]]:
     """(end, events of poll()) of those that are ready within a time [s]. select() knows no descriptor above 1023."""
     poll = select.poll()
-    ends = {one.fileno(): one for one in reads}
+    ends = {read.fileno(): read for read in reads}
     for number in ends:
         poll.register(number, select.POLLIN)
-    for one in writes:
-        poll.register(one, select.POLLIN | select.POLLOUT)
+    for write in writes:
+        poll.register(write, select.POLLIN | select.POLLOUT)
     return [(ends[number], what) for number, what in poll.poll(max(0, 1000 * wait))]
 
 

@@ -61,8 +61,8 @@ def test_udp_carries_both_ways_and_takes_several_packets_in_a_datagram():
 
 def test_udp_outlives_that_no_program_listens():
     with open_link(f"udp://127.0.0.1:{free(socket.SOCK_DGRAM)}?listen={free(socket.SOCK_DGRAM)}") as link:
-        for one in packets(5):
-            link.send(one)
+        for packet in packets(5):
+            link.send(packet)
             link.receive(link.t + 1_000_000)
 
 

@@ -50,12 +50,12 @@ class _Messages:
 
     def fitting(self, units: Sequence[bytes], room: int) -> int:
         """How many of them a message takes."""
-        sizes = [len(one) + UNIT.size * bool(self.radio) for one in units]
+        sizes = [len(unit) + UNIT.size * bool(self.radio) for unit in units]
         return sum(1 for _ in takewhile(lambda n: n <= (ROOM if self.raw and not self.radio else room),
                                         accumulate(sizes)))
 
     def of(self, units: Sequence[bytes]) -> dict[str, Any]:
-        whole = b"".join(UNIT.pack(0, len(one)) + one if self.radio else one for one in units)
+        whole = b"".join(UNIT.pack(0, len(unit)) + unit if self.radio else unit for unit in units)
         return {"n": len(whole), "bytes": whole}
 
     def units(self, message: Any, t: int) -> list[Timed]:
@@ -200,7 +200,7 @@ class Member(Link):
             if messages and messages[0].get("every", 0) not in (0, self._node.every):
                 raise Failure(f"{self._node.name}: what comes by radio comes every {messages[0]['every'] / 1e9:g} s, "
                               f"with flight's instants; write every={messages[0]['every'] / 1e9:g}", 1)
-            found = [one for message in messages for one in self._messages.units(message, self._t)]
+            found = [unit for message in messages for unit in self._messages.units(message, self._t)]
             if found:
                 return found
         return []

@@ -218,7 +218,7 @@ def test_elevation_occultation_and_light_time_are_those_of_other_libraries():
     sim.run(16 * 3600 * s)
 
     spk = SPK.open(str(kernel))
-    found = {(one.center, one.target): one for one in spk.segments}
+    found = {(segment.center, segment.target): segment for segment in spk.segments}
 
     def place(body, jd, day):
         """[m] from the barycentre of the solar system."""

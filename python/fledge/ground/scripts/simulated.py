@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def flight_of(simulation: Simulation, name: str | None = None) -> Flight:
     """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
-    flights = {one.name: one for one in simulation.processes if isinstance(one, Flight)}
+    flights = {process.name: process for process in simulation.processes if isinstance(process, Flight)}
     names = list(flights)
     if name is None and len(names) == 1:
         return flights[names[0]]

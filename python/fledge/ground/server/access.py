@@ -111,7 +111,7 @@ class Access:
                                               ("[[user]] or [[token]]", users or tokens)) if not there]
             raise SetupError(f"host = \"{host}\" opens the server to a network, which needs {' and '.join(lacks)}; "
                              "without host it is open to this machine alone")
-        certificate, key = [folder / one if one else None for one in files]
+        certificate, key = [folder / file if file else None for file in files]
         access = cls(host, port, certificate, key, bool(plain), times[0] * 3600.0, times[1] * 60.0, users, tokens)
         access.tls()
         return access
@@ -159,7 +159,7 @@ def _people(entries: list[Any], kind: str) -> list[User]:
         roles, crafts = entry.get("roles"), entry.get("crafts")
         if not isinstance(roles, list) or not roles or not set(map(str, roles)) <= set(ROLES):
             raise SetupError(f"{where}: roles is a list of {listed(ROLES)}; found {roles!r}")
-        if crafts is not None and (not isinstance(crafts, list) or not all(isinstance(one, str) for one in crafts)):
+        if crafts is not None and (not isinstance(crafts, list) or not all(isinstance(craft, str) for craft in crafts)):
             raise SetupError(f"{where}: crafts is a list of names; found {crafts!r}")
         if any(one.name == name for one in found):
             raise SetupError(f"{where}: there are two of this name")

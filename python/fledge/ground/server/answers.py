@@ -97,9 +97,9 @@ def in_csv(found: dict[str, Series]) -> Iterator[bytes]:
             elif kind == "boolean":
                 texts = ["" if one is None else str(int(one)) for one in exact[part]]
             else:
-                texts = [one or "" for one in _texts(kind, exact[part])]
+                texts = [text or "" for text in _texts(kind, exact[part])]
                 if kind in ("label", "text"):
-                    texts = [field(one) for one in texts]
+                    texts = [field(text) for text in texts]
             yield "".join(f"{at},{name},{one},{CONCERNS[state]}\n" for at, one, state in zip(
                 t[part].tolist(), texts, concern[part].tolist())).encode()
 

@@ -88,8 +88,8 @@ RULES = {
 def complaints(document):
     """What is wrong with a document of OpenAPI: its form, references that lead nowhere, parts that nothing uses, words
     of a path without a parameter, required properties that are not there."""
-    found = [f"{'/'.join(map(str, one.absolute_path))}: {one.message[:200]}"
-             for one in Draft4Validator(RULES).iter_errors(document)]
+    found = [f"{'/'.join(map(str, error.absolute_path))}: {error.message[:200]}"
+             for error in Draft4Validator(RULES).iter_errors(document)]
     used = set()
 
     def walk(part):
@@ -152,8 +152,8 @@ def conforms(path, method, status, content, kind="application/json"):
     response = whole(API, responses.get(str(status)) or responses["default"])
     assert kind in response["content"], f"{path} answers {kind}"
     schema = {**as_json_schema(response["content"][kind]["schema"]), "components": SCHEMAS}
-    wrong = [f"{path} {'/'.join(map(str, one.absolute_path))}: {one.message[:300]}"
-             for one in Draft4Validator(schema).iter_errors(content)]
+    wrong = [f"{path} {'/'.join(map(str, error.absolute_path))}: {error.message[:300]}"
+             for error in Draft4Validator(schema).iter_errors(content)]
     assert not wrong, wrong[:5]
 
 
@@ -184,8 +184,8 @@ def test_the_file_has_every_route_and_no_other(tmp_path):
     (tmp_path / "ground.toml").write_text(CRAFT)
     room = Room(read(tmp_path / "ground.toml"))
     try:
-        routes = {(one.method.lower(), one.resource.canonical) for one in Server(room).app.router.routes()
-                  if one.method.lower() in METHODS and one.resource.canonical.startswith("/api/")}
+        routes = {(route.method.lower(), route.resource.canonical) for route in Server(room).app.router.routes()
+                  if route.method.lower() in METHODS and route.resource.canonical.startswith("/api/")}
     finally:
         room.close()
     described = {(method, path) for path, item in API["paths"].items() for method in METHODS if method in item}

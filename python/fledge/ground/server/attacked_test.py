@@ -104,9 +104,9 @@ def people(word):
         found[name] = SimpleNamespace(roles=roles, crafts=crafts, csrf=True,
                                       headers={"Authorization": f"Bearer {made}"})
     tables.append({"user": "ada", "password": hashed(word, (16, 8, 1)), "roles": list(ROLES), "crafts": None})
-    text = "".join(f"\n[[{kind}]]\nname = \"{one.pop(kind)}\"\n" + "".join(
-        f"{key} = {json.dumps(value)}\n" for key, value in one.items() if value is not None)
-        for one in tables for kind in [next(iter(one))])
+    text = "".join(f"\n[[{kind}]]\nname = \"{table.pop(kind)}\"\n" + "".join(
+        f"{key} = {json.dumps(value)}\n" for key, value in table.items() if value is not None)
+        for table in tables for kind in [next(iter(table))])
     return found, text
 
 
@@ -133,7 +133,7 @@ async def test_every_row_asks_who_one_is_and_what_one_may(folder):
     async with console(folder, FILE + text) as page:
         async def login(name):
             answer = await page.client.post("/api/login", json={"user": "ada", "password": "correct horse"})
-            cookie = "; ".join(f"{one.key}={one.value}" for one in answer.cookies.values())
+            cookie = "; ".join(f"{cooky.key}={cooky.value}" for cooky in answer.cookies.values())
             page.client.session.cookie_jar.clear()
             csrf = {"X-Fledge-CSRF": (await answer.json())["csrf"]}
             who[name] = SimpleNamespace(roles=ROLES, crafts=None, csrf=True, headers={"Cookie": cookie, **csrf})
@@ -221,7 +221,7 @@ async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
         heard = {}
         for name in ("stranger", "all"):
             heard[name] = await page.client.ws_connect("/api/live", headers=who[name].headers)
-        while not all(one.control and one.connection.craft for one in page.room.crafts.values()):
+        while not all(craft.control and craft.connection.craft for craft in page.room.crafts.values()):
             await asyncio.sleep(0.05)
         await ask("all", "POST", "crafts/a/send", json={"name": "flight.noop", "arguments": {}})
         await ask("all", "POST", "crafts/a/questions", json={"text": "does it go?"})

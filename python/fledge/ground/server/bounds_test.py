@@ -203,7 +203,7 @@ async def test_empty_frames_are_bounded_and_delay_no_client(folder):
 async def test_an_administrator_sees_the_limits_and_what_is_in_use(folder):
     async with served(folder) as page:
         found = await page.get("server")
-        limits = {one["name"]: one for one in found["limits"]}
+        limits = {limit["name"]: limit for limit in found["limits"]}
         assert [*limits] == [name for name, _, _, _ in TABLE]
         assert limits["disk that stays free"]["used"] > 0 and limits["replays"]["used"] == 0
         assert found["memory"] > 1 << 20 and found["loop"]["longest_ms"] >= found["loop"]["recent_ms"] >= 0

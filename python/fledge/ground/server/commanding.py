@@ -61,10 +61,10 @@ class Commanding:
         clock, left = self._clock, self.left
         self.left = []
         if not clock.simulated:
-            clock.gaps.append((max((int(one["last_ns"]) for one in self._past.sessions()),
+            clock.gaps.append((max((int(session["last_ns"]) for session in self._past.sessions()),
                                    default=int(left[0]["t_ns"])), clock.now))
         for row in left:
-            form, packets = self._forms.get(row["name"]), [bytes.fromhex(one) for one in row["hex"].split()]
+            form, packets = self._forms.get(row["name"]), [bytes.fromhex(word) for word in row["hex"].split()]
             ended = self._flown or clock.simulated and clock.now < int(row["t_ns"])
             if ended or not self._uplink.restore(row, packets, form):
                 self._stages.add(row, "unknown", None, "the run that it was sent to has ended" if ended else
@@ -75,20 +75,20 @@ class Commanding:
         """Take the forms of the database."""
         self._forms: dict[str, Form] = {one["name"]: one for one in self._telemetry.database.forms()}
         for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
-            counts = {one["counted_by"] for one in form["arguments"]}
-            form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
+            counts = {argument["counted_by"] for argument in form["arguments"]}
+            form["arguments"] = [argument for argument in form["arguments"] if argument["name"] not in counts]
             self._uplink.prepare(form)
         self._uplink.reload()
 
     @property
     def forms(self) -> list[dict[str, Any]]:
-        return [{key: value for key, value in one.items() if key != "path"} for one in self._forms.values()]
+        return [{key: value for key, value in form.items() if key != "path"} for form in self._forms.values()]
 
     def preview(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         """The bytes that a command would have, its sequence apart. Raises ArgumentError."""
         form, given, packet = self._encoded(name, arguments)
         packet = finished(packet, 0, self._uplink.header)
-        known = {one["name"]: one for one in form["arguments"]}
+        known = {argument["name"]: argument for argument in form["arguments"]}
         whole, fields = int.from_bytes(packet, "big"), []
         for field, is_argument, bit, bits in self._telemetry.database.places(form["path"], **given):
             raw = whole >> 8 * len(packet) - bit - bits & (1 << bits) - 1
@@ -132,7 +132,8 @@ class Commanding:
         if connection.link is None or connection.silent:
             raise SetupError(f"{name_of_craft}: {connection.silent}; so nothing was sent")
         row: dict[str, Any] = {"craft": name_of_craft, "t_ns": str(self._clock.now), "user": user, "name": name,
-                               "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
+                               "arguments": arguments, "hex": " ".join(packet.hex() for packet in packets),
+                               "stages": []}
         if self._uplink.follows(form):
             row["open"] = {}
         self._stages.add(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
@@ -164,7 +165,7 @@ class Commanding:
         if name not in self._forms:
             raise SetupError(f"{self._reporter.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
         form = self._forms[name]
-        known = {one["name"]: one for one in form["arguments"]}
+        known = {argument["name"]: argument for argument in form["arguments"]}
         given: dict[str, Any] = {}
         for key, value in arguments.items():
             if key not in known:

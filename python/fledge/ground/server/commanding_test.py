@@ -45,7 +45,7 @@ def mission(tmp_path):
 def test_a_packet_is_hazardous_by_what_it_commands_writes_and_stores(mission):
     commanding, ours = mission
     identity = np.eye(3).tolist()
-    fields = {one.name: one for one in ours.dictionary.block("flight.control")[1].fields}
+    fields = {field.name: field for field in ours.dictionary.block("flight.control")[1].fields}
     row, = ours.write_bytes("flight.control", {fields["P"].offset + 24: bytes(24)})
     both, = ours.write("flight.control", K=2, P=identity)
     late, = ours.write("flight.stored", late=2.0)

@@ -105,7 +105,8 @@ class Connections:
     def all(self) -> list[asyncio.Transport]:
         """The connections, with those in their handshake."""
         server = self._runner.server if self._runner else None
-        return [*self.handshakes, *[one.transport for one in server.connections if one.transport]] if server else []
+        return [*self.handshakes, *[connection.transport
+                                    for connection in server.connections if connection.transport]] if server else []
 
     def full(self, address: str) -> bool:
         """Whether one more connection would be too many; else it counts."""
@@ -143,13 +144,13 @@ class Connections:
             if slept > 1:       # the server was late itself, and their requests may wait
                 continue
             server = self._runner.server if self._runner else None
-            for one in server.connections if server else []:
-                if one.transport and (times := self._times.get(one.transport)):
-                    waits = len(one._messages)      # of aiohttp, which would keep any number of requests
+            for connection in server.connections if server else []:
+                if connection.transport and (times := self._times.get(connection.transport)):
+                    waits = len(connection._messages)      # of aiohttp, which would keep any number of requests
                     bound = "requests at once" if self.bounds.over("requests at once", waits) else times.over(
                         self.bounds)
                     if bound:
-                        one.transport.abort()
+                        connection.transport.abort()
 
 
 class _Entrance(asyncio.Protocol):

@@ -94,7 +94,7 @@ def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDAr
         return np.zeros((len(times), 3)), np.zeros((len(times), 3))
     if sky:
         states = [sky.state(body, t) for t in times]
-        return np.array([one.r_PN_N for one in states]), np.array([one.v_PN_N for one in states])
+        return np.array([state.r_PN_N for state in states]), np.array([state.v_PN_N for state in states])
     return (np.array(body.r_PN_N) + np.outer(times, body.v_PN_N),
             np.tile(np.array(body.v_PN_N, dtype=float), (len(times), 1)))
 
@@ -188,6 +188,6 @@ class Contacts:
         with self._lock:
             if monotonic() - self._made[0] > AGAIN:
                 self._made = monotonic(), sorted(
-                    ({"station": one.name} | found for one in self._stations if one.path in self._states
-                     for found in one.passes(*self._states[one.path])), key=lambda found: found["highest"])
+                    ({"station": station.name} | found for station in self._stations if station.path in self._states
+                     for found in station.passes(*self._states[station.path])), key=lambda found: found["highest"])
             return self._made[1]

@@ -38,7 +38,7 @@ def test_the_passes_of_half_a_day_are_those_that_are_flown():
         assert one["elevation"] == pytest.approx(highest, abs=2e-4)
         assert one["highest"] == pytest.approx(t[(t >= rise) & (t <= end)][np.argmax(elevation[
             (t >= rise) & (t <= end)])], abs=1.5)
-    assert not seen[t > sets[-1]].any() and len([one for one in passes if one["rise"] < 12 * 3600]) == len(rises)
+    assert not seen[t > sets[-1]].any() and len([pass_ for pass_ in passes if pass_["rise"] < 12 * 3600]) == len(rises)
 
 
 def test_what_is_now_is_the_truth_and_a_pass_that_goes_on_has_no_rise():
@@ -72,7 +72,7 @@ def test_without_a_sky_the_body_turns_by_its_spin():
     sim.run(24 * hour)
     rises = log.time[1:][np.diff(log["contact.visible"].astype(int)) == 1]
     assert len(rises) > 3
-    np.testing.assert_allclose([one["rise"] for one in passes][:len(rises)], rises, atol=1.2)
+    np.testing.assert_allclose([pass_["rise"] for pass_ in passes][:len(rises)], rises, atol=1.2)
 
 
 def test_a_spacecraft_of_a_database_has_no_stations_and_a_silent_one_no_state():

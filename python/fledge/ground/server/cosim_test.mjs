@@ -21,7 +21,7 @@ await run({
         await page.getByRole("button", {name: "Pause"}).click();     // the session is another one
         await state.filter({hasText: "paused"}).waitFor();
         const lost = /Failed to load resource|WebSocket connection/;     // while there was no server
-        page.problems = page.problems.filter((one) => !lost.test(one));
+        page.problems = page.problems.filter((problem) => !lost.test(problem));
         return page;
     },
 });

@@ -90,7 +90,7 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
 
         def verified():
             one, = [one for one in ask("crafts/nadir_spin/sent") if one["id"] == number]
-            stages = [each["stage"] for each in one["stages"]]
+            stages = [stage["stage"] for stage in one["stages"]]
             return stages[-1] == "completed" and stages
 
         assert until(verified) == ["released", "accepted", "completed"]

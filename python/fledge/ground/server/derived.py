@@ -91,7 +91,7 @@ class DerivedParameters:
     def __init__(self, parameters: Iterable[Derived], folder: Path, monitor: Monitor, changes: list[Change],
                  reporter: Reporter) -> None:
         self.monitor, self._changes, self._reporter = monitor, changes, reporter
-        self._all = {one.name: (one, compiled(one, folder)) for one in parameters}
+        self._all = {parameter.name: (parameter, compiled(parameter, folder)) for parameter in parameters}
         self._inputs = {name: self._of_packets(name, ()) for name in self._all}     # of packets, at last
         self._problems: set[str] = set()
         self._rows: list[tuple[str, int, int]] = []     # name, trigger, slot

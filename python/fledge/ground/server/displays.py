@@ -67,8 +67,8 @@ class _Reader(Tables):
                  forms: Sequence[Mapping[str, Any]]) -> None:
         super().__init__(file, lines)
         self.rows = text.splitlines()
-        self.slots = {str(one["name"]): one for one in slots}
-        self.forms = {str(one["name"]): one for one in forms}
+        self.slots = {str(slot["name"]): slot for slot in slots}
+        self.forms = {str(form["name"]): form for form in forms}
 
     def read(self, whole: dict[str, Any]) -> list[dict[str, Any]]:
         self.keys(whole, (), ("title", "panel"))
@@ -122,9 +122,9 @@ class _Reader(Tables):
         if name not in self.forms:
             why = f"there is no command '{name}'{did_you_mean(name, self.forms)}".rstrip(";")
         else:
-            known = [str(one["name"]) for one in self.forms[name]["arguments"]]
-            why = next((f"{name} has no argument '{one}'{did_you_mean(one, known)}".rstrip(";")
-                        for one in arguments if one not in known), "")
+            known = [str(argument["name"]) for argument in self.forms[name]["arguments"]]
+            why = next((f"{name} has no argument '{argument}'{did_you_mean(argument, known)}".rstrip(";")
+                        for argument in arguments if argument not in known), "")
         return [made | ({"problem": f"{self.place(name, at)}: {why}"} if why else {})]
 
     def place(self, name: str, at: tuple[Any, ...]) -> str:

@@ -73,7 +73,7 @@ def test_the_first_folder_that_has_a_name_counts(tmp_path):
     for folder in ("own", "mission"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "one.toml").write_text(f"title = '{folder}'\n")
-    assert [one["title"] for one in displays([tmp_path / "own", tmp_path / "mission"], [], [])] == ["own"]
+    assert [display["title"] for display in displays([tmp_path / "own", tmp_path / "mission"], [], [])] == ["own"]
 
 
 def test_the_displays_of_missions_name_what_they_have():
@@ -82,9 +82,9 @@ def test_the_displays_of_missions_name_what_they_have():
     for folder in found:
         bases = [packets.database(one) for one in export.read_all(fledge.load(folder.parent.name))]
         slots = [{"slot": 0, "name": f"{packet.path}.{item.name}"}
-                 for one in bases for packet in one.packets for item in packet.items]
+                 for base in bases for packet in base.packets for item in packet.items]
         forms = [{"name": command.path, "arguments": [{"name": item.name} for item in command.items]}
-                 for one in bases for command in one.commands if not command.abstract]
-        for one in displays([folder], slots, forms):
-            items = [item for panel in one["panels"] for item in panel["items"]]
-            assert items and one["problems"] == [] and not [item for item in items if "problem" in item]
+                 for base in bases for command in base.commands if not command.abstract]
+        for display in displays([folder], slots, forms):
+            items = [item for panel in display["panels"] for item in panel["items"]]
+            assert items and display["problems"] == [] and not [item for item in items if "problem" in item]

@@ -78,7 +78,7 @@ class Busy(Flown):
 
     def archived(self):
         def order(path):
-            return [int(one) for one in path.name.split(".")[0].split("-")]
+            return [int(word) for word in path.name.split(".")[0].split("-")]
 
         return [(one.time, one.packet) for path in sorted((self.folder / "room/archive/nadir_spin").glob("*.mcap*"),
                                                           key=order) for one in read(path)]
@@ -95,7 +95,7 @@ def test_the_archive_has_every_packet_of_the_record_and_their_values(run, pace, 
     assert len(sent) > 1000 and archived == sent
     history = Database.load(tmp_path / "room/databases/nadir_spin.xml").history(tmp_path / "room/archive",
                                                                                 "nadir_spin")
-    assert [one["gaps"] for one in history.sessions()] == [[]]
+    assert [session["gaps"] for session in history.sessions()] == [[]]
     record = Archive(tmp_path / "runs/room/exchange.mcap")
     names = [f"flight.motor.command.{one}" for one in ("head.t", "u[0]", "u[1]", "u[2]")]
     said = list(zip(*(history.series([name], exact=True)[name][6][1] for name in names)))
@@ -109,8 +109,8 @@ def test_what_a_killed_server_did_not_hear_is_a_gap_and_an_event_and_its_command
         flown.begin()
         flown.until(lambda: flown.ask("crafts")[0]["packets"] > 100)
         before = flown.ask("crafts/nadir_spin/run")
-        server = next(int(one.parent.name) for one in Path("/proc").glob("[0-9]*/cmdline")
-                      if b"serve\0" in (text := one.read_bytes()) and str(tmp_path).encode() in text
+        server = next(int(path.parent.name) for path in Path("/proc").glob("[0-9]*/cmdline")
+                      if b"serve\0" in (text := path.read_bytes()) and str(tmp_path).encode() in text
                       and b"guard" not in text)
         os.kill(server, signal.SIGKILL)
         flown.until(lambda: flown.log.read_text().count(" is at http") == 2)
@@ -182,7 +182,7 @@ def test_a_gap_has_its_times_an_event_and_unknown_commands_and_the_last_message_
             do(craft)
             wait_for(lambda: craft.clock.now >= until * 1e9)
             craft.call(lambda: None).result()       # in its next turn
-            return ([one["text"] for one in room.journal.rows("events", "craft") if "missing" in one["text"]],
+            return ([row["text"] for row in room.journal.rows("events", "craft") if "missing" in row["text"]],
                     craft.past.sessions()[-1]["gaps"], room.journal.rows("sent", "craft"))
         finally:
             room.close()

@@ -82,7 +82,7 @@ def test_a_damaged_archive_is_read_as_far_as_it_is_good_and_written_on(tmp_path,
 
     archive(0, 300)
     archive(1000, 300)
-    whole = {one: one.read_bytes() for one in folder.rglob("*.mcap")}
+    whole = {path: path.read_bytes() for path in folder.rglob("*.mcap")}
     assert len(whole) == 2
     for _ in range(CASES):
         for one in folder.rglob("*.mcap"):

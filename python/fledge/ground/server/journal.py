@@ -58,7 +58,7 @@ class Journal:
 
     def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
         """Keep objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
-        self.save_all([(kind, craft, one) for one in contents])
+        self.save_all([(kind, craft, content) for content in contents])
 
     def save_all(self, rows: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
         """The same of (kind, craft, object) each."""

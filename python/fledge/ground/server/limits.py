@@ -58,14 +58,14 @@ class InForce:
         """The monitor has new slots."""
         if self._known is None:
             return []
-        more = {one["name"]: one for one in self.monitor.slots(first)}
+        more = {slot["name"]: slot for slot in self.monitor.slots(first)}
         self._known |= more
         return [note for name in self.newest if name in more for note in self.apply(name)]
 
     def about(self, name: str) -> dict[str, Any] | None:
         """What the monitor knew of a parameter before its limits were changed; None: it has no such one."""
         if self._known is None:
-            self._known = {one["name"]: one for one in self.monitor.slots(0)}
+            self._known = {slot["name"]: slot for slot in self.monitor.slots(0)}
         return self._known.get(name)
 
     def parts(self, rows: Packets) -> Iterator[tuple[list[Note], Packets]]:
@@ -152,8 +152,8 @@ class SetLimits:
         with suppress(SetupError):
             name = name if name in self._telemetry.slot_numbers else \
                 self._telemetry.slot_names[self._telemetry.monitor.slot(name)]      # of a path
-        return [(int(one["time_ns"]), one["limits"] if fits(one, self.in_force.about(name)) else None,
-                 one["persistence"]) for one in self.changes if one["name"] == name]
+        return [(int(change["time_ns"]), change["limits"] if fits(change, self.in_force.about(name)) else None,
+                 change["persistence"]) for change in self.changes if change["name"] == name]
 
     def _event(self, severity: str, text: str) -> None:
         self._reporter.event(severity, "limits", text)
@@ -166,6 +166,6 @@ def fits(change: Change, about: dict[str, Any] | None) -> bool:
 
 def in_words(levels: Levels, persistence: int = 1) -> str:
     """warning -1 to 1, critical open to 2"""
-    parts = [f"{level} {' to '.join('open' if one is None else f'{one:g}' for one in ends)}"
+    parts = [f"{level} {' to '.join('open' if end is None else f'{end:g}' for end in ends)}"
              for level, ends in levels.items()]
     return ", ".join(parts + [f"{persistence} in a row"] * (persistence > 1 and bool(parts))) or "none"

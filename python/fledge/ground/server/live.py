@@ -152,7 +152,7 @@ class Browser:
 
     @property
     def waiting_packets(self) -> int:
-        return sum(one.waiting for one in self._feeds.values())
+        return sum(feed.waiting for feed in self._feeds.values())
 
     async def serve(self) -> web.WebSocketResponse:
         await self.socket.prepare(self.request)
@@ -180,8 +180,8 @@ class Browser:
             self.server.browsers.discard(self)
             if self._timer:
                 self._timer.cancel()
-            for one in self._feeds.values():
-                one.craft.telemetry.sinks.remove(one.take)
+            for feed in self._feeds.values():
+                feed.craft.telemetry.sinks.remove(feed.take)
         return self.socket
 
     def _take(self, text: str) -> None:
@@ -218,7 +218,7 @@ class Browser:
         if isinstance(slots, list) and self.bounds.over("values of a subscription", len(slots)):
             raise SetupError(self.bounds.says("values of a subscription"))
         if slots != "all" and not (isinstance(slots, list) and all(
-                isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
+                isinstance(slot, int) and not isinstance(slot, bool) and 0 <= slot < 2**32 for slot in slots)):
             raise SetupError("slots are \"all\" or numbers")
         if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
             raise SetupError("hz is from 0.01 to 60")

@@ -50,7 +50,7 @@ class LoadedMission:
         files = sorted({Path(path) for one in own if (path := getattr(one, "__file__", None))})
         pictures = [folder / name for name in PICTURES] if folder else []
         return cls(sim, process.name, process.commands.dictionary, folder, files,
-                   next((one for one in pictures if one.is_file()), None), epoch_of(sim))
+                   next((picture for picture in pictures if picture.is_file()), None), epoch_of(sim))
 
     def write_database(self, name: str, folder: Path) -> Path:
         """Write the file NAME.xml of XTCE into a folder."""
@@ -63,7 +63,7 @@ class LoadedMission:
 
     def has(self, service: str) -> bool:
         """Whether flight has a module of this type."""
-        return service in {one.type for one in self.dictionary.blocks}
+        return service in {block.type for block in self.dictionary.blocks}
 
 
 def epoch_of(sim: Simulation) -> int | None:
@@ -72,7 +72,7 @@ def epoch_of(sim: Simulation) -> int | None:
 
     from fledge.world.sky import Sky
 
-    skies = (getattr(one, "sky", None) for process in sim.processes for one in process.instances.values())
+    skies = (getattr(instance, "sky", None) for process in sim.processes for instance in process.instances.values())
     sky = next((one for one in skies if isinstance(one, Sky)), None)
     if sky is None:
         return None

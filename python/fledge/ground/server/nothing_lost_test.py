@@ -71,23 +71,23 @@ class Craft:
     def send(self, n):
         """To each end that the other side has not closed."""
         for self.sent in range(self.sent + 1, self.sent + n + 1):
-            for one in self.ends:
+            for end in self.ends:
                 with suppress(ConnectionError):
-                    one.sendall(packet(self.sent))
+                    end.sendall(packet(self.sent))
 
     def drop(self):
         """Close all connections; in order, so that what was sent arrives, if somebody still reads."""
-        for one in self.ends:
+        for end in self.ends:
             with suppress(OSError):
-                one.shutdown(socket.SHUT_WR)
-                while one.recv(100):
+                end.shutdown(socket.SHUT_WR)
+                while end.recv(100):
                     pass
-            one.close()
+            end.close()
         self.ends.clear()
 
     def close(self):
-        for one in [*self.ends, self.socket]:
-            one.close()
+        for end in [*self.ends, self.socket]:
+            end.close()
 
 
 @pytest.fixture
@@ -402,7 +402,7 @@ def test_each_spacecraft_tells_that_its_journal_was_written_again(tmp_path):
         room.report("", "info", "server", "z")
         room.flush("craft")
         for name, own in (("craft", ["x"]), ("", ["y", "z"])):
-            assert {one["text"] for one in room.journal.rows("events", name)} == {
+            assert {row["text"] for row in room.journal.rows("events", name)} == {
                 *own, "it cannot be written", "the journal is written again"}
     finally:
         room.close()
@@ -421,7 +421,7 @@ def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, c
         server.took(craft.sent)
         assert server.found() == list(range(1, craft.sent + 1))
         texts = [one["text"] for one in server.get("crafts/craft/events")]
-        assert sum("link is down" in one for one in texts) == 3 and sum("link is up" in one for one in texts) == 4
+        assert sum("link is down" in text for text in texts) == 3 and sum("link is up" in text for text in texts) == 4
 
 
 def test_a_full_disk_is_reported_and_what_came_meanwhile_is_written_when_there_is_room(tmp_path, craft):
@@ -486,7 +486,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
         found = [int.from_bytes(each[3][6:10], "big") for session in sessions
                  for each in one.telemetry.history.packets(session=session["session"], limit=10_000)]
         assert found == list(range(1, craft.sent + 1)) and len(sessions) == 2
-        told = [each["text"] for each in room.journal.rows("events", "craft") if "clock went" in each["text"]]
+        told = [row["text"] for row in room.journal.rows("events", "craft") if "clock went" in row["text"]]
         assert ["back by" in each for each in told] == [False, True, False]
     finally:
         room.close()
@@ -533,9 +533,9 @@ def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft,
         wait_for(lambda: not one.failed and one.alarms.rows())
         craft.send(10)
         wait_for(lambda: two.telemetry.packets == 160)
-        wait_for(lambda: any("works here again" in each["text"] for each in room.journal.rows("events", "one")))
+        wait_for(lambda: any("works here again" in row["text"] for row in room.journal.rows("events", "one")))
         wait_for(lambda: one.telemetry.packets >= 10)
-        assert [each["severity"] for each in room.journal.rows("events", "one")].count("critical") == 1
+        assert [row["severity"] for row in room.journal.rows("events", "one")].count("critical") == 1
         assert not two.failed and len(room.journal.rows("events", "two")) == 1      # its link is up
         assert "Traceback" in capsys.readouterr().err
     finally:

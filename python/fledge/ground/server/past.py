@@ -83,17 +83,17 @@ class Past:
         """What the archive has."""
         assert self._telemetry.history is not None
         with self._telemetry.reading:
-            return [{"session": one["session"], "first_ns": str(one["first"]), "last_ns": str(one["last"]),
-                     "packets": one["packets"], "ended": one["ended"],
-                     "gaps": [[str(begin), str(end), why] for begin, end, why in one["gaps"]]}
-                    for one in self._telemetry.history.sessions()]
+            return [{"session": session["session"], "first_ns": str(session["first"]), "last_ns": str(session["last"]),
+                     "packets": session["packets"], "ended": session["ended"],
+                     "gaps": [[str(begin), str(end), why] for begin, end, why in session["gaps"]]}
+                    for session in self._telemetry.history.sessions()]
 
     def series(self, names: list[str], begin: int, end: int, points: int, session: int,
                exact: bool = False) -> dict[str, Series]:
         """What the archive has of parameters by their names; the concerns are by the limits that were in force. Raises
         SetupError."""
         derived = self._telemetry.derived
-        plain = [one for one in names if one not in derived]
+        plain = [name for name in names if name not in derived]
         with self._telemetry.reading:
             history = self._telemetry.history
             assert history is not None

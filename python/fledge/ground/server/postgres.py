@@ -87,7 +87,7 @@ class PostgresSettings:
             psycopg.conninfo.conninfo_to_dict(url)
         except psycopg.ProgrammingError as error:
             raise SetupError(f"[postgres] url is no address of a database: {str(error).strip()}") from None
-        if not isinstance(names, list) or not names or not all(isinstance(one, str) for one in names):
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
             raise SetupError(f'[postgres] parameters is a list of names, as ["flight.*"]; it is {names!r}')
         if not isinstance(server, str):
             raise SetupError(f"[postgres] server is a name; it is {server!r}")
@@ -132,7 +132,8 @@ class Postgres:
                     self._begin(base)
                     self._tell("")
                     while not self._over.is_set():
-                        busy = [self._tail(base, one) for one in list(self.room.crafts.values()) if not one.source]
+                        busy = [self._tail(base, craft)
+                                for craft in list(self.room.crafts.values()) if not craft.source]
                         wait = FIRST
                         if not any(busy):
                             self._over.wait(1)

@@ -70,9 +70,9 @@ class Tail:
 
     def _register(self, first: int) -> None:
         """The numbers of parameters from a slot on."""
-        pattern = re.compile("|".join(re.escape(one).replace(r"\*", ".*").replace(r"\?", ".") for one in self.names))
+        pattern = re.compile("|".join(re.escape(name).replace(r"\*", ".*").replace(r"\?", ".") for name in self.names))
         slots = self.monitor.slots(first)
-        chosen = [one for one in slots if pattern.fullmatch(one["name"])]
+        chosen = [slot for slot in slots if pattern.fullmatch(slot["name"])]
         if first == 0 and slots and not chosen:
             raise SetupError(f"{self.craft.name} has no parameter as {', '.join(self.names)}; one is "
                              f"{slots[0]['name']}")
@@ -95,8 +95,8 @@ class Tail:
                 assert row
                 ids[one["slot"]] = row[0]
                 cursor.nextset()
-        self.ids = np.append(self.ids, np.array([ids.get(one["slot"], 0) for one in slots], ">i4"))
-        self.kinds += [one["kind"] for one in slots]
+        self.ids = np.append(self.ids, np.array([ids.get(slot["slot"], 0) for slot in slots], ">i4"))
+        self.kinds += [slot["kind"] for slot in slots]
         self.wanted = np.flatnonzero(self.ids).astype("<u4").tobytes()
         self.codes = np.array(self.kinds)
 
@@ -139,8 +139,8 @@ class Tail:
         return frame[HEAD:end], frame[end:], received, identity
 
     def _piece(self, frames: list[tuple[bytes, bytes, int, int]], position: tuple[int, int, int]) -> Rows:
-        counts = [len(one[0]) // VALUES.itemsize for one in frames]
-        values = np.frombuffer(b"".join(one[0] for one in frames), VALUES)
+        counts = [len(frame[0]) // VALUES.itemsize for frame in frames]
+        values = np.frombuffer(b"".join(frame[0] for frame in frames), VALUES)
         slot, word = values["slot"], values["word"]
         t = values["t"] + self.epoch
         row = np.zeros(len(values), ROW)
@@ -149,8 +149,8 @@ class Tail:
             row[f"_{name}"] = np.dtype(kind).itemsize
         row["server"], row["parameter"], row["session"] = self.server, self.ids[slot], position[0]
         row["t"], row["ns"] = t // 1000 - YEAR_2000, t % 1000
-        row["received"] = np.repeat(np.array([one[2] for one in frames], np.int64) // 1000 - YEAR_2000, counts)
-        row["packet"] = np.repeat(np.array([one[3] for one in frames], np.int64), counts)
+        row["received"] = np.repeat(np.array([frame[2] for frame in frames], np.int64) // 1000 - YEAR_2000, counts)
+        row["packet"] = np.repeat(np.array([frame[3] for frame in frames], np.int64), counts)
         row["concern"] = values["concern"]
 
         kind = self.codes[slot]
@@ -164,7 +164,7 @@ class Tail:
         neither["row"], neither["_value"], neither["_text"] = row[~worded & ~is_number], -1, -1
         out = [numbers.tobytes(), neither.tobytes()]
         if worded.any():
-            texts = [one[1] for one in frames]
+            texts = [frame[1] for frame in frames]
             of = np.repeat(np.arange(len(frames)), counts)
             for i in np.flatnonzero(worded):
                 text = self._text(kind[i], int(word[i]), int(values["status"][i]), texts[of[i]])

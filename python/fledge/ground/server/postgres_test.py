@@ -168,7 +168,7 @@ def test_all_kinds_of_values_are_as_they_were_decoded(tmp_path, base):
     second = {(name, value, text, concern) for _, _, name, _, value, text, concern in rows[3:9]}
     assert second == {("count", 2.0, None, 0), ("mode", 1.0, "SCIENCE", 0), ("voltage", 1.5, None, 2),
                       ("count", 3.0, None, 0), ("mode", None, "9", 0), ("voltage", None, None, 2)}
-    assert {(one[2], one[4], one[5]) for one in rows[9:]} == {
+    assert {(row[2], row[4], row[5]) for row in rows[9:]} == {
         ("count", 4.0, None), ("big", -2.0**40, None), ("note", None, '<"é 1')}
 
 
@@ -241,7 +241,7 @@ def test_nothing_is_missing_or_twice_after_outages_of_either_side(tmp_path, base
     assert base.rows("select value from fledge.telemetry where parameter = 'count' order by value") == [
         (float(i + 1),) for i in range(sent)]
     ends = base.rows("select count(*) from pg_inherits where inhparent = 'fledge.value'::regclass")
-    assert ends[0][0] > 1 and [one for one in server.events if "caught up" in one[3]]
+    assert ends[0][0] > 1 and [event for event in server.events if "caught up" in event[3]]
 
 
 def test_two_servers_of_one_spacecraft_are_distinguished_and_a_view_has_each_packet_once(tmp_path, base):

@@ -66,4 +66,4 @@ class Replay(Spacecraft):
 
     def handle(self, notes: Iterable[Note]) -> None:
         """Keep no notes: the lists of the spacecraft itself have them."""
-        super().handle([one for one in notes if one[0] == "slots"])
+        super().handle([note for note in notes if note[0] == "slots"])

@@ -42,8 +42,8 @@ class Room:
         self.steered: Steered | None = Steered(steering) if steering else None
         self.postgres: Postgres | None = None
         try:
-            for one in settings.crafts:
-                self.add(Spacecraft(self, one, self._numbers))
+            for craft in settings.crafts:
+                self.add(Spacecraft(self, craft, self._numbers))
             if "postgres" in settings.more:
                 self.postgres = self._postgres(settings.more["postgres"])
         except BaseException:
@@ -69,7 +69,7 @@ class Room:
     @property
     def replays(self) -> int:
         """How many there are."""
-        return sum(bool(one.source) for one in self.crafts.values())
+        return sum(bool(craft.source) for craft in self.crafts.values())
 
     def craft(self, name: str, among: list[str] | None = None) -> Spacecraft:
         """The spacecraft of a name, of all or among some. Raises SetupError."""
@@ -80,8 +80,8 @@ class Room:
         return self.crafts[name]
 
     def start(self) -> None:
-        for one in self.crafts.values():
-            one.start()
+        for craft in self.crafts.values():
+            craft.start()
         if self.postgres:
             self.postgres.start()
 
@@ -89,8 +89,8 @@ class Room:
         """End all in order."""
         if self.postgres:
             self.postgres.close()
-        for one in self.crafts.values():
-            one.close()
+        for craft in self.crafts.values():
+            craft.close()
         for name in list(self._unsaved):
             self.flush(name)
         self.journal.close()
@@ -106,8 +106,8 @@ class Room:
 
     def publish(self, kind: str, craft: str, content: dict[str, Any]) -> None:
         """Send an object to all browsers."""
-        for one in list(self.listeners):
-            one(content | {"kind": kind, "craft": craft})
+        for listener in list(self.listeners):
+            listener(content | {"kind": kind, "craft": craft})
 
     def keep(self, kind: str, craft: str, *objects: dict[str, Any],
              shown: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:

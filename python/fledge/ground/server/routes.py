@@ -55,9 +55,9 @@ def message(key: str, role: str, craft: str = OWN) -> Callable[[Handler], Handle
 def rows(holder: object) -> Iterator[tuple[Row, Any]]:
     """The rows of a module, a class or an object, with their handlers, as they stand in its file."""
     of = holder if isinstance(holder, (type, ModuleType)) else type(holder)
-    for one in vars(of).values():
-        if hasattr(one, "row"):
-            yield one.row, one if of is holder else getattr(holder, one.__name__)
+    for var in vars(of).values():
+        if hasattr(var, "row"):
+            yield var.row, var if of is holder else getattr(holder, var.__name__)
 
 
 def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, server: Server

@@ -118,7 +118,7 @@ class Pace(RunControl):
         if "".join(steps) != path.replace(".", "") or len(steps) < 3 or any(
                 one.startswith("_") for one in steps):
             raise SetupError(f"a fault is of a parameter by its path, as world.wheels.friction; found '{path}'")
-        names = {one.name: one for one in self.sim.processes}
+        names = {process.name: process for process in self.sim.processes}
         if steps[0] not in names:
             raise SetupError(f"{self.sim.name} has no process '{steps[0]}'{did_you_mean(steps[0], list(names))} it has "
                              + listed(list(names)))

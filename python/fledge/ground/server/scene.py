@@ -95,7 +95,7 @@ class Window(Records):
         self._all = list(ports.values())
         self._found = {}
         self.single = len(samples) == 1
-        ends = [max(t for t, _ in one.values()) for one in samples]
+        ends = [max(t for t, _ in sample.values()) for sample in samples]
         for port in self._all:
             old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in OF_FLIGHT else inf
             rows: list[tuple[float, bytes]] = []
@@ -153,7 +153,7 @@ class Feed:
         self._outputs: dict[str, Any] = {}
         if simulation is None:
             return
-        self._flights = flights = {one.name for one in simulation.flights}
+        self._flights = flights = {flight.name for flight in simulation.flights}
         for process in simulation.processes:
             for instance in process:
                 for field in objects.struct(instance).fields:
@@ -258,8 +258,8 @@ class Feed:
         """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
         assert self._monitor is not None
         places: dict[str, list[int]] = {}
-        for one in self._monitor.slots():
-            places.setdefault(one["name"].partition("[")[0], []).append(one["slot"])
+        for slot in self._monitor.slots():
+            places.setdefault(slot["name"].partition("[")[0], []).append(slot["slot"])
         self._places = {process: places[f"{process}.housekeeping.mode"][0] for process in self._flights
                         if f"{process}.housekeeping.mode" in places}
         found = {}
@@ -353,7 +353,7 @@ class Feed:
                              "database alone")
         with self._lock:
             samples = list(self._kept)
-        came = {name for one in samples for name in one}
+        came = {name for sample in samples for name in sample}
         coming = came | set(self._slots or {}) | {name for name in self._truth if self._watched is not None
                                                   and topic_of(name) in self._watched.topics}
         ports = {name: port for name, port in self._ports().items() if name in coming}
@@ -364,7 +364,7 @@ class Feed:
         found.add_plots()
         scene = found.scene
         scene.modes = {process: list(began) for process, began in self._modes.items()}
-        scene.end = max(t for one in samples for t, _ in one.values())
+        scene.end = max(t for sample in samples for t, _ in sample.values())
         self._explain(scene)
         if self.facts.folder is not None:
             add_of_mission(scene, self.facts.folder)
@@ -373,7 +373,7 @@ class Feed:
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
         for craft in scene.crafts:
-            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.flight_ports:
+            if not any(pose.kind == "estimate" for pose in craft.poses) and craft.path not in self.flight_ports:
                 scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
                                    "no ghost.")
         if not any(port.type == "CraftState" for port in self._truth.values() if self._used is None or
@@ -387,7 +387,7 @@ class Feed:
             return f"{self.craft}: the simulation has not run yet"
         if self._watched is not None:
             topics = [topic_of(name) for name in states]
-            absent = [one for one in topics if one not in self._watched.topics]
+            absent = [topic for topic in topics if topic not in self._watched.topics]
             if absent:
                 return (f"{self.craft}: the co-simulation does not show {listed(absent)} to observers; give it "
                         f"watch = {absent} in its file")

@@ -123,7 +123,7 @@ def test_the_live_view_has_the_numbers_and_ages_of_the_recorded_one(tmp_path):
         assert there["error"][1] == here["error"][1]
         for name in ("error", "rate", "wheel"):
             np.testing.assert_allclose(here[name], there[name], rtol=2e-4, atol=1e-8)
-        assert [one[:2] for one in there["poses"]] == [one[:2] for one in here["poses"]]
+        assert [pose[:2] for pose in there["poses"]] == [pose[:2] for pose in here["poses"]]
     ages = [one["error"][1] for one in live]
     assert ages[0] == 0 and ages[-1] == 0 and any(age > 20 for age in ages), ages
 
@@ -191,8 +191,8 @@ def test_the_ghost_is_what_telemetry_says_at_its_time():
             monitor.values = {name: (int((k + 0.5) * 1e9), x) for name, x in zip(names, estimate)}
         feed.sample()
     [craft] = text_of(feed.pack())["crafts"]
-    assert [one["name"] for one in craft["poses"] if one["kind"] == "estimate"] == ["flight.filter.attitude"]
-    ghost = next(one for one in feed.scene().craft().poses if one.kind == "estimate").turning
+    assert [pose["name"] for pose in craft["poses"] if pose["kind"] == "estimate"] == ["flight.filter.attitude"]
+    ghost = next(pose for pose in feed.scene().craft().poses if pose.kind == "estimate").turning
     assert sorted(set(ghost.time)) == list(said)
     for t, q in zip(ghost.time, ghost.q):
         assert abs(q @ Turning.of_mrp(np.zeros(1), said[t][None]).q[0]) == pytest.approx(1, abs=1e-12)
@@ -206,7 +206,7 @@ def test_without_navigation_on_board_the_ghost_is_that_of_the_world_as_in_a_reco
     feed = scene.Feed("imager", sim, Telemetry({}))
     feed.sample()
     for found in feed.scene(), scene_of(log):
-        assert [one.name for one in found.craft().poses if one.kind == "estimate"] == ["world.nav.attitude"]
+        assert [pose.name for pose in found.craft().poses if pose.kind == "estimate"] == ["world.nav.attitude"]
 
 
 def test_messages_by_names_are_those_in_memory():
@@ -303,9 +303,9 @@ def test_the_messages_of_a_co_simulation_are_the_truth():
     found = feed.scene().craft()
     assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
     text = text_of(feed.pack())
-    assert any(one["name"] == "EARTH" for one in text["planets"])
+    assert any(planet["name"] == "EARTH" for planet in text["planets"])
     assert not text["crafts"][0]["poses"]
-    assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in one for one in text["notes"])
+    assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in note for note in text["notes"])
 
 
 # --- in a browser, from the server -------------------------------------------------------------------
@@ -403,7 +403,7 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
         assert ghost["shown"] and abs(said @ ghost["q"]) == pytest.approx(1, abs=1e-9)
         off = 2 * np.arccos(min(abs(true @ ghost["q"]), 1))
         assert 0 < off < 1e-2, "beside the truth, not on it"
-        assert [one for one in browser.problems if "viewer.js" in one] == []
+        assert [problem for problem in browser.problems if "viewer.js" in problem] == []
 
 
 @pytest.mark.long("a browser on a mission")
@@ -446,4 +446,4 @@ def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_p
                          f"{room.crafts['imager'].simulation.state_time}) < 1e-6")
         exact = room.crafts["imager"].simulation.world.craft.state.r_BN_N
         assert np.linalg.norm(np.array(browser.ask(f"{viewer}.stage.crafts[0].place")) - exact) < 1
-        assert [one for one in browser.problems if "viewer.js" in one] == []
+        assert [problem for problem in browser.problems if "viewer.js" in problem] == []

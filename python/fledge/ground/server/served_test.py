@@ -53,8 +53,8 @@ async def test_a_script_commands_by_the_server(folder):
         assert [one["stage"] for one in said if one["kind"] == "stage" and one["id"] == 2 and
                 one["stage"] != "numbered"] == ["accepted", "executed"]
         rows = [one for one in await page.get("crafts/nadir_spin/sent") if one["name"] == "write flight.control.K"]
-        assert [one["user"] for one in rows] == ["operator"] * 2
-        assert [one["stage"] for one in (await page.row("nadir_spin", rows[1]["id"]))["stages"]][-1] == "completed"
+        assert [row["user"] for row in rows] == ["operator"] * 2
+        assert [stage["stage"] for stage in (await page.row("nadir_spin", rows[1]["id"]))["stages"]][-1] == "completed"
         assert [one["action"] for one in await page.get("log")].count("POST /api/crafts/nadir_spin/raw") == 3
         await page.verified("nadir_spin", "flight.write.control.K", {"K": 4})   # others go on behind it
 
@@ -105,7 +105,7 @@ async def test_a_script_behind_the_commands_of_another_ground_is_executed_once(f
 
         before = await asyncio.wrap_future(craft.call(behind))
         sent = await asyncio.to_thread(commands)
-        assert [one.executed for one in sent.reports] == [0, 1] and all(one.good for one in sent.reports)
+        assert [report.executed for report in sent.reports] == [0, 1] and all(report.good for report in sent.reports)
         after = await asyncio.wrap_future(craft.call(lambda: craft.simulation.flight.commands.counters.accepted))
         assert after == before + 2      # the server's noop, by which it learned the number, and this
 
@@ -193,7 +193,7 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         found = await page.post("crafts/plays/raw", {"hex": nested}, 409)
         assert found["hazardous"].startswith("flight begins again")
         packets = Packets(page.room.crafts["plays"].mission.dictionary)
-        fields = {one.name: one for one in packets.dictionary.block("flight.vehicle")[1].fields}
+        fields = {field.name: field for field in packets.dictionary.block("flight.vehicle")[1].fields}
         row, = packets.write_bytes("flight.vehicle", {fields["I_B"].offset + 24: bytes(24)})    # a part of it
         found = await page.post("crafts/plays/raw", {"hex": row.hex()}, 409)
         assert found["hazardous"].startswith("the body is another one")
@@ -222,6 +222,6 @@ async def test_whom_the_server_refuses(folder):
         assert await asyncio.to_thread(cli.main, ["ground", "run", str(folder / "script.py"), "--to", address(page),
                                                   "--out", str(folder / "out"), f"--token={word}"]) == 0
         assert (folder / "out").stat().st_mode & 0o77 == 0
-        assert not any(word in one.read_text() for one in (folder / "out").iterdir())
+        assert not any(word in path.read_text() for path in (folder / "out").iterdir())
     with pytest.raises(OSError):
         await asyncio.to_thread(connected, word)

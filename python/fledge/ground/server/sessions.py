@@ -88,9 +88,9 @@ class Sessions:
             self._without_users.cut()
 
     def close(self) -> None:
-        for one in self._of_browsers.values():
-            if one.end:
-                one.end.cancel()
+        for browser in self._of_browsers.values():
+            if browser.end:
+                browser.end.cancel()
 
     def _end(self, name: str, why: str) -> None:
         session = self._of_browsers.pop(name)

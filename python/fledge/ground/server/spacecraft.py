@@ -92,7 +92,7 @@ class Spacecraft:
         self.limits.begin()
         self.transfers = Transfers(folder / "files" / self.name, settings.light_time, link, clock, reporter)
         self.tables = Tables(blocks, link, commanding, clock, reporter)
-        self.stored = StoredLists(next((one.path for one in blocks if one.type == "StoredCommands"), ""), link,
+        self.stored = StoredLists(next((block.path for block in blocks if block.type == "StoredCommands"), ""), link,
                                   commanding, telemetry, clock, reporter)
         if not source:
             telemetry.keep(folder / "archive")

@@ -33,7 +33,7 @@ class StoredLists:
             for row in reporter.all("stored"):
                 number = row["list"]
                 self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])
-                self._names |= {one["crc"]: one["name"] for one in row["commands"]}
+                self._names |= {command["crc"]: command["name"] for command in row["commands"]}
                 self._begun |= {} if row["begun"] is None else {number: row["begun"]}
                 self._held |= {} if row["held"] is None else {number: row["held"]}
 
@@ -52,14 +52,14 @@ class StoredLists:
             begun = self._begun.get(number) if running & bit and not held & bit else None
             rows, when = self._lists.get(number, ([], None))
             if number == 0 and not held & bit:      # they leave the store when they are due
-                rows = [one for one in rows if int(one["time_ns"]) > now]
+                rows = [row for row in rows if int(row["time_ns"]) > now]
             due = None if held & bit or inhibited & bit else 0 if number == 0 else begun
             lists.append({
                 "list": number, "read_ns": when, "t_ns": None if begun is None else str(now - begun),
                 "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
                 else "idle",
-                "commands": [one | {"due_ns": None if due is None else str(due + ahead + int(one["time_ns"]))}
-                             for one in rows]})
+                "commands": [row | {"due_ns": None if due is None else str(due + ahead + int(row["time_ns"]))}
+                             for row in rows]})
         due = self._newest_number("next")
         return {"lists": lists, "text": "", "flight_ns": str(now),
                 "next_ns": None if due is None or due < 0 else str(due + ahead),
@@ -118,10 +118,11 @@ class StoredLists:
 
     def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
         """What a list has. read: when the spacecraft said so; else it follows from commands that it has executed."""
-        rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc, "code": one.code,
-                 "name": self._names.get(one.crc) or (Code(one.code).name.lower() if one.code in
-                                                      Code._value2member_map_ else f"code {one.code}")}
-                for one in sorted(commands)]
+        rows = [{"step": command.step, "time_ns": str(command.time), "size": command.size, "crc": command.crc,
+                 "code": command.code,
+                 "name": self._names.get(command.crc) or (Code(command.code).name.lower() if command.code in
+                                                      Code._value2member_map_ else f"code {command.code}")}
+                for command in sorted(commands)]
         self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
 
     def _save(self, number: int) -> None:

@@ -28,7 +28,7 @@ class Tables:
 
     def rows(self) -> list[dict[str, Any]]:
         """All tables."""
-        return [self._shown(one) for one in self._blocks]
+        return [self._shown(block) for block in self._blocks]
 
     def _shown(self, one: Block) -> dict[str, Any]:
         block, when = self._read.get(one.path, (None, None))
@@ -51,7 +51,7 @@ class Tables:
         if name not in self._read:
             raise SetupError(f"read {name} first: what is not changed stays as it is on board")
         whole = bytearray(self._read[name][0])
-        fields = {one.name: one for one in block.fields}
+        fields = {field.name: field for field in block.fields}
         for key, value in given.items():
             if key not in fields:
                 raise SetupError(f"{name} has no parameter '{key}'{did_you_mean(key, list(fields))}")
@@ -71,7 +71,7 @@ class Tables:
         self._reporter.publish("table", self._shown(block))
 
     def _block(self, name: str) -> Block:
-        blocks = {one.path: one for one in self._blocks}
+        blocks = {block.path: block for block in self._blocks}
         if name not in blocks:
             raise SetupError(f"{self._reporter.name} has no table '{name}'{did_you_mean(name, list(blocks))}")
         return blocks[name]

@@ -72,7 +72,7 @@ class Telemetry:
     def slots(self, first: int = 0, most: int = 2**32 - 1) -> list[dict[str, Any]]:
         """The parameters, as the monitor describes them. header: of the packet, or of a message of Fledge: its head,
         its time, its padding. stale: [s] the age at which a value is; None: it is not known."""
-        outputs = [one.path for one in self._dictionary.outputs] if self._dictionary else []
+        outputs = [output.path for output in self._dictionary.outputs] if self._dictionary else []
         folded = (*(f"{path}.{part}" for path in outputs for part in ("head.", "spare")),
                   *(f"{self._dictionary.name}.{name}.{part}" for name in SERVICES for part in ("t", "spare")
                     if self._dictionary))
@@ -137,7 +137,7 @@ class Telemetry:
                 with self.reading:
                     known = {(t, packet) for t, _, _, packet in self.history.packets(packets[0][0], begin)} \
                         if packets else ()
-                return [one for one in packets if (one[0], one[2]) not in known]
+                return [packet for packet in packets if (packet[0], packet[2]) not in known]
         if not follows:
             self.archive.missing(begin, end, why)
         self._clock.gaps.append((begin, end))
@@ -244,19 +244,19 @@ class Telemetry:
             files += self._mission.files
             files += self._mission.folder.glob("ground.toml") if self._mission.folder else []
         try:
-            return {one: one.stat().st_mtime_ns for one in files}
+            return {file: file.stat().st_mtime_ns for file in files}
         except OSError:
             return self._written        # it is being written
 
     def _watch(self) -> None:
         """Let the monitor note each packet that flight's own services need."""
-        self.slot_names = [one["name"] for one in self.monitor.slots(0)]
+        self.slot_names = [slot["name"] for slot in self.monitor.slots(0)]
         self.slot_numbers = {name: i for i, name in enumerate(self.slot_names)}
         if self._dictionary is None:
             return
         process = self._dictionary.name
         names = self.database.container_names()
         wanted = {f"{process}.{one}" for one in ("reports", "texts", *SERVICES)}
-        outputs = {one.path for one in self._dictionary.outputs}
-        events = {f"{one.path}.{event.name}" for one in self._dictionary.outputs for event in one.events}
+        outputs = {output.path for output in self._dictionary.outputs}
+        events = {f"{output.path}.{event.name}" for output in self._dictionary.outputs for event in output.events}
         self.monitor.watch([path for path, name in names.items() if name in wanted - outputs or name in events])

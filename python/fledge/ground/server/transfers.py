@@ -99,9 +99,9 @@ class Transfers:
 
     def files(self) -> list[dict[str, Any]]:
         """The files that have come down. For any thread."""
-        files = [one for one in self.folder.glob("[!.]*") if one.is_file()] if self.folder.is_dir() else []
-        return [{"name": one.name, "size": one.stat().st_size, "t_ns": str(one.stat().st_mtime_ns)}
-                for one in sorted(files)]
+        files = [path for path in self.folder.glob("[!.]*") if path.is_file()] if self.folder.is_dir() else []
+        return [{"name": file.name, "size": file.stat().st_size, "t_ns": str(file.stat().st_mtime_ns)}
+                for file in sorted(files)]
 
     def poll(self) -> None:
         """Publish how far they are."""
@@ -168,9 +168,9 @@ class Transfers:
         began, bounds = time.monotonic(), self._reporter.bounds
         size = 0
         with os.scandir(self.folder) as entries:
-            for one in entries:
+            for entry in entries:
                 with suppress(FileNotFoundError):       # another program has deleted it
-                    size += one.stat(follow_symlinks=False).st_blocks * 512 + FILE
+                    size += entry.stat(follow_symlinks=False).st_blocks * 512 + FILE
         self.bytes = size
         free = shutil.disk_usage(self.folder).free - bounds["disk that stays free"]
         left = bounds["files of a spacecraft"] - self.bytes

@@ -155,7 +155,7 @@ class FlightUplink(Uplink):
 
     def _advance(self, row: Row, sent: Sent, seen: int) -> bool:
         """Add the stages that are new; returns whether it is over."""
-        stages = {one["stage"] for one in row["stages"]}
+        stages = {stage["stage"] for stage in row["stages"]}
         if "delivered" not in stages and sent.arrived and len(sent.arrived) == len(sent.packets):
             self._stages.add(row, "delivered", True, DELIVERED)
         if sent.given_up and not sent.reports and "failed" not in stages:
@@ -183,8 +183,8 @@ class FlightUplink(Uplink):
                 return True
         within = WITHIN + round(2e9 * self._settings.light_time)
         age = self._clock.now - int(row["t_ns"]) - self._stepped.get(row["id"], 0)
-        if age > within and not any(one["stage"] in (
-                "started", "progress", "unknown", "failed") for one in row["stages"]):
+        if age > within and not any(stage["stage"] in (
+                "started", "progress", "unknown", "failed") for stage in row["stages"]):
             self._stages.add_overdue(row, "completed", f"no report of its execution within {within / 1e9:g} s",
                                      int(row["t_ns"]))
         return age > 60 * within

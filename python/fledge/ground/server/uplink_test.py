@@ -188,7 +188,7 @@ def test_a_command_before_all_else_has_a_time(tmp_path):
             assert int(sent.result(PATIENCE)["t_ns"]) >= begin
             wait_for(lambda: len(sent.result()["stages"]) > 1)
             assert stages(sent.result())[1] == ("delivered", True)
-            assert all(int(one["t_ns"]) >= begin for one in room.journal.rows("events"))
+            assert all(int(row["t_ns"]) >= begin for row in room.journal.rows("events"))
         finally:
             room.close()
 
@@ -231,7 +231,7 @@ async def test_commands_and_telemetry_of_a_flown_mission_pass_its_radio(tmp_path
             "name": "flight.telemetry", "arguments": {"output": "all"}}))["id"]
         await c.post("crafts/passing/run", {"action": "step", "seconds": 30})
         row = await c.row("passing", number)
-        took = [int(one["t_ns"]) - int(row["t_ns"]) for one in row["stages"]]
+        took = [int(stage["t_ns"]) - int(row["t_ns"]) for stage in row["stages"]]
         assert took[-1] > 2 * radio.up.light_time * 1e9 > 0
         await c.until("crafts/passing/run", lambda run: run["state"] == "paused" and int(run["t_ns"]) >= 510 * 10**9)
         # What comes at the last instant, the radio has not counted yet.

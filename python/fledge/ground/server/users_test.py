@@ -262,7 +262,7 @@ def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
     async def _(server):        # all at once
         answers = await asyncio.gather(*[server.client.post(f"{server.url}/api/login", json={
             "user": "bob", "password": str(i)}) for i in range(20)])
-        assert sum(one.status == 401 for one in answers) <= 10
+        assert sum(answer.status == 401 for answer in answers) <= 10
 
 
 @pytest.mark.parametrize("path", ["/", "/api/session", "/api/login"])
@@ -746,8 +746,8 @@ class Program:
 
     def write(self, users, mode=0o600, more=""):
         craft = '[[craft]]\nname = "imager"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:9"\n'
-        tables = "".join(f"[[{kind}]]\n" + "".join(f"{key} = {json.dumps(one[key])}\n" for key in one)
-                         for kind in users for one in users[kind])
+        tables = "".join(f"[[{kind}]]\n" + "".join(f"{key} = {json.dumps(user[key])}\n" for key in user)
+                         for kind in users for user in users[kind])
         new = self.file.with_suffix(".new")
         new.write_text(f'port = 0\nfolder = "out/of/it"\n{more}\n{craft}{tables}')
         new.chmod(mode)
@@ -794,7 +794,7 @@ def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
             await said("counts when the server starts again")
             async with night.get("/api/crafts/imager/events") as answer:
                 events = await answer.json()
-            sources = [(one["severity"], one["source"]) for one in events]
+            sources = [(event["severity"], event["source"]) for event in events]
             assert "session_h" not in str(events), "it may name what not all may see"
             assert sources.count(("critical", "users")) == 2 and sources.count(("info", "users")) == 2
 

@@ -59,7 +59,7 @@ class Verifying:
 
     def prepare(self, form: dict[str, Any]) -> None:
         """Name the stages of a form's verifiers, and say of each why it cannot be watched, if so."""
-        names = {one["name"]: "0" for one in form["arguments"]} | {SEQUENCE: "0"}
+        names = {argument["name"]: "0" for argument in form["arguments"]} | {SEQUENCE: "0"}
         for place, one in enumerate(form["verifiers"]):
             one |= {"problem": "", "stage": "progress" if one["percent"] is not None else STAGES[one["stage"]]}
             try:

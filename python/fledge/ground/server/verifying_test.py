@@ -20,7 +20,7 @@ MODES = ("SAFE", "WORK")
 
 
 def container(name, apid, *entries):
-    inside = "".join(f'<ParameterRefEntry parameterRef="{one}"/>' for one in entries)
+    inside = "".join(f'<ParameterRefEntry parameterRef="{entry}"/>' for entry in entries)
     return (f'<SequenceContainer name="{name}"><EntryList>{inside}</EntryList><BaseContainer containerRef="Packet">'
             f'<RestrictionCriteria><Comparison parameterRef="head" value="{2048 + apid}"/></RestrictionCriteria>'
             '</BaseContainer></SequenceContainer>')
@@ -119,7 +119,7 @@ class Craft(asyncio.DatagramProtocol):
 
 
 def stages(row):
-    return [(one["stage"], one["good"]) for one in row["stages"]]
+    return [(stage["stage"], stage["good"]) for stage in row["stages"]]
 
 
 class Desk:
@@ -136,8 +136,8 @@ class Desk:
     async def row(self, number, *wanted):
         """The row when it has these stages behind the release."""
         rows = await self.c.until("crafts/sat/sent", lambda rows: [
-            one for one in rows if one["id"] == number and stages(one) == [("released", True), *wanted]])
-        return next(one for one in rows if one["id"] == number)
+            row for row in rows if row["id"] == number and stages(row) == [("released", True), *wanted]])
+        return next(row for row in rows if row["id"] == number)
 
 
 @pytest.fixture
@@ -166,8 +166,8 @@ def test_a_command_is_accepted_and_completed(desk):
         row = await one.row(number, ("accepted", True))
         craft.say(STATUS, 1, 5, 0)
         row = await one.row(number, ("accepted", True), ("completed", True))
-        assert [each["text"] for each in row["stages"][1:]] == ["/Sat/Accept", "mode == argument mode"]
-        times = [int(each["t_ns"]) for each in row["stages"]]
+        assert [stage["text"] for stage in row["stages"][1:]] == ["/Sat/Accept", "mode == argument mode"]
+        times = [int(stage["t_ns"]) for stage in row["stages"]]
         packets = await one.c.get("crafts/sat/packets")
         assert times == sorted(times) and [times[2], times[1]] == [int(packets[0]["t_ns"]), int(packets[1]["t_ns"])]
 

@@ -55,16 +55,16 @@ class Server:
         self.reads: Counter[str] = Counter()    #: values of the long answers that users are reading
         self.began, crafts = time.monotonic(), room.crafts
         for name, used in (
-                ("texts of a socket", lambda: max((one.waiting_texts for one in self.browsers), default=0)),
-                ("packets of a socket", lambda: max((one.waiting_packets for one in self.browsers), default=0)),
-                ("waiting in all", lambda: sum(one.waiting for one in self.browsers)),
+                ("texts of a socket", lambda: max((browser.waiting_texts for browser in self.browsers), default=0)),
+                ("packets of a socket", lambda: max((browser.waiting_packets for browser in self.browsers), default=0)),
+                ("waiting in all", lambda: sum(browser.waiting for browser in self.browsers)),
                 ("queries", lambda: min(self._queries_now, self.bounds["queries"])),
                 ("queries that wait", lambda: max(0, self._queries_now - self.bounds["queries"])),
                 ("values read by a user", lambda: max(self.reads.values(), default=0)),
                 ("values read", self.reads.total),
                 ("replays", lambda: room.replays),
-                ("clients of a link", lambda: max((one.connection.clients for one in crafts.values()), default=0)),
-                ("files of a spacecraft", lambda: max((one.transfers.bytes for one in crafts.values()), default=0)),
+                ("clients of a link", lambda: max((craft.connection.clients for craft in crafts.values()), default=0)),
+                ("files of a spacecraft", lambda: max((craft.transfers.bytes for craft in crafts.values()), default=0)),
                 ("disk that stays free", lambda: shutil.disk_usage(room.settings.folder).free)):
             self.bounds.uses(name, used)
         self.app = web.Application(middlewares=[self.guard.middleware, self._in_words])
@@ -91,14 +91,15 @@ class Server:
         self.room.listeners.remove(self._publish)
         self._queries.shutdown(wait=False, cancel_futures=True)
         # One that does not read must not hold the others up.
-        ends = [asyncio.ensure_future(one.socket.close(code=1001, message=b"the server ends")) for one in self.browsers]
+        ends = [asyncio.ensure_future(browser.socket.close(code=1001, message=b"the server ends"))
+                for browser in self.browsers]
         if ends:
             await asyncio.wait(ends, timeout=5)
 
     async def _crowd(self) -> None:
         """Look how much waits for all."""
         while True:
-            self.crowded = self.bounds.over("waiting in all", sum(one.waiting for one in self.browsers))
+            self.crowded = self.bounds.over("waiting in all", sum(browser.waiting for browser in self.browsers))
             await asyncio.sleep(0.2)
 
     def _slow(self, late: float) -> None:
@@ -114,9 +115,9 @@ class Server:
                                             content["user"] if content["kind"] == "log" else None)
 
     def _spread(self, text: str, craft: str, user: str | None) -> None:
-        for one in self.browsers:
-            if self.sees(one.request, craft, user):
-                one.put(text)
+        for browser in self.browsers:
+            if self.sees(browser.request, craft, user):
+                browser.put(text)
 
     async def _follow(self) -> None:
         """Take users, tokens and certificate of the server's file whenever it or its certificate changes; of what is

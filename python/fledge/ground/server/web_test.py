@@ -63,7 +63,7 @@ class Console:
     async def row(self, craft, number, stage="completed"):
         """The row of a sent command that has come to a stage; one that has failed does not come to another."""
         def reached(rows):
-            return [one["stage"] for row in rows if row["id"] == number for one in row["stages"]]
+            return [stage["stage"] for row in rows if row["id"] == number for stage in row["stages"]]
 
         rows = await self.until(f"crafts/{craft}/sent", lambda rows: {stage, "failed"} & {*reached(rows)})
         row = next(one for one in rows if one["id"] == number)
@@ -120,15 +120,15 @@ async def test_values_move_and_a_command_is_verified(tmp_path):
         assert seen[0][0] < seen[1][0] < seen[2][0] and len({value for _, value in seen}) == 3
 
         row = await c.verified("nadir_spin", "flight.write.control.K", {"K": 3})
-        assert [one["stage"] for one in row["stages"]] == ["released", "accepted", "completed"]
-        assert all(one["good"] for one in row["stages"]) and row["user"] == "operator"
+        assert [stage["stage"] for stage in row["stages"]] == ["released", "accepted", "completed"]
+        assert all(stage["good"] for stage in row["stages"]) and row["user"] == "operator"
         control = c.room.crafts["nadir_spin"].simulation.flight.control
         assert control.K == 3.0
         stages = []
         while "completed" not in stages:
             message = await live.receive(PATIENCE)
             if message.type == WSMsgType.TEXT and message.json()["kind"] == "sent":
-                stages = [one["stage"] for one in message.json()["stages"]]
+                stages = [stage["stage"] for stage in message.json()["stages"]]
 
 
 @flown
@@ -185,7 +185,7 @@ async def test_run_control_and_faults(tmp_path):
         assert (await c.post(run, {"action": "go", "speed": 0}))["state"] == "running"
         await c.until(run, lambda one: int(one["t_ns"]) > int(found["t_ns"]) + 20 * 10**9)
         events = await c.get("crafts/nadir_spin/events")
-        assert any(one["source"] == "run" and "friction" in one["text"] for one in events)
+        assert any(event["source"] == "run" and "friction" in event["text"] for event in events)
 
 
 @flown
@@ -279,9 +279,9 @@ async def test_a_browser_that_does_not_read_disturbs_no_other(tmp_path):
             await one.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
         frames = 0
         server = c.room.listeners[0].__self__
-        while max(one.skipped for one in server.browsers) == 0:
+        while max(browser.skipped for browser in server.browsers) == 0:
             frames += (await awake.receive(PATIENCE)).type == WSMsgType.BINARY
-        assert frames > 10 and min(one.skipped for one in server.browsers) < frames
+        assert frames > 10 and min(browser.skipped for browser in server.browsers) < frames
         asleep._conn.transport.resume_reading()
         while True:
             message = await asleep.receive(PATIENCE)
@@ -354,8 +354,8 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         assert (magic, n_series, n) == (0x32484C46, 1, len(a))
         assert list(struct.unpack_from(f"<{n}d", data, 16 + 8 * n)) == found["twice"]["value"]
         lines = (await c.get(f"{craft}/history?names=twice&points=0&format=csv")).splitlines()
-        assert lines[0] == "t_ns,name,value,state" and [float(one.split(",")[2])
-                                                        for one in lines[1:]] == found["twice"]["value"]
+        assert lines[0] == "t_ns,name,value,state" and [float(line.split(",")[2])
+                                                        for line in lines[1:]] == found["twice"]["value"]
         for query, why in (("", "1 to 100"), ("names=none", "none"), ("names=angle&format=x", "json, csv or binary"),
                            ("names=angle&from_ns=x", "whole number")):
             assert why in (await c.get(f"{craft}/history?{query}", 400))["error"]
@@ -390,7 +390,7 @@ async def test_alarms_stay_until_somebody_has_seen_them(tmp_path):
     async with console(tmp_path, LIMITED.partition("[craft.derived.twice]")[0]) as c:
         path = "crafts/imager/alarms"
         one, = [one for one in await c.until(path, lambda rows: any(
-            one["name"] == "angle" and one["concern"] == 0 for one in rows)) if one["name"] == "angle"]
+            row["name"] == "angle" and row["concern"] == 0 for row in rows)) if one["name"] == "angle"]
         assert (one["worst"], one["acknowledged"]) == (2, None) and int(one["since_ns"]) < int(one["t_ns"])
         await c.post(f"{path}/{one['slot']}", {"shelve_s": 600})
         assert any(int(row["shelved_until_ns"]) > 0 for row in await c.get(path) if row["name"] == "angle")
@@ -479,9 +479,9 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
                              (XTCE.replace("NAME", "voltage").replace("</ParameterSet>", "<Odd/></ParameterSet>"),
                               "1 things of the database are left out: ")):
             file.write_text(content)
-            await c.until("crafts/sat/events", lambda rows: any(why in one["text"] for one in rows))
+            await c.until("crafts/sat/events", lambda rows: any(why in row["text"] for row in rows))
         double.write_text("def f(a):\n    return 3 * a\n")
-        await c.until("crafts/sat/events", lambda rows: sum("was read anew" in one["text"] for one in rows) == 2)
+        await c.until("crafts/sat/events", lambda rows: sum("was read anew" in row["text"] for row in rows) == 2)
         await sending(port, [power(i) for i in range(101, 201)])
         await c.until("crafts", lambda found: found[0]["packets"] == 201 and not found[0]["link"]["up"])
         assert [one["name"] for one in await c.get("crafts/sat/slots")].count("voltage") == 1
@@ -502,7 +502,7 @@ async def test_a_mission_that_changes_is_reported(tmp_path):
         (mission / "contact.py").write_text("")     # a script that the mission does not import
         (mission / "flight.py").write_text((mission / "flight.py").read_text() + "\n")
         await c.until("crafts/own/events", lambda rows: any(
-            "the mission has changed (flight.py); the server has the old one until" in one["text"] for one in rows))
+            "the mission has changed (flight.py); the server has the old one until" in row["text"] for row in rows))
 
 
 @flown
@@ -585,7 +585,7 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
     try:
         session = room.crafts["nadir_spin"].past.sessions()[0]
         assert session["ended"] == "killed" and int(session["last_ns"]) >= last and not session["gaps"]
-        assert {one["id"] for one in room.journal.rows("sent")} >= set(numbers)
+        assert {row["id"] for row in room.journal.rows("sent")} >= set(numbers)
         history = room.crafts["nadir_spin"].telemetry.history
         found = history.packets(0, last, None, 10**6, False, session["session"])
         assert len(found) > 1000        # from the first to what was seen, none is missing of any stream
@@ -599,7 +599,8 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
         wait_for(lambda: craft.telemetry.packets > 100)
         for t, _, _, packet in found[::500]:
             assert craft.past.packet_of(number_of(t, packet))["hex"] == packet.hex()
-        assert all({one["stage"] for one in row["stages"]} & {"completed", "unknown"}       # of a run that has ended
+        assert all({stage["stage"] for stage in row["stages"]} & {"completed",
+                                                                  "unknown"}       # of a run that has ended
                    for row in room.journal.rows("sent") if row["id"] in numbers)
     finally:
         room.close()

@@ -158,7 +158,7 @@ class Random:
         return f"<ParameterRefEntry parameterRef='{name}'>{inside}</ParameterRefEntry>"
 
     def container(self, name: str, parameters: list[str], attributes: str = "", more: str = "") -> str:
-        entries = "".join(f"<ParameterRefEntry parameterRef='{one}'/>" for one in parameters) + more
+        entries = "".join(f"<ParameterRefEntry parameterRef='{parameter}'/>" for parameter in parameters) + more
         return f"<SequenceContainer name='{name}' {attributes}><EntryList>{entries}</EntryList></SequenceContainer>"
 
     # --- commands: the same types, without those that vary

@@ -25,8 +25,8 @@ class Second:
         root = ElementTree.fromstring(text)
         for one in root.iter():
             one.tag = one.tag.split("}")[-1]
-        self.types = {one.get("name"): one for kind in ("ParameterTypeSet", "ArgumentTypeSet")
-                      for names in root.iter(kind) for one in names}
+        self.types = {name.get("name"): name for kind in ("ParameterTypeSet", "ArgumentTypeSet")
+                      for names in root.iter(kind) for name in names}
         self.parameters = {one.get("name"): one.get("parameterTypeRef") for one in root.iter("Parameter")}
         self.containers = {one.get("name"): one for one in root.iter("SequenceContainer")}
         self.commands = {one.get("name"): one for one in root.iter("MetaCommand")}
@@ -331,7 +331,7 @@ def order(encoding, n):
     given = encoding.get("byteOrder", "mostSignificantByteFirst")
     size = (n + 7) // 8
     return list(range(size)) if given.startswith("least") else \
-        list(range(size))[::-1] if given.startswith("most") else [int(one) for one in given.split(",")]
+        list(range(size))[::-1] if given.startswith("most") else [int(word) for word in given.split(",")]
 
 
 def number(encoding, n, raw):

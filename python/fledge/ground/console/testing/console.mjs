@@ -104,9 +104,10 @@ export async function accessible(pages, craft = "") {
                 if (width === 400) break;
                 await page.emulateMedia({colorScheme});
                 const {violations} = await page.evaluate((asked) => window.axe.run(asked), options);
-                assert.deepEqual(violations.filter(({impact}) => ["serious", "critical"].includes(impact)).map((one) =>
-                    `${name}, ${colorScheme}, ${width}: ${one.id}: ` +
-                        one.nodes.map(({html}) => html.slice(0, 200)).join("\n")), []);
+                assert.deepEqual(violations.filter(({impact}) => ["serious", "critical"].includes(impact))
+                    .map((violation) =>
+                    `${name}, ${colorScheme}, ${width}: ${violation.id}: ` +
+                        violation.nodes.map(({html}) => html.slice(0, 200)).join("\n")), []);
                 await picture(page, `${name}-${colorScheme}-${width}`);
             }
         }

@@ -22,13 +22,13 @@ async function pictures(page, name, width) {
 const selection = (page, name, craft) => page.evaluate(async ([asked, of]) => {
     const {live} = controlRoom, {slots} = await live.slots(of);
     if (asked === "plots") {
-        const vector = slots.find((one) => /omega.*\[0\]$/.test(one?.name)) ??
-            slots.find((one) => one?.kind === "real");
+        const vector = slots.find((slot) => /omega.*\[0\]$/.test(slot?.name)) ??
+            slots.find((slot) => slot?.kind === "real");
         return vector?.name.replace(/\[0\]$/, "") ?? "";
     }
     if (asked !== "commands") return "";
     const forms = await live.api.get(`/api/crafts/${of}/commands`);
-    return (forms.find((one) => one.arguments.length > 2) ?? forms[0])?.name ?? "";
+    return (forms.find((form) => form.arguments.length > 2) ?? forms[0])?.name ?? "";
 }, [name, craft]);
 
 /** Pictures of a file in a window. */

@@ -30,13 +30,13 @@ def main(arguments: list[str]) -> None:
     pages = [one for one in chosen.page or ["login", "all"] if one != "none"]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        crafts = "".join(f'[[craft]]\nname = "{one}"\nmission = "{one}"\nspeed = 20\n' for one in missions)
+        crafts = "".join(f'[[craft]]\nname = "{mission}"\nmission = "{mission}"\nspeed = 20\n' for mission in missions)
         (folder / "room.toml").write_text(
             f'port = 0\nfolder = "runs"\n{crafts}[[user]]\nname = "{USER}"\n'
             f'password = "{hashed(PASSWORD, (16, 8, 1))}"\nroles = ["view", "command", "administer"]\n')
         (folder / "pictures.json").write_text(json.dumps({
             "out": str(chosen.dir.resolve()), "user": USER, "password": PASSWORD, "pages": pages, "crafts": missions,
-            "files": [one.resolve().as_uri() for one in chosen.files]}))
+            "files": [file.resolve().as_uri() for file in chosen.files]}))
         with served(folder / "room.toml") as address:
             done = run_script(Path(__file__).with_suffix(".mjs"), address, folder)
     print(done.stderr or "nothing is cut or too wide")

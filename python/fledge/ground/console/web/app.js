@@ -67,12 +67,12 @@ async function show(at = {t: time.t, session: time.session}) {
     const page = pages.get(place.page), ends = [];
     const opened = time.open(place.craft, at.t, at.session);
     document.title = `${page.title} \u00b7 ${place.craft || "control room"}`;
-    for (const one of menu.children) {
-        if (one.dataset.page === place.page) {
-            one.setAttribute("aria-current", "page");
-            one.scrollIntoView({block: "nearest", inline: "nearest"});
-        } else one.removeAttribute("aria-current");
-        one.href = `#/${one.dataset.page}?craft=${encodeURIComponent(place.craft)}`;
+    for (const child of menu.children) {
+        if (child.dataset.page === place.page) {
+            child.setAttribute("aria-current", "page");
+            child.scrollIntoView({block: "nearest", inline: "nearest"});
+        } else child.removeAttribute("aria-current");
+        child.href = `#/${child.dataset.page}?craft=${encodeURIComponent(place.craft)}`;
     }
     frame();
     const root = h("div", {class: `page ${place.page}`});
@@ -133,7 +133,7 @@ function say(text, bad = false) {
 
 /** What the top says. */
 function frame() {
-    const names = live.crafts.map((one) => one.name);
+    const names = live.crafts.map((craft) => craft.name);
     if (chooser.names !== names.join("\n")) {
         chooser.names = names.join("\n");
         chooser.replaceChildren(...names.map((name) => h("option", {value: name}, name)));
@@ -164,7 +164,7 @@ async function begin() {
         else go({page: "parameters", sel: "/"});
     });
     const neighbour = (step) => {
-        const names = live.crafts.map((one) => one.name), at = names.indexOf(place.craft);
+        const names = live.crafts.map((craft) => craft.name), at = names.indexOf(place.craft);
         if (names.length) go({craft: names[(at + step + names.length) % names.length], sel: ""});
     };
     keys.always("]", "next spacecraft", () => neighbour(1));

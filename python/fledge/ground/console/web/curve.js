@@ -79,10 +79,10 @@ export class Mender {
 
     /** Look whether something may be missing of what is in view, from a time on. */
     async look(curves, begin) {
-        const open = curves.filter((one) => one.isOpen);
+        const open = curves.filter((curve) => curve.isOpen);
         if (this.busy || !open.length || performance.now() < this.next) return;
         const from = Math.max(begin, Math.min(...open.map(({whole}) => whole)));
-        const to = Math.max(...curves.map((one) => one.t.at(-1) ?? -Infinity));
+        const to = Math.max(...curves.map((curve) => curve.t.at(-1) ?? -Infinity));
         this.busy = true;
         let pause = 10 * AGAIN;
         try {

@@ -49,7 +49,7 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
         u.ctx.fillRect(x - MARK / 2, high - MARK / 2, MARK, low - high + MARK);
     });
     const units = new Set(slots.filter((slot) => !slot?.labels?.length).map((slot) => bare(slot?.unit) || "[-]"));
-    const {base, labels: names} = named(curves.map((one) => one.name));
+    const {base, labels: names} = named(curves.map((curve) => curve.name));
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
     const made = new uPlot({
@@ -91,7 +91,7 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
                 }
             }],
             draw: [(u) => {
-                for (const one of curves) beyond(u, one);
+                for (const curve of curves) beyond(u, curve);
                 const t = mark();
                 if (t === null)
                     return;
@@ -126,17 +126,17 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
 
 /** Of the names of curves in one picture: what all begin with, and what tells each apart. */
 export function named(names) {
-    const parts = names.map((one) => one.split(/(?=[.[])/)), [first] = parts;
-    const most = Math.min(...parts.map((one) => one.length - 1));
+    const parts = names.map((name) => name.split(/(?=[.[])/)), [first] = parts;
+    const most = Math.min(...parts.map((part) => part.length - 1));
     let same = 0;
-    while (same < most && parts.every((one) => one[same] === first[same])) same++;
+    while (same < most && parts.every((part) => part[same] === first[same])) same++;
     return {base: names.length > 1 && same ? first.slice(0, same).join("") : names.length > 1 ? "" : names[0] ?? "",
-            labels: names.length > 1 ? parts.map((one) => one.slice(same).join("").replace(/^\./, "")) :
-                                       names.map((one) => one.split(".").at(-1))};
+            labels: names.length > 1 ? parts.map((part) => part.slice(same).join("").replace(/^\./, "")) :
+                                       names.map((name) => name.split(".").at(-1))};
 }
 
 /** The table of all curves over one axis of time. */
-export const data = (curves) => (curves.length === 1 ? curves[0].table : uPlot.join(curves.map((one) => one.table)));
+export const data = (curves) => (curves.length === 1 ? curves[0].table : uPlot.join(curves.map(({table}) => table)));
 
 function room(low, high) {
     if (low === null || high === null) return [0, 1];

@@ -88,7 +88,8 @@ export class Form {
         const shown = typeof values[name] === "boolean" ? String(choices?.[Number(values[name])]) : now;
         const input = type === "label" || type === "boolean" ?
             h("select", about, h("option", {value: ""}, "\u2013 choose \u2013"),
-                choices.map((one) => h("option", {value: one, selected: String(one) === shown}, String(one)))) :
+                choices.map((choice) => h("option", {value: choice, selected: String(choice) === shown},
+                                          String(choice)))) :
             h(type === "text" && (argument.size ?? 0) > 64 || type === "aggregate" || type === "array" ? "textarea" :
                                                                                                          "input",
                 {
@@ -152,7 +153,7 @@ export class Form {
 /** The bytes of a command with its fields: rows of 16, those of a field marked while it is pointed at. */
 export function bytesOf({hex, fields = []}) {
     const pairs = hex.replace(/\s/g, "").match(/../g) ?? [];
-    const cells = pairs.map((one) => h("span", {class: "byte"}, one));
+    const cells = pairs.map((pair) => h("span", {class: "byte"}, pair));
     const mark = (field, on) => {
         if (field.bit == null) return;
         for (let k = field.bit >> 3; k <= (field.bit + Math.max(1, field.bits) - 1) >> 3; k++)
@@ -223,7 +224,7 @@ export const STAGES = [
 
 /** The stages that commands with these forms may have. */
 export const stagesOf = (forms) => STAGES.filter((stage) => !OF_DATABASES.includes(stage) ||
-    forms.some((form) => form.verifiers.some((one) => one.stage === stage)));
+    forms.some((form) => form.verifiers.some((verifier) => verifier.stage === stage)));
 
 /** A verifier of a form in words. */
 export const verifierOf = ({stage, text, stop, from_release, problem}) => `${stage}: ${

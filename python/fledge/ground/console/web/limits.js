@@ -46,7 +46,7 @@ export function editLimits({api, craft}, slot) {
                 const limits = {};
                 for (const {level, fields} of rows) {
                     const ends =
-                        fields.map((one) => (one.value.trim() ? Number(one.value.replace("\u2212", "-")) : null));
+                        fields.map((field) => (field.value.trim() ? Number(field.value.replace("\u2212", "-")) : null));
                     if (ends.some(Number.isNaN))
                         return fail(`${level}: "${fields.map((one) => one.value).join(" to ")}" is no number`);
                     if (ends[0] !== null || ends[1] !== null)
@@ -64,7 +64,7 @@ export function editLimits({api, craft}, slot) {
                 h("tbody", {},
                     rows.map(({level, fields}) =>
                                  h("tr", {}, h("th", {scope: "row", class: `c${CONCERNS.indexOf(level)}`}, level),
-                                     fields.map((one) => h("td", {}, one)))))),
+                                     fields.map((field) => h("td", {}, field)))))),
             h("label", {class: "field"}, h("span", {}, "Samples in a row before the state changes"), persistence),
             problem,
             slot.replaced && h("p", {class: "soft"}, `In the database: ${limitsText(slot.replaced) || "none"}`),

@@ -186,7 +186,7 @@ export class Live {
             had.hz = Math.max(had.hz, hz);
             had.truth ||= truth;
             if (slots === "all" || had.slots === "all") had.slots = "all";
-            else for (const one of slots) had.slots.add(one);
+            else for (const slot of slots) had.slots.add(slot);
             wanted.set(craft, had);
         }
         for (const craft of this.sent.keys())

@@ -127,8 +127,8 @@ export class Radio {
     }
 
     rate(craft, now) {
-        if (this.samples.some((one) => now < one.now || craft.bytes < one.bytes)) this.samples = [];
-        if (!this.samples.some((one) => now <= one.now))
+        if (this.samples.some((sample) => now < sample.now || craft.bytes < sample.bytes)) this.samples = [];
+        if (!this.samples.some((sample) => now <= sample.now))
             this.samples.push({now, bytes: craft.bytes, packets: craft.packets});
         while (this.samples.length > 2 && this.samples[1].now <= now - WINDOW) this.samples.shift();
         const [first] = this.samples, past = now - first.now;

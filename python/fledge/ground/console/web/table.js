@@ -28,7 +28,7 @@ export class Table {
             this, {columns, fill, choose, moved, viewed, height, count: 0, at: -1, rows: [], first: 0, last: -1});
         this.id = `table${++tables}`;
         this.head = h("div", {class: "thead", role: "rowgroup"}, h("div", {class: "tr", role: "row"},
-            columns.map((one) => h("span", {class: classOf(one), role: "columnheader"}, one.title))));
+            columns.map((column) => h("span", {class: classOf(column), role: "columnheader"}, column.title))));
         this.body = h("div", {class: "tbody", role: "rowgroup"});
         this.none = h("p", {class: "none soft"}, empty);
         this.scroll = h("div", {
@@ -42,9 +42,9 @@ export class Table {
         },
             this.head, this.body);
         this.element = h("div", {class: "table"}, this.scroll, this.none);
-        this.element.style.setProperty("--columns", columns.map((one) => one.width ?? "1fr").join(" "));
+        this.element.style.setProperty("--columns", columns.map((column) => column.width ?? "1fr").join(" "));
         this.element.style.setProperty("--narrow",
-            columns.map((one) => one.narrow ?? one.width ?? "1fr").filter(Boolean).join(" "));
+            columns.map((column) => column.narrow ?? column.width ?? "1fr").filter(Boolean).join(" "));
         this.watch = new ResizeObserver(() => {
             this.element.classList.toggle("narrow", this.scroll.clientWidth < least(columns));
             this.draw();
@@ -107,7 +107,7 @@ export class Table {
 
     make() {
         const role = this.choose || this.moved ? "gridcell" : "cell";
-        const cells = this.columns.map((one) => h("span", {class: classOf(one), role}));
+        const cells = this.columns.map((column) => h("span", {class: classOf(column), role}));
         const element = h("div", {class: "tr", role: "row", hidden: true}, cells);
         element.style.height = `${this.height}px`;
         this.body.append(element);

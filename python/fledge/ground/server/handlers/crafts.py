@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @route("GET", "/api/crafts", "view")
 async def crafts(server: Server, request: web.Request) -> web.StreamResponse:
-    return answer([one.describe() for one in server.room.crafts.values() if server.sees(request, one.name)])
+    return answer([craft.describe() for craft in server.room.crafts.values() if server.sees(request, craft.name)])
 
 
 @route("GET", "/api/crafts/{c}/picture", "view")

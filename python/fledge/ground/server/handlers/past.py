@@ -72,7 +72,7 @@ async def sessions(server: Server, _: web.Request, craft: Spacecraft) -> web.Str
 @route("GET", "/api/crafts/{c}/history", "view")
 async def history(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     _archived(craft)
-    names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
+    names = list(dict.fromkeys(word for word in request.query.get("names", "").split(",") if word))
     if server.bounds.over("names of a query", len(names)) or not names:
         raise Refusal(400, f"{server.bounds.says('names of a query')}; found {len(names)}")
     begin, end, points, session = (number_of(request, key, default, least) for key, default, least in (
@@ -86,7 +86,7 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
                    "binary": ("application/octet-stream", in_binary)}[form]
     headers = {"Content-Type": kind} | ({"Content-Disposition": "attachment; filename=history.csv"}
                                         if form == "csv" else {})
-    n, user, reads = sum(len(one[0]) for one in series.values()), user_of(request), server.reads
+    n, user, reads = sum(len(series_[0]) for series_ in series.values()), user_of(request), server.reads
     if n <= PART:
         return web.Response(body=await server.aside(lambda: b"".join(parts(series))), headers=headers)
     for bound, held in (("values read by a user", reads[user]), ("values read", reads.total())):

@@ -26,7 +26,7 @@ async def state(server: Server, _: web.Request) -> web.StreamResponse:
     held, room = server.describe(), server.room
     return await server.answer(lambda: held | {
         "version": __version__, "up_s": time.monotonic() - server.began, "cpu_s": time.process_time(), **memory(),
-        "journal": {"bytes": sum(one.stat().st_size for one in room.journal.path.parent.glob("journal.sqlite*")),
+        "journal": {"bytes": sum(path.stat().st_size for path in room.journal.path.parent.glob("journal.sqlite*")),
                     "problem": room.journal.problem},
         "disk_bytes": shutil.disk_usage(room.settings.folder).total})
 

@@ -366,7 +366,7 @@ export function makeCraft(craft) {
         group.add(made);
     }
     group.update = (t, since) => {
-        for (const one of group.children) one.update?.(t, since);
+        for (const child of group.children) child.update?.(t, since);
     };
     group.see = (through) => {
         for (const one of group.boxes) one.see(through);

@@ -25,7 +25,7 @@ const MOST = 8192;  // samples of a track that grows
     What is not later than its last sample is left out. With MOST samples, all but the newest quarter are thinned to an
     even spacing: so memory has a bound, and a sample costs a constant time on average. */
 export function append(track, times, numbers) {
-    const {time, ...others} = track, columns = Object.values(others).filter((one) => one?.data);
+    const {time, ...others} = track, columns = Object.values(others).filter((other) => other?.data);
     const width = columns.reduce((sum, one) => sum + one.k, 0);
     times.forEach((t, i) => {
         if (time.n && !(t > time.data[time.n - 1])) return;

@@ -71,7 +71,7 @@ export class Plots {
             title: `${field}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}${rows ? "" : ", never written"}`,
             scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [8, 12, 0, 0],
             axes: [{ ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map(clock) },
-                { ...axis, size: 58, values: (_, ticks) => ticks.map((one) => short(one)) }],
+                { ...axis, size: 58, values: (_, ticks) => ticks.map((tick) => short(tick)) }],
             series: [{ label: "t", value: (_, t) => (t == null ? "" : clock(t)) },
                 ...Array.from({ length: n }, (_, k) => ({
                 label: plot.labels[k] || field, stroke: COLOURS[this.theme][k % 8], width: 1.4, points: { show: false },

@@ -122,7 +122,7 @@ export class Stage {
         made.inertial = makeFrame(FRAME * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
         made.arrows = [
             ["Sun", "#ffd34d"], ["nadir", "#ff6fae"], ["velocity", "#b7e36a"],
-            ...craft.directions.map((one) => [one.name, "#e58cff"])
+            ...craft.directions.map((direction) => [direction.name, "#e58cff"])
         ].map(([name, tint]) => {
             const arrow = makeArrow(tint, 0.007);
             world.add(arrow);
@@ -284,7 +284,7 @@ export class Stage {
             this.put(label, near, shown.labels && size < 60);
         }
         for (const one of this.crafts) this.renderCraft(one, t, since, relative, eye, light, cone, spare);
-        for (const one of this.stations) this.renderStation(one, t, relative, cone);
+        for (const station of this.stations) this.renderStation(station, t, relative, cone);
         this.renderer.render(this.world, camera);
     }
 
@@ -380,7 +380,7 @@ export class Stage {
     renderStation({station, label, locked, seen}, t, relative, cone) {
         const {shown, data, focused} = this, planet = planetOf(data, station), {craft, place} = focused;
         const on = shown.stations && !cone;
-        const sight = look(data, station, place, t), link = station.links.find((one) => one.craft === craft.name);
+        const sight = look(data, station, place, t), link = station.links.find((link) => link.craft === craft.name);
         const radio = link && (link.down || link.up) ? linkState(link, t) : null;
         const line = radio?.locked ? locked : sight.elevation >= station.mask ? seen : null;
         for (const one of [locked, seen]) one.visible = on && one === line;

@@ -260,7 +260,7 @@ export class Viewer {
         this.nowButton.hidden = !this.live;
         this.speedChoice = make("select", "speed");
         this.speedChoice.title = "Simulated seconds per second";
-        for (const one of SPEEDS) this.speedChoice.add(new Option(`${one}×`, one, false, one === this.speed));
+        for (const speed of SPEEDS) this.speedChoice.add(new Option(`${speed}×`, speed, false, speed === this.speed));
         this.speedChoice.onchange = () => (this.speed = Number(this.speedChoice.value));
         this.now = make("output", "now");
         const track = make("div", "track");
@@ -297,10 +297,10 @@ export class Viewer {
             keepout: part((one) => one.keep_out),
             plume: part((one) => one.kind === "thruster"),
             inside: part((one) => one.kind === "wheel" || one.kind === "rod"),
-            estimate: has((craft) => craft.poses.some((one) => one.kind === "estimate")),
-            reference: has((craft) => craft.poses.some((one) => one.kind === "reference")),
+            estimate: has((craft) => craft.poses.some((pose) => pose.kind === "estimate")),
+            reference: has((craft) => craft.poses.some((pose) => pose.kind === "reference")),
             hill: data.planets.length > 0,
-            orbit: data.planets.some((one) => one.mu > 0),
+            orbit: data.planets.some((planet) => planet.mu > 0),
             stations: data.stations.length > 0
         };
         for (const [key, words] of LAYERS) {

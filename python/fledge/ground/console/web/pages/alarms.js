@@ -52,7 +52,7 @@ export async function open(context) {
         const at = alarms[table.at]?.name ?? context.selection;
         alarms = context.alarms.of(craft);
         table.set(alarms.length);
-        const row = alarms.findIndex((one) => one.name === at);
+        const row = alarms.findIndex((alarm) => alarm.name === at);
         if (alarms.length) table.go(row < 0 ? Math.max(0, table.at) : row, true);
         detail();
     }

@@ -75,7 +75,8 @@ export async function open({root, api, live, keys, craft, selection, select, can
         },
             h("header", {}, h("h2", {}, about.name), about.description && h("p", {class: "soft"}, about.description),
                 about.hazardous && h("p", {class: "hazard"}, "\u26a0 hazardous: ", about.hazardous),
-                about.verifiers.map((one) => h("p", {class: one.problem ? "problem" : "soft"}, verifierOf(one)))),
+                about.verifiers.map((verifier) => h("p", {class: verifier.problem ? "problem" : "soft"},
+                                                    verifierOf(verifier)))),
             form.element,
             h("div", {class: "row send"}, here,
                 h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), said),
@@ -138,7 +139,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const sent = new Sent(live, craft, utc, stagesOf(forms), (row) => details(row));
     const detail = h("div", {class: "detail"});
     function details(row) {
-        const again = forms.find((one) => one.name === row.name);
+        const again = forms.find((form) => form.name === row.name);
         detail.replaceChildren(...(row ?
                 [
                     h("div", {class: "row"}, h("strong", {}, row.name),
@@ -152,8 +153,8 @@ export async function open({root, api, live, keys, craft, selection, select, can
                             },
                                 "Fill in again")),
                     h("ol", {class: "ladder"},
-                        row.stages.map((one) => h("li", {class: {false: "bad", null: "soft"}[one.good] ?? "good"},
-                                           `${clock(one.t_ns, utc)} ${one.stage}${one.text ? `: ${one.text}` : ""}`))),
+                        row.stages.map((stage) => h("li", {class: {false: "bad", null: "soft"}[stage.good] ?? "good"},
+                            [clock(stage.t_ns, utc), stage.stage].join(" ") + (stage.text ? `: ${stage.text}` : "")))),
                     h("code", {class: "soft wrap"}, row.hex)
                 ] :
                 []));
@@ -166,7 +167,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     await attempt(root, async () => {
         if (!forms.length) forms = await api.get(of(craft, "commands"));
         find();
-        const chosen = forms.find((one) => one.name === selection);
+        const chosen = forms.find((form) => form.name === selection);
         if (chosen) show(chosen);
         list.go(rows.findIndex((one) => one.form && one.form === chosen), true);
         await sent.load();

@@ -32,7 +32,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
     const wanted = h("input", {placeholder: "name on board", "aria-label": "name of a file on board", maxLength: 127});
     const aboard = h("tbody"), arrived = h("tbody"), going = h("tbody");
     const table = (heads, body) =>
-        h("table", {class: "plain"}, h("thead", {}, h("tr", {}, heads.map((one) => h("th", {}, one)))), body);
+        h("table", {class: "plain"}, h("thead", {}, h("tr", {}, heads.map((head) => h("th", {}, head)))), body);
     const down = h("section", {class: "panel", "aria-label": "from the spacecraft"}, h("h3", {}, "From the spacecraft"),
         h("form", {
             class: "row",
@@ -110,7 +110,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
             going.append(h("tr", {}, h("td", {class: "soft", colSpan: 7}, "No file was sent or fetched yet.")));
     }
     async function load() {
-        for (const one of await live.rows(craft, "transfers", "transfer")) transfers.set(one.id, one);
+        for (const row of await live.rows(craft, "transfers", "transfer")) transfers.set(row.id, row);
         draw();
         const files = await api.get(of(craft, "files"));
         arrived.replaceChildren(

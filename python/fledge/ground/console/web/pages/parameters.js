@@ -217,13 +217,13 @@ export async function open(context) {
     }
 
     function mark() {
-        for (const one of tree.children) {
-            const depth = one.path.split(".").length;
-            const parent = one.path.split(".").slice(0, -1).join(".");
-            one.hidden =
-                depth > 2 && !(folder === parent || folder.startsWith(`${parent}.`) || folder.startsWith(one.path));
-            if (one.path === folder) one.setAttribute("aria-current", "true");
-            else one.removeAttribute("aria-current");
+        for (const child of tree.children) {
+            const depth = child.path.split(".").length;
+            const parent = child.path.split(".").slice(0, -1).join(".");
+            child.hidden =
+                depth > 2 && !(folder === parent || folder.startsWith(`${parent}.`) || folder.startsWith(child.path));
+            if (child.path === folder) child.setAttribute("aria-current", "true");
+            else child.removeAttribute("aria-current");
         }
     }
 

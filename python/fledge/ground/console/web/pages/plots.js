@@ -146,7 +146,7 @@ export async function open(context) {
                 },
                 now: seconds,
                 mark: () => (time.isLive ? null : seconds()),
-                gaps: () => (time.sessions.find((one) => one.session === time.session) ?? time.sessions.at(-1))
+                gaps: () => (time.sessions.find((session) => session.session === time.session) ?? time.sessions.at(-1))
                                 ?.gaps?.map(gap) ??
                             [],
                 zoom,

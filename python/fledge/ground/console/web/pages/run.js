@@ -132,7 +132,7 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
     keys.add("+", "faster", () => faster(1));
     keys.add("-", "slower", () => faster(-1));
     function faster(by) {
-        const all = [...speed.options].map((one) => one.value);
+        const all = [...speed.options].map((option) => option.value);
         speed.selectedIndex = Math.max(0, Math.min(all.length - 1, speed.selectedIndex + by));
         speed.dispatchEvent(new Event("change"));
     }

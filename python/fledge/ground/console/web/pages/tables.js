@@ -22,7 +22,7 @@ export function leaves(fields, before = "", keys = []) {
 }
 
 const elements = ([n, ...rest]) =>
-    (n === undefined ? [[]] : Array.from({length: n}, (_, i) => elements(rest).map((one) => [i, ...one])).flat());
+    (n === undefined ? [[]] : Array.from({length: n}, (_, i) => elements(rest).map((element) => [i, ...one])).flat());
 export const at = (values, keys) => keys.reduce((inside, k) => inside?.[k], values);
 
 /** The same values with another one at its keys. */
@@ -117,7 +117,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     function names() {
         const words = search.value.toLowerCase().split(/\s+/);
         list.replaceChildren(
-            ...tables.filter((one) => words.every((word) => one.name.toLowerCase().includes(word)))
+            ...tables.filter((table) => words.every((word) => table.name.toLowerCase().includes(word)))
                 .map((one) => h("li", {},
                          h("button", {
                              class: one === table ? "at" : "",
@@ -156,7 +156,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
             };
             const field = leaf.choices.length ?
                 h("select", {...about, onchange: set}, now === undefined && h("option", {value: ""}, "\u2013"),
-                    leaf.choices.map((one) => h("option", {selected: one === String(now)}, one))) :
+                    leaf.choices.map((choice) => h("option", {selected: choice === String(now)}, choice))) :
                 h("input", {...about, oninput: set});
             const row = h("tr", {class: now !== undefined && !same(board, now) ? "differs" : "", title: leaf.meaning},
                 h("td", {class: "mono"}, leaf.path),
@@ -228,6 +228,6 @@ export async function open({root, api, live, keys, craft, selection, select, can
         if (!tables.length)
             pane.replaceChildren(h("p", {class: "none soft"}, `${craft} has no parameters that can be loaded.`));
         else
-            choose(tables.find((one) => one.name === selection) ?? tables[0]);
+            choose(tables.find((table) => table.name === selection) ?? tables[0]);
     });
 }
