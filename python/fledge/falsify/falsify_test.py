@@ -74,9 +74,9 @@ def flown(folder, text, requirement):
     file.write_text(file.read_text() + text.partition('"""\n')[2])
     sim = fledge.load(str(folder))
     sim.plots = False
-    with pytest.raises(AssertionError, match=requirement) as told:
+    with pytest.raises(AssertionError, match=requirement) as raised:
         sim.mission.scenarios[name](sim)
-    return float(re.search(r"margin is (\S+)", str(told.value))[1])
+    return float(re.search(r"margin is (\S+)", str(raised.value))[1])
 
 
 def test_it_finds_what_fails_and_repeats_it(tumbler):
@@ -120,7 +120,7 @@ def test_its_probability_is_that_of_the_draws(tumbler):
     assert found.low < p < found.high < 10 * p and found.runs < 0.01 / p and flights.flown == found.runs
 
 
-@pytest.mark.parametrize("arguments, told", [
+@pytest.mark.parametrize("arguments, message", [
     (["R-9"], "there is no requirement 'R-9'.* there are R-1, R-4, R-2, R-3"),
     (["R-2"], "R-2 is shown by analysis, and has no formula"),
     (["R-1", "--campaign", "tumble"], "has no campaign 'tumble'; did you mean 'tumbles'. it has tumbles, constant"),
@@ -130,10 +130,10 @@ def test_its_probability_is_that_of_the_draws(tumbler):
     (["R-1", "--runs", "3"], "--runs must be >= 20, found 3"),
     (["R-1", "--probability", "--first"], "give --probability or --first; not both"),
 ])
-def test_bad_input_is_named_before_the_first_run(tumbler, arguments, told, capsys, monkeypatch):
+def test_bad_input_is_named_before_the_first_run(tumbler, arguments, message, capsys, monkeypatch):
     monkeypatch.setattr(Chosen, "fly", lambda *_, **__: pytest.fail("it has flown"))
     assert cli.main(["falsify", str(tumbler), *arguments]) == 2
-    assert re.search(told, capsys.readouterr().err)
+    assert re.search(message, capsys.readouterr().err)
 
 
 def test_a_mission_without_requirements_is_reported(tumbler, capsys):
@@ -210,8 +210,8 @@ def test_a_number_that_its_parameter_cannot_have_is_one_run_without_a_margin(tum
 def test_of_a_repetition_the_random_streams_differ(tumbler):
     flights = Flights("sun_safe", "SUN-3", "tumbles")
     values = np.tile(flights.space.nominal, (2, 1))
-    one, other = flights.repetition(values, 0), flights.repetition(values, 1)
-    assert one[0] == one[1] != other[0] == other[1]
+    first, second = flights.repetition(values, 0), flights.repetition(values, 1)
+    assert first[0] == first[1] != second[0] == second[1]
 
 
 def test_an_unknown_scenario_is_an_error_in_python(tumbler):

@@ -119,6 +119,8 @@ class Flights:
     def fly(self, values: Mapping[str, Sequence[float]], seed: int | None = None) -> Array:
         """The margins of runs: path -> its number in each run. Other numbers are nominal."""
         n = len(next(iter(values.values())))
+        if not n:
+            return np.empty(0)
         try:
             self.campaign.choose(values)
         except SetupError as error:     # of one point, which is no reason to end a search

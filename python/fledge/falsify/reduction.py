@@ -49,7 +49,7 @@ def smallest(fly: Fly, marginals: Mapping[str, Marginal], faults: Sequence[str],
     for stage in stages:
         while left := {name: change for name, change in stage.items() if there(change)}:
             tried = [{**now, **change} for change in left.values()]
-            margins = np.asarray(fly({path: [one[path] for one in tried] for path in now}))
+            margins = np.asarray(fly({path: [candidate[path] for candidate in tried] for path in now}))
             if not (margins < 0).any():
                 break
             best = int(np.nanargmin(margins))

@@ -83,7 +83,7 @@ class Axis:
         if m.kind != "normal" or m.b == 0:
             return c
         begin, end = self._ends
-        low, high, x = ((one - m.a) / m.b for one in (self.low, self.high, begin + (end - begin) * c))
+        low, high, x = ((number - m.a) / m.b for number in (self.low, self.high, begin + (end - begin) * c))
         if low > 0:
             return 1 - (ndtr(-x) - ndtr(-high)) / (ndtr(-low) - ndtr(-high))
         return (ndtr(x) - ndtr(low)) / (ndtr(high) - ndtr(low))
@@ -128,7 +128,7 @@ class Space:
             else:
                 self.axes.append(Axis([name], marginal))
         self.n = len(self.columns)
-        self.nominal: Array = np.array([one.nominal for one in marginals.values()], float)
+        self.nominal: Array = np.array([marginal.nominal for marginal in marginals.values()], float)
         if not self.n or not np.ptp(self.values(np.linspace(0, 1, 4)[:, None].repeat(self.n, axis=1)), axis=0).any():
             raise SetupError("there is nothing to search: " + (
                 f"each of {', '.join(self.columns)} has one value alone" if self.columns else "nothing is dispersed"))
@@ -151,7 +151,7 @@ class Space:
 
     def _parts(self, u: Array) -> list[tuple[Axis, Array]]:
         k = np.cumsum([0, *(axis.n for axis in self.axes)])
-        return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
+        return [(axis, u[:, i:i + axis.n]) for axis, i in zip(self.axes, k)]
 
     def described(self, text: Callable[[str, float], str]) -> list[str]:
         """What each number may be, in words; those of an array that may be the same are one. text: a number of a path

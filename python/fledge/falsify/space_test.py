@@ -18,7 +18,7 @@ def marginal(kind, a=0.0, b=0.0, low=-INFINITY, high=INFINITY, scale="", choices
     return Marginal(kind, a, b, low, high, scale, tuple(choices), nominal, whole, "x")
 
 
-def one(values, u):
+def column(values, u):
     return values(np.array(u, float)[:, None])[:, 0]
 
 
@@ -34,15 +34,15 @@ CONTINUOUS = [
 @pytest.mark.parametrize("given, oracle", CONTINUOUS)
 def test_a_coordinate_gives_the_quantile(given, oracle):
     u = np.array([1e-9, 1e-3, 0.2, 0.5, 0.9, 0.999])
-    assert one(Axis(["x"], given).values, u) == pytest.approx(oracle.ppf(u), rel=1e-6)
+    assert column(Axis(["x"], given).values, u) == pytest.approx(oracle.ppf(u), rel=1e-6)
 
 
 @pytest.mark.parametrize("given, oracle", CONTINUOUS)
 def test_the_box_has_the_same_numbers_at_equal_distances(given, oracle):
     axis, c = Axis(["x"], given), np.linspace(0, 1, 9)
-    x = one(axis.values, one(axis.from_box, c))
+    x = column(axis.values, column(axis.from_box, c))
     assert np.diff(x) == pytest.approx(np.full(8, (x[-1] - x[0]) / 8), rel=1e-4)
-    assert one(axis.to_box, one(axis.from_box, c)) == pytest.approx(c, abs=1e-6)
+    assert column(axis.to_box, column(axis.from_box, c)) == pytest.approx(c, abs=1e-6)
     assert oracle.cdf(x[0] - 1e-9) < 1e-4 and oracle.sf(x[-1] + 1e-9) < 1e-4
 
 
@@ -52,14 +52,14 @@ def test_choices_and_whole_numbers_have_equal_shares():
                             (marginal("uniform", 0.5, 4.5, whole=True), {1: 300, 2: 300, 3: 300, 4: 300}),
                             (marginal("choice", choices=(2, 3), scale="about", nominal=10), {12: 600, 13: 600}),
                             (marginal("choice", choices=(2, 3), scale="relative", nominal=10), {20: 600, 30: 600})]:
-        found, counts = np.unique(one(Axis(["x"], given).values, u), return_counts=True)
+        found, counts = np.unique(column(Axis(["x"], given).values, u), return_counts=True)
         assert dict(zip(found, counts)) == expected and Axis(["x"], given).choices == len(expected)
-    assert one(Axis(["x"], marginal("choice", choices=(1, 2))).values, [0, 1]).tolist() == [1, 2]
+    assert column(Axis(["x"], marginal("choice", choices=(1, 2))).values, [0, 1]).tolist() == [1, 2]
 
 
 def test_whole_numbers_of_a_normal_distribution_are_rounded_then_cut():
     axis = Axis(["x"], marginal("normal", 3, 1, 2, 4.4, whole=True))
-    found, counts = np.unique(one(axis.values, (np.arange(9000) + 0.5) / 9000), return_counts=True)
+    found, counts = np.unique(column(axis.values, (np.arange(9000) + 0.5) / 9000), return_counts=True)
     inside = np.diff(stats.norm(3, 1).cdf([1.5, 2.5, 3.5, 4.5]))
     assert found.tolist() == [2, 3, 4] and counts / 9000 == pytest.approx(inside / inside.sum(), abs=1e-3)
 

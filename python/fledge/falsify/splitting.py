@@ -67,7 +67,7 @@ def probability(margins: Callable[[Array, int], Array], space: Space, runs: int 
         def margin(z: Array) -> Array:
             return known(margins(space.values(ndtr(z)), k))
 
-        part, through, n = _one(margin, space.n, runs, random)
+        part, through, n = _repetition(margin, space.n, runs, random)
         parts.append(part)
         levels.append(through)
         flown += n
@@ -83,8 +83,8 @@ def probability(margins: Callable[[Array, int], Array], space: Space, runs: int 
     return Probability(mean, mean * math.exp(-width), min(1.0, mean * math.exp(width)), flown, parts, levels)
 
 
-def _one(margin: Callable[[Array], Array], n: int, runs: int,
-         random: np.random.Generator) -> tuple[float, list[float], int]:
+def _repetition(margin: Callable[[Array], Array], n: int, runs: int,
+                random: np.random.Generator) -> tuple[float, list[float], int]:
     """(estimate, levels, runs flown) of one repetition."""
     z = random.normal(size=(runs, n))
     g = margin(z)

@@ -28,10 +28,10 @@ def linear(n, p):
 def test_a_linear_limit_state(n, p):
     space, margin = linear(n, p)
     found = [probability(margin, space, 1000, 8, seed) for seed in range(6)]
-    assert sum(one.low <= p <= one.high for one in found) >= 5      # of intervals of 95 %
-    assert np.mean([one.value for one in found]) == pytest.approx(p, rel=0.2)
+    assert sum(estimate.low <= p <= estimate.high for estimate in found) >= 5      # of intervals of 95 %
+    assert np.mean([estimate.value for estimate in found]) == pytest.approx(p, rel=0.2)
     if p == 1e-6:
-        parts = [x for one in found for x in one.parts]     # against counting with the same relative error
+        parts = [x for estimate in found for x in estimate.parts]     # against counting with the same relative error
         assert (np.mean(parts) / np.std(parts))**2 / p / (found[0].runs / 8) > 1000
 
 

@@ -110,17 +110,19 @@ class _Search:
     def fly(self, u: Array) -> Array:
         """The margins of points of the cube. Raises _Done after those that the budget of the stage allows."""
         u = u[:self.end - len(self.tried.margins)]
-        found = known(self._fly(self.space.values(u)))
-        self.u, self.g = np.vstack([self.u, u]), np.concatenate([self.g, found])
-        if len(self.tried.margins) >= self.end or self.only_first and (found < 0).any():
+        if not len(u):
             raise _Done
-        return found
+        margins = known(self._fly(self.space.values(u)))
+        self.u, self.g = np.vstack([self.u, u]), np.concatenate([self.g, margins])
+        if len(self.tried.margins) >= self.end or self.only_first and (margins < 0).any():
+            raise _Done
+        return margins
 
     def _fly(self, values: Array) -> Array:
-        found = self.margins(values)
+        margins = self.margins(values)
         self.tried.values = np.vstack([self.tried.values, values])
-        self.tried.margins = np.concatenate([self.tried.margins, found])
-        return found
+        self.tried.margins = np.concatenate([self.tried.margins, margins])
+        return margins
 
     # --- the stages ---
 
@@ -138,7 +140,8 @@ class _Search:
         if self._normal is None:
             self._normal = (np.zeros(n), np.ones(n), {k: np.full(m, 1 / m) for k, m in enumerate(self.space.choices)
                                                       if m})
-            self._follow(slice(None))
+            if len(self.u):
+                self._follow(slice(None))
         mean, std, shares = self._normal
         u = ndtr(mean + std * self.random.normal(size=(self.generation, n)))
         for k, share in shares.items():

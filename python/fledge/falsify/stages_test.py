@@ -66,6 +66,18 @@ def test_it_needs_fewer_runs_than_draws_alone(problem):
     assert 3 * ours < theirs
 
 
+def test_a_budget_of_few_runs_is_flown():
+    space, margin = ball(3, 0.1)
+
+    def not_empty(x):
+        assert len(x)
+        return margin(x)
+
+    for runs in range(1, 25):
+        tried = search(not_empty, space, runs)
+        assert len(tried.margins) == runs == sum(tried.stages.values()) and np.isfinite(tried.values).all()
+
+
 def test_the_first_violation_ends_it():
     space, margin = ball(4, 0.1)
     tried = search(margin, space, 1000, 1, first=True)
@@ -77,8 +89,8 @@ def test_the_first_violation_ends_it():
 
 def test_the_seed_determines_the_runs():
     space, margin = waves()
-    one, same, other = (search(margin, space, 300, seed).values for seed in (5, 5, 6))
-    assert np.array_equal(one, same) and not np.array_equal(one, other)
+    first, same, other = (search(margin, space, 300, seed).values for seed in (5, 5, 6))
+    assert np.array_equal(first, same) and not np.array_equal(first, other)
 
 
 def test_margins_that_say_nothing():
