@@ -151,7 +151,13 @@ def identity(mission: Path) -> dict[str, str]:
     for name, files in (("fledge", own), ("mission", list(mission.rglob("*.py")))):
         text = found.get(name, "")
         if not text or text.endswith("-dirty"):
-            parts = sorted(file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
-            digest = hashlib.sha256(b"".join(parts))
-            found[name] = f"{text or __version__} with files {digest.hexdigest()[:12]}"
+            found[name] = f"{text or __version__} with files {digest(name, mission)}"
+
+
+def digest(name: str, mission: Path) -> str:
+    """Twelve digits, of the Python files of "mission", or of those of "fledge" and the extension `_core`."""
+    own = name == "fledge"
+    files = [*(Path(__file__).resolve().parents[1] if own else mission).rglob("*.py"), *([extension()] if own else ())]
+    parts = sorted(file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
     return found

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A pool of the workers of a Dask scheduler, on any machines.
 
-A task is an item, which a worker flies (worker.py). If a worker dies, Dask gives its items to others. One whose Fledge
-or mission is another one than those of the work is refused.
+A task is an item, which a worker flies (worker.py). If a worker dies, Dask gives its items to others. A worker
+whose Fledge or mission differs from those of the work is refused.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any, Self
 
 from fledge.errors import RunError, SetupError
-from fledge.mission.provenance import identity
+from fledge.mission.provenance import digest, identity
 from fledge.pool.work import Died, Flown, Item, Result, Work, opened
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
@@ -87,12 +87,12 @@ class Cluster:
         waiting = deque(enumerate(items))
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         refused: list[str] = []     # addresses of workers
-        heard = time.monotonic()
+        answered = time.monotonic()
         try:
             while waiting or tasks:
                 if client.status == "running":
-                    heard = time.monotonic()
-                elif client.status == "closed" or time.monotonic() - heard > LOST:
+                    answered = time.monotonic()
+                elif client.status == "closed" or time.monotonic() - answered > LOST:
                     raise RunError(f"the scheduler at {self.address} has gone")
                 while client.status == "running" and waiting and len(tasks) < _AHEAD * self.threads:
                     place, item = waiting.popleft()
@@ -178,7 +178,9 @@ def _job(work: Work[Any, Any]) -> bytes:
         if callable(argument) and module and not module.__name__.startswith(("fledge.", "__main__")):
             cloudpickle.register_pickle_by_value(module)
     # As it is, to workers that may have no Fledge, and whose modules may be other ones.
-    return bytes(cloudpickle.dumps({"work": (kind, arguments), "identity": {**identity(work.folder), **work.facts}}))
+    return bytes(cloudpickle.dumps({
+        "work": (kind, arguments), "identity": {**identity(work.folder), **work.facts},
+        "digests": {name: digest(name, work.folder) for name in ("fledge", "mission")}}))
 
 
 def _fly(job: bytes, item: bytes, twice: bool) -> bytes | str | tuple[str, str]:

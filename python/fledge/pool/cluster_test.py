@@ -34,11 +34,11 @@ def start(program, *arguments, folder, until):
         child = subprocess.Popen([sys.executable, "-m", f"distributed.cli.{program}", *arguments], cwd=folder,
                                  env=ENVIRONMENT, stdout=log, stderr=log)
 
-        def said():
+        def address():
             log.seek(0)
             return re.search(until, log.read())
 
-        return child, wait_for(said, child)[1]
+        return child, wait_for(address, child)[1]
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def worker(scheduler, tmp_path):
 def test_a_thousand_runs_are_the_same_by_threads_and_by_workers_one_of_which_is_killed(scheduler, worker, tmp_path):
     mission(tmp_path, RELEASE.replace("10 * s, 1 * s", "2 * s, 1 * s"))
     campaign = Campaign(tmp_path)
-    one, two = (campaign.fly(1000, seed=7, threads=n) for n in (1, 2))
+    by_one_thread, by_two_threads = (campaign.fly(1000, seed=7, threads=n) for n in (1, 2))
     first, _ = worker(), worker()
     seen = []
 
@@ -87,11 +87,11 @@ def test_a_thousand_runs_are_the_same_by_threads_and_by_workers_one_of_which_is_
 
     far = campaign.fly(1000, seed=7, scheduler=scheduler, progress=progress)
     assert first.poll() == -signal.SIGKILL and seen[0] == 0 and seen[-1] == 1000 and len(set(seen)) > 5
-    assert far.flown.all() and same(one, two) and same(one, far)
+    assert far.flown.all() and same(by_one_thread, by_two_threads) and same(by_one_thread, far)
     variable = campaign.dispersions.retained["world.nav.attitude.sigma_BN"].summary
     for shown in ((5, 50, 95), (1, 25, 99)):
-        assert (one.bands(variable, shown) == two.bands(variable, shown)).all()
-        assert (one.bands(variable, shown) == far.bands(variable, shown)).all()
+        assert (by_one_thread.bands(variable, shown) == by_two_threads.bands(variable, shown)).all()
+        assert (by_one_thread.bands(variable, shown) == far.bands(variable, shown)).all()
 
 
 @pytest.mark.long("starts a scheduler and workers")
@@ -157,8 +157,8 @@ def test_a_search_flies_on_workers_too(scheduler, worker, tmp_path):
 @pytest.mark.parametrize("user", [OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled)])
 def test_workers_give_what_processes_give(scheduler, worker, tmp_path, user):
     worker(), worker()
-    one = user(tmp_path)
-    assert one.fly(2) == one.fly(scheduler=scheduler)
+    flights = user(tmp_path)
+    assert flights.fly(2) == flights.fly(scheduler=scheduler)
 
 
 @pytest.mark.long("starts a scheduler and workers")

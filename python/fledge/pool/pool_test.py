@@ -13,12 +13,13 @@ from fledge.analysis import faults, timing
 from fledge.analysis.matrix import Fault, Matrix
 from fledge.emulator import flips
 from fledge.errors import Failure
+from fledge.mission import provenance
 from fledge.mission.folder import MissionError
 from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE
 from fledge.montecarlo.shares import Runs
-from fledge.pool import Died, Local, Work, children, in_order, open_pool
+from fledge.pool import Died, Local, Work, children, in_order, open_pool, worker
 from fledge.targets import TARGETS
 from fledge.units import s
 from fledge.verify import flights as verification
@@ -91,6 +92,25 @@ def test_more_jobs_than_items_and_no_items(begun):
     assert list(Local(2).fly(Squares(), [])) == []
     with pytest.raises(fledge.SetupError, match="jobs must be >= 1, found 0"):
         Local(0)
+
+
+def test_a_worker_is_refused_by_its_files_not_by_its_revision(tmp_path, monkeypatch):
+    """Other revisions of the same files fly; a fact that differs, or files that do, are named."""
+    (tmp_path / "flight.py").write_text("x = 1\n")
+    here = {"fledge": "aaaa", "mission": "bbbb"}
+    monkeypatch.setattr(worker, "identity", lambda folder: here)
+
+    def problem(identity, digests):
+        return worker._work({"work": (lambda: work, ()), "identity": identity, "digests": digests})[1]
+
+    work = Squares()
+    work.folder, work.facts = tmp_path, {"program": "p"}
+    digests = {name: provenance.digest(name, tmp_path) for name in here}
+    assert problem({"fledge": "cccc", "mission": "bbbb-dirty with files 0", "program": "p"}, digests) == ""
+    assert problem({**here, "program": "q"}, digests) == "has another program: p, not q"
+    assert problem({"fledge": "cccc"}, {**digests, "fledge": "0"}) == "has another revision of Fledge: aaaa, not cccc"
+    (tmp_path / "flight.py").write_text("x = 2\n")
+    assert problem({"mission": "dddd"}, digests) == "has another mission: bbbb, not dddd"
 
 
 class Refusing(Work[Exception, None]):
@@ -175,7 +195,7 @@ class OfCampaign(User):
             raise KeyboardInterrupt
         values, = result.retained.values()
         failed = dict(result.failures)
-        return [None if run in failed else one.tobytes() for run, one in enumerate(values)], list(failed.values())
+        return [None if run in failed else row.tobytes() for run, row in enumerate(values)], list(failed.values())
 
 
 class OfSweep(OfCampaign):
@@ -212,9 +232,9 @@ class OfVerify(User):
             [Flight(str(folder), name, "desktop", 0, {}, False, self.folder / "out" / name)
              for name in sim.mission.scenarios], folder, jobs, True, lambda _: None,
             progress and (lambda *_: progress()) or (lambda *_: None), scheduler)
-        assert all((self.folder / "out" / one.scenario / one.record).exists() for one in flown)
-        return [None if one.error else (one.scenario, one.time, one.shown) for one in flown], [
-            one.error.split("\n")[0] for one in flown if one.error]
+        assert all((self.folder / "out" / flight.scenario / flight.record).exists() for flight in flown)
+        return [None if flight.error else (flight.scenario, flight.time, flight.shown) for flight in flown], [
+            flight.error.split("\n")[0] for flight in flown if flight.error]
 
 
 class OfFaults(User):
@@ -225,8 +245,8 @@ class OfFaults(User):
         found = faults.fly(matrix, faults=[Fault("world.gyro", kind) for kind in ("DEAD", "DROPOUT")],
                            begin=[15 * s, 25 * s], limit=30 * s, jobs=jobs, scheduler=scheduler,
                            progress=progress and (lambda done, *_: progress()) or (lambda *_: None))
-        return [None if one.effect == "failed" else one for one in found], [
-            one.text for one in found if one.effect == "failed"]
+        return [None if flight.effect == "failed" else flight for flight in found], [
+            flight.text for flight in found if flight.effect == "failed"]
 
 
 class OfFlips(User):
@@ -235,8 +255,8 @@ class OfFlips(User):
     def fly(self, jobs=None, progress=None, scheduler=None):
         campaign = self.campaign = self.campaign or flips.Campaign("nadir_spin", at=1, duration=1, after=1)
         found = campaign.fly(4, 1, jobs, progress and (lambda _: progress()) or (lambda _: None), scheduler)
-        texts = [one.rpartition(": ")[2] for one in campaign.died]
-        flown = {one.flip: one for one in found}
+        texts = [text.rpartition(": ")[2] for text in campaign.died]
+        flown = {outcome.flip: outcome for outcome in found}
         return [flown.get(campaign.flip(1, i)) for i in range(4)], texts
 
 
@@ -246,17 +266,17 @@ class OfTiming(User):
     def fly(self, jobs=None, progress=None, scheduler=None):
         self.search = self.search or timing.Search("nadir_spin", duration=2.0, folder=self.folder)
         found = self.search.search(4, jobs, progress and (lambda _: progress()) or (lambda _: None))
-        return [None] * len(found.died) + [found.longest], [one.rpartition(": ")[2] for one in found.died]
+        return [None] * len(found.died) + [found.longest], [text.rpartition(": ")[2] for text in found.died]
 
 
 @pytest.fixture(scope="module", params=[
     OfCampaign, OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled),
     pytest.param(OfTiming, marks=[compiled, pytest.mark.long("compiles flight once more for another processor")])])
 def user(request, tmp_path_factory):
-    one = request.param(tmp_path_factory.mktemp("user"))
-    one.whole, texts = one.fly(jobs=1)
-    assert texts == [] and None not in one.whole
-    return one
+    user = request.param(tmp_path_factory.mktemp("user"))
+    user.whole, texts = user.fly(jobs=1)
+    assert texts == [] and None not in user.whole
+    return user
 
 
 def test_a_killed_process_costs_its_item_alone(user, tmp_path, monkeypatch):
@@ -276,8 +296,8 @@ def test_a_killed_process_costs_its_item_alone(user, tmp_path, monkeypatch):
     found, texts = user.fly(jobs=1)
     assert texts == [KILLED] and found.count(None) == 1
     if not isinstance(user, OfTiming):      # whose later runs follow from the earlier ones
-        assert [whole for whole, one in zip(user.whole, found, strict=True) if one is not None] == [
-            one for one in found if one is not None]
+        assert [whole for whole, result in zip(user.whole, found, strict=True) if result is not None] == [
+            result for result in found if result is not None]
 
 
 def test_ctrl_c_ends_all_processes(user, begun):

@@ -93,7 +93,7 @@ def answer(work: Work[Item, Any], item: Item) -> bytes:
     try:
         return pickle.dumps(work.fly(item))
     except _ERRORS as error:
-        kind = next(place for place, one in enumerate(_ERRORS) if isinstance(error, one))
+        kind = next(place for place, type_ in enumerate(_ERRORS) if isinstance(error, type_))
         return pickle.dumps(_Raised(kind, str(error)))
 
 

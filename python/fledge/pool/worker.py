@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
 from fledge.errors import Failure, SetupError
-from fledge.mission.provenance import identity
+from fledge.mission.provenance import digest, identity
 from fledge.pool.local import Local
 from fledge.pool.work import Died, Item, Result, Work, answer, death
 
@@ -116,8 +116,8 @@ class _Apart(Work[Item, Result | Died[Item]]):
         return found
 
 
-def _made(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
-    """(the work of a job, why it must not fly here)"""
+def _work(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
+    """(the work of a job, why it must not fly here). Other revisions may, whose files are the same."""
     kind, arguments = job["work"]
     try:
         work: Work[Any, Any] = kind(*arguments)
@@ -126,14 +126,15 @@ def _made(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
     ours = {**identity(work.folder), **work.facts}
     return work, "; ".join(f"has another {'revision of Fledge' if name == 'fledge' else name}: "
                            f"{ours.get(name, 'unknown')}, not {wanted}"
-                           for name, wanted in job["identity"].items() if ours.get(name) != wanted)
+                           for name, wanted in job["identity"].items() if ours.get(name) != wanted
+                           and not (name in job["digests"] and digest(name, work.folder) == job["digests"][name]))
 
 
 def _serve(pipe: Connection) -> None:
     """Answer a job, then items of it, until the worker closes the pipe."""
     signal.signal(signal.SIGINT, lambda *_: None)
     threading.Thread(target=_end_with_worker, args=[pipe.fileno()], daemon=True).start()
-    work, problem = _made(pickle.loads(pipe.recv_bytes()))
+    work, problem = _work(pickle.loads(pipe.recv_bytes()))
     pipe.send_bytes(problem.encode())
     if work is not None:
         work.begin()
