@@ -30,15 +30,15 @@ def test_no_two_are_alike():
         assert apart.min() > 1e-4 * np.abs(values).max(), name
 
 
-def test_what_is_heard_is_half_a_second_old_and_still_true():
+def test_a_beacon_is_half_a_second_old_and_still_true():
     # The beacon leads by as much as the radio takes: what remains of 1.1 km is the noise of the fix.
     sim = fledge.load("constellation", spacecraft=2)
     for i in range(2):
         sim.process(f"sat{i}_world").nav.position_noise = [0] * 3
     sim.run(5 * s)
-    heard, state = sim.process("sat0_flight").guidance.primary, sim.process("sat1_world").craft.state
-    assert heard.head.t == 4_500_000_000 and state.head.t == 5_000_000_000
-    assert np.linalg.norm(heard.r_PN_N - state.r_BN_N) < 1e-3
+    beacon, state = sim.process("sat0_flight").guidance.primary, sim.process("sat1_world").craft.state
+    assert beacon.head.t == 4_500_000_000 and state.head.t == 5_000_000_000
+    assert np.linalg.norm(beacon.r_PN_N - state.r_BN_N) < 1e-3
     assert np.linalg.norm(state.v_BN_N) * 0.5 > 1000
 
 
@@ -95,12 +95,12 @@ def _records(sim):
 
 
 def test_a_node_for_each_process_gives_the_same_bits():
-    one = fledge.load("constellation", seed=3, spacecraft=3)
-    _record(one)
-    one.run(20 * s)
-    together = _records(one)
-    names = [process.name for process in one.processes]
-    assert len(names) == 6 and len(cosim.crossing_wires(one)) == 3 * (4 + 1 + 2)
+    whole = fledge.load("constellation", seed=3, spacecraft=3)
+    _record(whole)
+    whole.run(20 * s)
+    together = _records(whole)
+    names = [process.name for process in whole.processes]
+    assert len(names) == 6 and len(cosim.crossing_wires(whole)) == 3 * (4 + 1 + 2)
 
     controller = cosim.Controller("constellation", names, 20 * s, seed=3, join=20, reply=20,
                                   address=f"ipc://@fledge-constellation-{os.getpid()}")

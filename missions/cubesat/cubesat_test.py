@@ -100,5 +100,5 @@ def test_other_numbers_of_star_trackers_and_wheels_are_refused(options):
 def test_a_script_of_the_ground_meets_it_after_its_release(tmp_path):
     script = Path(__file__).with_name("first_contact.py")
     assert cli.main(["ground", "run", str(script), "--to", "cubesat", "--yes", "--out", str(tmp_path)]) == 0
-    said = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
-    assert [one["good"] for one in said if one["kind"] == "check"] == [True] * 3
+    rows = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
+    assert [row["good"] for row in rows if row["kind"] == "check"] == [True] * 3

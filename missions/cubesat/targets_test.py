@@ -15,9 +15,9 @@ BOARDS = Path(__file__).with_name("boards")
 @pytest.mark.long("builds and flies the CubeSat on targets: 200 s")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
 @pytest.mark.parametrize("target, boards", [
-    *((one, []) for one in ("linux", "cfs", "leon3", "leon3-cfs", "micropython", "leon3-micropython")),
-    *((one, ["--board", str(BOARDS)]) for one in ("linux", "leon3"))],
-    ids=lambda one: one if isinstance(one, str) else "boards" if one else "whole")
+    *((target, []) for target in ("linux", "cfs", "leon3", "leon3-cfs", "micropython", "leon3-micropython")),
+    *((target, ["--board", str(BOARDS)]) for target in ("linux", "leon3"))],
+    ids=lambda values: values if isinstance(values, str) else "boards" if values else "whole")
 def test_a_target_flies_and_says_what_the_desktop_does(target, boards, tmp_path, capsys):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not installed")

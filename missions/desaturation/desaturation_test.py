@@ -33,10 +33,10 @@ def test_without_them_the_momentum_stays():
         sim.scenarios["rods"]()
 
 
-def test_a_clone_asks_its_own_field():
+def test_a_clone_uses_its_own_field():
     sim = fledge.load("desaturation")
     other = sim.clone()
     assert other.world.rods.field is other.world.field and sim.world.rods.field is sim.world.field
-    for one in (sim, other):
-        one.run(10 * s)
+    for flown in (sim, other):
+        flown.run(10 * s)
     assert (sim.world.rods.torque.torque_B == other.world.rods.torque.torque_B).all()

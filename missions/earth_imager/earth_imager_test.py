@@ -60,5 +60,5 @@ def test_without_the_monitor_the_seized_wheel_spoils_the_pass():
 def test_a_script_of_the_ground_takes_each_wheel_out_of_use(tmp_path):
     script = Path(__file__).with_name("commission.py")
     assert cli.main(["ground", "run", str(script), "--to", "earth_imager", "--yes", "--out", str(tmp_path)]) == 0
-    said = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
-    assert [one["good"] for one in said if one["kind"] == "check"] == [True] * 5
+    rows = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
+    assert [row["good"] for row in rows if row["kind"] == "check"] == [True] * 5

@@ -7,7 +7,7 @@ from fledge.units import N, deg, kg, km, m, rad, s
 # Svalbard, on the Earth of WGS 84, with a mask.
 STATION = dict(longitude=15.39 * deg, latitude=78.23 * deg, altitude=450 * m, mask=8 * deg)
 
-# The Earth of WGS 84, how it stands at the epoch, and how fast it turns: what an almanac says.
+# The Earth of WGS 84, how it stands at the epoch, and how fast it turns: numbers of an almanac.
 STANDS  = [[0.8436783814789698, -0.5368446223419787, -0.002154086238830078],
            [0.5368428951377278, 0.8436811313562944, -0.0013618125810623534],
            [0.0025484436757961595, -7.474058561493416e-06, 0.9999967526842123]]

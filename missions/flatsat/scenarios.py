@@ -30,8 +30,8 @@ def manoeuvre(sim):
     assert (on[late] == 0b111).all() and not (on[log.time == 185] & 0b010).any()
     _is_back(sim, log, boots=2)
 
-    # Star tracker and gyros are behind the load that the latch-up trips: the filter says that it is blind, and is back
-    # within 3 s.
+    # Star tracker and gyros are behind the load that the latch-up trips: the filter reports that it is blind, and is
+    # back within 3 s.
     up = (log.time < 60.5) | (log.time >= 63.5)         # the computer
     good = (log["attitude.head.quality"] == fsw.Quality.GOOD) & up
     assert _attitude_off(log)[good].max() < 5e-4, "the filter's attitude is not that of the truth"
@@ -58,8 +58,8 @@ def commanded(sim):
     sim.run(3 * minute)
     f.power.reset_computer = 1
     sim.run(5 * minute)
-    asked = log["command.reset"] == 1
-    assert asked.any() and not asked[log.time > 184].any(), "the parameter outlived the reset"
+    requested = log["command.reset"] == 1
+    assert requested.any() and not requested[log.time > 184].any(), "the parameter outlived the reset"
     assert log.last("error.sigma_BR").norm() < 2e-3, "the attitude did not settle"
     assert w.power.computer.count == 2
     _is_back(sim, log, boots=3)

@@ -48,9 +48,9 @@ def test_what_the_radio_brings_late_is_carried_to_now():
     log = sim.record(sim.process("chief").base.reference, sim.process("deputy").base.reference, every=1 * s)
     sim.run(10 * minute)
     chief, deputy = (log[f"{name}.base.reference.sigma_RN"][5:] for name in ("chief", "deputy"))
-    heard = sim.process("deputy").base.commanded
-    assert sim.time - heard.head.t / 1e9 == 1.0
-    assert np.linalg.norm(heard.omega_RN_N) * 1.0 / 4 > 3e-5        # what it would be off, else
+    commanded = sim.process("deputy").base.commanded
+    assert sim.time - commanded.head.t / 1e9 == 1.0
+    assert np.linalg.norm(commanded.omega_RN_N) * 1.0 / 4 > 3e-5        # what it would be off, else
     assert np.abs(chief - deputy).max() < 1e-11
 
 
@@ -63,7 +63,7 @@ def test_the_beacon_says_where_the_chief_is():
     assert 5e4 < np.linalg.norm(way) < 1e5
 
 
-def test_without_the_radio_the_deputy_holds_what_it_heard_last():
+def test_without_the_radio_the_deputy_holds_what_it_received_last():
     sim = fledge.load("formation")
     sim.run(5 * minute)
     base = sim.process("deputy").base
@@ -132,20 +132,20 @@ def test_the_programs_of_the_thesis_fly_what_one_program_flies(tmp_path, capsys)
     if TARGETS["aarch64"].missing():
         file = tmp_path / "formation.toml"
         file.write_text((HERE / "formation.toml").read_text().replace("aarch64", "linux"))
-    said = up(tmp_path, file, "--report")
-    assert said.startswith("formation: 5 nodes, 6000 s\n") and said.endswith("\n  passed\n")
+    output = up(tmp_path, file, "--report")
+    assert output.startswith("formation: 5 nodes, 6000 s\n") and output.endswith("\n  passed\n")
     run = tmp_path / "runs/formation"
-    judged, one = Archive(run / "report/run.mcap"), flown_in_one(tmp_path / "one", "commanded")
-    assert len(one.topics) == 10 and compare(one, judged) == []
+    judged, whole = Archive(run / "report/run.mcap"), flown_in_one(tmp_path / "one", "commanded")
+    assert len(whole.topics) == 10 and compare(whole, judged) == []
     assert {file.name for file in (run / "report").glob("*.png")} == {
         "formation_deputy_commanded.png", "formation_deputy_commanded_plane.png"}
 
     # And sensed, for two minutes, by what each program has recorded.
     up(tmp_path, file, "sensed", "--until", "2min")
-    one = flown_in_one(tmp_path / "one", "sensed")
+    whole = flown_in_one(tmp_path / "one", "sensed")
     for name in ("deputy_world", "chief_world", "chief"):
         apart = Archive(run / f"{name}.mcap")
-        assert apart.topics and compare(one, apart, apart.topics, times=lambda t: t <= 120 * 10**9) == []
+        assert apart.topics and compare(whole, apart, apart.topics, times=lambda t: t <= 120 * 10**9) == []
 
 
 def momentum_misfit(record, name, after):
@@ -166,17 +166,17 @@ def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
         assert old in text
         text = text.replace(old, new)
     (tmp_path / "fleet.toml").write_text(text)
-    said = up(tmp_path, "fleet.toml", "--report")
-    assert "deputy2 is killed at 3300 s, as the file says" in said and said.endswith("\n  passed\n")
-    judged, one = (Archive(tmp_path / "runs/fleet/report/run.mcap"),
-                   flown_in_one(tmp_path / "one", "commanded", deputies=3))
+    output = up(tmp_path, "fleet.toml", "--report")
+    assert "deputy2 is killed at 3300 s, as the file says" in output and output.endswith("\n  passed\n")
+    judged, whole = (Archive(tmp_path / "runs/fleet/report/run.mcap"),
+                     flown_in_one(tmp_path / "one", "commanded", deputies=3))
 
     def same(topic, until=1e9):
-        early = one.time(topic) <= until
-        return (one.raw[topic][early].tobytes() == judged.raw[topic][judged.time(topic) <= until].tobytes())
+        early = whole.time(topic) <= until
+        return (whole.raw[topic][early].tobytes() == judged.raw[topic][judged.time(topic) <= until].tobytes())
 
-    # Those who are neither fly as in a run in which all is well; so does the lost one, before that.
-    for topic in one.topics:
+    # The others fly as in a run in which all is well; so does the lost deputy, until it is lost.
+    for topic in whole.topics:
         if topic.split("/")[1] in ("chief", "chief_world", "deputy1_world") or \
                 topic.startswith("/deputy1/") and "roll" not in topic:
             assert same(topic), topic
@@ -187,13 +187,13 @@ def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
     assert momentum_misfit(judged, "deputy1", after=3301) > 0.1
 
     # What the others see of the two: nothing of the late one for ten minutes, nothing of the lost one from then on.
-    for who, own in (("chief_guidance", 0), ("deputy1", 1), ("deputy3", 4)):
-        t, roll = judged.time(f"{who}.roll.state"), judged[f"{who}.roll.state"]
+    for name, own in (("chief_guidance", 0), ("deputy1", 1), ("deputy3", 4)):
+        t, roll = judged.time(f"{name}.roll.state"), judged[f"{name}.roll.state"]
         written = roll["head"]["quality"] > fsw.Quality.NONE
-        for begin, end, heard, lost in ((5, 600, 0b011, 0), (605, 3301, 0b111, 0), (3302, 6601, 0b101, 0b010)):
+        for begin, end, present, lost in ((5, 600, 0b011, 0), (605, 3301, 0b111, 0), (3302, 6601, 0b101, 0b010)):
             now = roll[(t >= begin) & (t < end) & written]
             if len(now):
-                assert set(now["heard"]) == {heard & ~own} and set(now["lost"]) == {lost}
+                assert set(now["heard"]) == {present & ~own} and set(now["lost"]) == {lost}
         assert roll["age"][-1][1] == 3300
     assert not (roll["head"]["quality"][t <= 600]).any() and written[t > 600].all()
 

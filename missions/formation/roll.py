@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The chief and its deputies call the roll: each deputy has a beacon, and all know who is heard."""
+"""The chief and its deputies call the roll: each deputy has a beacon, and all know which are heard."""
 from fledge import flight as fsw
 from fledge.units import s
 

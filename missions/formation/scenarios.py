@@ -142,17 +142,17 @@ def _plot(log, name, kind):
 
 
 def _plot_all(log, names, lost, kind):
-    """How far each deputy is from its pattern, and how long ago the chief has heard it. One that is lost has no command
-    any more; that of the others, who fly the same, goes on."""
+    """How far each deputy is from its pattern, and how long ago the chief has heard it. A lost deputy has no command any
+    more; the others fly the same pattern, whose command goes on."""
     pattern = _commanded(log, next(name for name in names if name not in lost))
-    off, heard = [], []
+    off, silences = [], []
     for i, name in enumerate(names):
         age = log.series("chief_guidance.roll.state.age")
         silent = np.where(age.values[:, i] > 0, age.values[:, i], np.nan) / 60
-        heard.append(replace(age, key=name, name="age", port=name, values=silent, unit="min"))
+        silences.append(replace(age, key=name, name="age", port=name, values=silent, unit="min"))
         angle = _achieved(log, name).off(pattern if name in lost else _commanded(log, name))
         angle[log.time < _begin(log, name)] = np.nan
         off.append(replace(age, key=name, name="off", port=name, values=np.log10(np.degrees(angle)), unit=""))
-    log.plot(off, heard, titles=["(a) off the pattern: log10 of the angle in degrees",
-                                 "(b) minutes since the chief has heard it"],
+    log.plot(off, silences, titles=["(a) off the pattern: log10 of the angle in degrees",
+                                    "(b) minutes since the chief has heard it"],
              name=f"formation_all_{kind}", title=f"{len(names)} deputies, {kind}", size=(7.2, 5))

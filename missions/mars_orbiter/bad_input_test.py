@@ -25,19 +25,19 @@ LOCKED = 12 * minute        # by then -b1 is on the Sun and the attitude is know
 
 @pytest.fixture()
 def craft():
-    with ground.connect(fledge.load("mars_orbiter")) as one:
-        one.simulation = one.link.simulation
-        one.events, take = [], one.take
+    with ground.connect(fledge.load("mars_orbiter")) as connected:
+        connected.simulation = connected.link.simulation
+        connected.events, take = [], connected.take
 
         def taken(packet):
             found = take(packet)
-            if found is not None and found.path == "events" and found.content not in one.events:
-                one.events.append(found.content)
+            if found is not None and found.path == "events" and found.content not in connected.events:
+                connected.events.append(found.content)
             return found
 
-        one.take = taken
-        one.command("telemetry", "housekeeping")
-        yield one
+        connected.take = taken
+        connected.command("telemetry", "housekeeping")
+        yield connected
 
 
 def lock(craft, epoch=True):
@@ -170,7 +170,7 @@ def test_two_sequences_that_contradict_each_other(craft):
     refused(craft, "runs, stands or is held already", "control", Action.START, 1)
     craft.listen(2 * minute)
     done = [report for report in f.commands.reports if report.stored_on and report.executed]
-    assert [one.stored_on for one in done] == [1] and done[0].good
+    assert [report.stored_on for report in done] == [1] and done[0].good
     assert craft.telemetry.mode == "sun"
     craft.listen(20 * minute)
     assert norm(f.tracking.error.sigma_BR) < 1e-3
@@ -199,5 +199,5 @@ def test_a_ground_that_floods(craft):
 @pytest.mark.long("flies the insertion again")
 @pytest.mark.parametrize("left", [0.01, 60], ids=["empty", "empty soon"])
 def test_a_burn_without_propellant(left):
-    one = insertion.fly(fledge.load("mars_orbiter"), engines=lambda planned: {"propellant": [left] * kg})
-    insertion.check_safe(one, "NO_THRUST")
+    flown = insertion.fly(fledge.load("mars_orbiter"), engines=lambda planned: {"propellant": [left] * kg})
+    insertion.check_safe(flown, "NO_THRUST")

@@ -36,9 +36,9 @@ def run(craft, script):
         turn_to_earth(craft, script.hold)
     with script.step("contact"):
         craft.wait(lambda t: 4 * hypot(*t.flight.tracking.error.sigma_BR) < arcmin.value, within=1 * hour)
-        asked = craft.link.t
+        sent = craft.link.t
         craft.command("noop").completed(within=1 * hour)
-        script.value("there and back [s]", (craft.link.t - asked) / 1e9)
+        script.value("there and back [s]", (craft.link.t - sent) / 1e9)
     with script.step("files"):
         craft.files = Files(craft, rate=100, timeout=LONGEST, inactivity=4 * LONGEST)
         Path(PLAN).write_text("".join(f"{hour:02} h: point at Mars\n" for hour in range(24)))

@@ -73,7 +73,7 @@ def navigation(f, ephemerides):
                     star_std=5e-5 * rad, gate=30, hold=3 * s, coast=30 * s, persistence=3)
     f.filter = fsw.AttitudeMekf(**noise)
 
-    # The redundant units have an estimator of their own, which shows what no unit says of itself.
+    # The redundant units have an estimator of their own, which shows faults that no unit reports itself.
     f.other  = fsw.AttitudeUkf(**noise)
     f.differ = fsw.AttitudeMiscompare(angle_max=0.3 * deg, rate_max=0.02 * deg / s, persistence=20, release=120)
     f.pyramids  = fsw.SunPyramids(**SUN_SENSORS, **CONVERTERS, dark=0.05, differ=0.01, persistence=10)
@@ -203,9 +203,9 @@ def modes(f):
     dump   = f.task("dump", every=GNC, run=[f.dump])
     act    = f.task("act", every=GNC, run=[f.monitor, f.motor, f.drive, f.mapping, f.firing, f.pulses, f.arrays])
 
-    # Where to point is asked for only where the attitude is known; so are the bodies, but for the inertial one.
+    # A pointing mode needs a known attitude and, except the inertial one, known bodies.
     attitude = f.watch(f.differ.attitude)
-    bodies = [f.watch(one.body).head.quality for one in (f.sun_at, f.mars_at, f.earth_at)]
+    bodies = [f.watch(at.body).head.quality for at in (f.sun_at, f.mars_at, f.earth_at)]
     knows = attitude.head.quality == "GOOD"
     seen = (bodies[0] == "GOOD") & (bodies[1] == "GOOD") & (bodies[2] == "GOOD")
     f.mode("safe", [safe, act])

@@ -31,7 +31,7 @@ class Flown:
     modes: list[str]        # in their order
     events: list[Event]     # of telemetry
 
-    def said(self, output: str) -> list[Event]:
+    def events_of(self, output: str) -> list[Event]:
         return [event for event in self.events if event.output == f"flight.{output}"]
 
     @property
@@ -42,13 +42,13 @@ class Flown:
 
 
 def telemetry(commands: Any) -> list[bytes]:
-    """A list that fills with the packets that a flight process' take_packets() gives, to any caller."""
+    """A list that collects the packets that a flight process' take_packets() returns, to any caller."""
     packets: list[bytes] = []
     take = commands.take_packets
 
     def taken() -> Any:
         found = take()
-        packets.extend(one.packet for one in found)
+        packets.extend(received.packet for received in found)
         return found
 
     commands.take_packets = taken
@@ -71,10 +71,10 @@ def fly(sim: Any, first: Callable[[Any], None] | None = None, **changes: Any) ->
     ground.perform(sim, "uplink.py")
     sim.run((planned.start + LASTS - sim.time) * s)
     f.commands.take_packets()
-    told = (decoded(f.commands.dictionary, packet) for packet in packets)
+    decoded_packets = (decoded(f.commands.dictionary, packet) for packet in packets)
     return Flown(sim, log, planned, Orbit.from_state(
         world.MARS, log["craft.state.r_BN_N"][-1], log["craft.state.v_BN_N"][-1]),
-        [name for _, name in modes(log)["flight"]], [one.content for one in told if one.path == "events"])
+        [name for _, name in modes(log)["flight"]], [p.content for p in decoded_packets if p.path == "events"])
 
 
 def check_captured(flown: Flown, hours: float = 2, miss: float = 0.1) -> None:
@@ -96,7 +96,7 @@ def check_captured(flown: Flown, hours: float = 2, miss: float = 0.1) -> None:
 
 def check_safe(flown: Flown, why: str) -> None:
     """It is not captured, points at the Sun, and telemetry says why."""
-    last = flown.said("burned.event")[-1]
+    last = flown.events_of("burned.event")[-1]
     assert last.name == "ABORTED" and BURN_ABORT[int(last.arguments["why"])] == why, flown.events
     assert flown.modes[-1] == "safe" and flown.sim.flight.stored.state.inhibited == 1
     w, log = flown.sim.process("world"), flown.log

@@ -28,8 +28,8 @@ def test_the_arrival_is_an_ellipse_from_the_earth_to_mars():
     c = np.linalg.norm(r2 - r1)
     total = (np.linalg.norm(r1) + np.linalg.norm(r2) + c) / 2
     alpha, beta = 2 * np.arcsin(np.sqrt(total / (2 * a))), 2 * np.arcsin(np.sqrt((total - c) / (2 * a)))
-    times = [np.sqrt(a**3 / world.SUN.mu) * ((one - np.sin(one)) - (beta - np.sin(beta)))
-             for one in (alpha, 2 * np.pi - alpha)]
+    times = [np.sqrt(a**3 / world.SUN.mu) * ((angle - np.sin(angle)) - (beta - np.sin(beta)))
+             for angle in (alpha, 2 * np.pi - alpha)]
     assert min(abs(time / last - 1) for time in times) < 1e-6
     assert 2.5e3 < np.linalg.norm(PLAN.v_infinity) < 3e3
 
@@ -83,19 +83,19 @@ def test_the_insertion():
 
 @pytest.mark.long("flies the insertion again")
 def test_an_engine_that_is_10_percent_weak():
-    one = flown(engines=lambda planned: {"F": [108, *[120] * 5]})
-    insertion.check_captured(one)
+    captured = flown(engines=lambda planned: {"F": [108, *[120] * 5]})
+    insertion.check_captured(captured)
 
 
 @pytest.mark.long("flies the insertion again")
 def test_resets_in_the_main_burn():
     """Two unplanned ones: the burn goes on each time, and no command is executed twice."""
-    one = flown(power=lambda planned: {"reset_at": [planned.start + 600, planned.start + 900, 0, 0]})
-    insertion.check_captured(one, hours=6, miss=0.5)
-    assert [event.name for event in one.said("burned.event")][-3:] == ["RESUMED", "CUT", "RESUMED"]    # least is low
-    commands = [report for report in one.sim.flight.commands.reports if report.stored_on == 0 and report.executed]
+    captured = flown(power=lambda planned: {"reset_at": [planned.start + 600, planned.start + 900, 0, 0]})
+    insertion.check_captured(captured, hours=6, miss=0.5)
+    assert [event.name for event in captured.events_of("burned.event")][-3:] == ["RESUMED", "CUT", "RESUMED"]
+    commands = [report for report in captured.sim.flight.commands.reports if report.stored_on == 0 and report.executed]
     assert len(commands) == 7 and all(report.good for report in commands)
-    assert all(a.t < b.t for a, b in pairwise(commands)) and one.sim.flight.boot.boot.boots == 4
+    assert all(a.t < b.t for a, b in pairwise(commands)) and captured.sim.flight.boot.boot.boots == 4
 
 
 @pytest.mark.long("flies the insertion again")
@@ -111,14 +111,14 @@ def test_a_link_that_is_lost_while_the_plan_is_sent():
                 craft.put(path, to="boot/plan", within=0.3 * s)
         sim.run(9 * minute)
         assert sim.flight.files.state.failed == 1 and sim.flight.files.state.receiving == 0
-    one = flown(loses)
-    insertion.check_captured(one)
-    assert [event.name for event in one.said("files.event")] == ["FAULT", "FAILED"]
+    captured = flown(loses)
+    insertion.check_captured(captured)
+    assert [event.name for event in captured.events_of("files.event")] == ["FAULT", "FAILED"]
 
 
 @pytest.mark.long("flies the insertion again")
 @pytest.mark.parametrize("name, channel, why", [("rcs", 5, "OFF_POINT"), ("engines", 2, "OFF_POINT")])
 def test_a_valve_that_is_stuck_shut(name, channel, why):
-    one = flown(**{name: lambda planned: {"faults": [
+    captured = flown(**{name: lambda planned: {"faults": [
         {"kind": "DEAD", "channels": 1 << channel, "begin": (planned.start + 300) * s}]}})
-    insertion.check_safe(one, why)
+    insertion.check_safe(captured, why)

@@ -52,8 +52,8 @@ def test_each_program_may_be_killed(mark, tmp_path):
     out, run = fly(tmp_path / "lost", mark, LOST, room=True)
     for name in (*LOST, "ground"):
         assert f"  {name} was killed by SIGKILL; it is started again (1 of 3)\n" in out, out
-    said = (run / "log/ground.log").read_text()
-    assert said.count("the console is at") == 2 and "  missing  " not in out and "  left     " not in out
+    text = (run / "log/ground.log").read_text()
+    assert text.count("the console is at") == 2 and "  missing  " not in out and "  left     " not in out
     # Of one instant the controller writes in the order in which programs answer.
     assert compare(Archive(run / "exchange.mcap"), Archive(alone / "exchange.mcap")) == []
     files = ["world.mcap", "panel.mcap", f"flight/{TARGET}.mcap", f"flight/{TARGET}.telemetry.txt"]

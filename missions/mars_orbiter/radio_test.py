@@ -56,6 +56,6 @@ def test_contact_from_goldstone(target, tmp_path, monkeypatch, capfd):
     light = record["radio.up.light_time"][t > rises].mean()
     assert 1300 < rises - light < 1400 and locked[t > rises].all()     # when the station sends what arrives then
     assert record["radio.up_traffic.lost"].max() == 1
-    there_and_back = next(one["values"]["there and back [s]"] for one in found if one["kind"] == "value")
+    there_and_back = next(row["values"]["there and back [s]"] for row in found if row["kind"] == "value")
     assert 636 < light < 640 and 2 * light < there_and_back < 2 * light + 3
     assert (tmp_path / "back_plan.txt").read_bytes() == (tmp_path / "plan.txt").read_bytes()

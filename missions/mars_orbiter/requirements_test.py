@@ -18,7 +18,7 @@ from tests.tree import files
 
 SIM = fledge.load("mars_orbiter")
 ALL = Requirements(SIM).all
-TESTED = [one for one in ALL if one.method == "test"]
+TESTED = [requirement for requirement in ALL if requirement.method == "test"]
 
 
 def fields(requirement):
@@ -36,9 +36,9 @@ def flown(scenario):
     sim.plots = False
     requirements = Requirements(sim)
     own = requirements.for_scenario(scenario)
-    ports = {port for one in own for port, _ in fields(one)} - {"flight.mode", "flight.activity"}
+    ports = {port for requirement in own for port, _ in fields(requirement)} - {"flight.mode", "flight.activity"}
     log = sim.record(*(field_path.port(sim, port) for port in sorted(ports)), every=1 * s)
-    watch = requirements.watch(only=[one.id for one in own])
+    watch = requirements.watch(only=[requirement.id for requirement in own])
     sim.scenarios[scenario]()
     return SimpleNamespace(scenario=scenario, requirements=requirements, log=log, outcomes=watch.outcomes())
 
@@ -47,7 +47,7 @@ class Bent(Log):
     """A log in which a field has one number at all times."""
 
     def __init__(self, log, port, path, number):
-        super().__init__(log.simulation, [one.core for one in log._ports()])
+        super().__init__(log.simulation, [recorded.core for recorded in log._ports()])
         self.port, self.path, self.number = port, path, number
 
     def _values(self, port):
@@ -67,13 +67,13 @@ def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
     found = flown(scenario)
     assert [str(outcome) for outcome in found.outcomes if outcome.verdict != "holds"] == []
     again = found.requirements.judge(found.log, [outcome.requirement.id for outcome in found.outcomes])
-    assert [str(one) for one in again if one.verdict != "holds"] == []
-    for one, other in zip(found.outcomes, again, strict=True):     # the record has every other sample only
-        assert one.margin == other.margin or one.margin == pytest.approx(other.margin, rel=0.05), (one, other)
+    assert [str(outcome) for outcome in again if outcome.verdict != "holds"] == []
+    for first, second in zip(found.outcomes, again, strict=True):     # the record has every other sample only
+        assert first.margin == second.margin or first.margin == pytest.approx(second.margin, rel=0.05), (first, second)
 
 
 @pytest.mark.long("flies the orbiter with each mistake")
-@pytest.mark.parametrize("requirement", TESTED, ids=lambda one: one.id)
+@pytest.mark.parametrize("requirement", TESTED, ids=lambda requirement: requirement.id)
 def test_each_can_fail_wherever_it_is_shown(requirement):
     """In a record in which one of its signals is something else."""
     for found in map(flown, requirement.shown_by):
@@ -83,13 +83,13 @@ def test_each_can_fail_wherever_it_is_shown(requirement):
 
 def test_what_they_name_is_there():
     tree = {str(path) for path in files()}
-    ids = {one.id for one in ALL}
+    ids = {r.id for r in ALL}
     assert 35 <= len(ids) <= 42 and len(TESTED) / len(ids) > 0.9
-    for one in ALL:
-        assert one.parent in ids or (not one.parent and one.id.startswith("SYS-")), one.id
-        assert one.rationale and one.text.startswith("The orbiter shall ") and one.text.endswith("."), one.id
-        here = (Path(__file__).parents[2] / one.evidence).is_file()    # of Fledge, or of the project with this copy
-        there = here or not broken(Path("x"), f"[]({one.evidence})", tree)
-        assert one.shown_by if one.formula is not None else there, one.id
-    assert "the instrument's angle to Mars < " in str(next(one for one in ALL if one.id == "PNT-1").formula)
-    assert {name for one in TESTED for name in one.shown_by} == set(SIM.scenarios)
+    for r in ALL:
+        assert r.parent in ids or (not r.parent and r.id.startswith("SYS-")), r.id
+        assert r.rationale and r.text.startswith("The orbiter shall ") and r.text.endswith("."), r.id
+        here = (Path(__file__).parents[2] / r.evidence).is_file()    # of Fledge, or of the project with this copy
+        there = here or not broken(Path("x"), f"[]({r.evidence})", tree)
+        assert r.shown_by if r.formula is not None else there, r.id
+    assert "the instrument's angle to Mars < " in str(next(r for r in ALL if r.id == "PNT-1").formula)
+    assert {name for r in TESTED for name in r.shown_by} == set(SIM.scenarios)

@@ -47,7 +47,7 @@ def pointing(sim):
              units={"mars": "deg", "arrays.state.off": "deg"}, name="pointing_miss",
              title="Pointing commands: what instrument and arrays miss")
 
-    # At the end of each mode it points where the mode says, by the truth, and the arrays at the Sun.
+    # At the end of each mode it points as the mode requires, by the truth, and the arrays at the Sun.
     begins = modes(log)["flight"]
     for (_, name), end in zip(begins[1:], [*(t for t, _ in begins[2:]), sim.time], strict=True):
         last = (log.time > end - 60) & (log.time < end)
@@ -82,8 +82,8 @@ def sun_faults(sim, changes, lasts=5 * minute):
     panel, log = sim.process("panel"), _record(sim)
 
     def inject(faults):
-        for which, one in faults.items():
-            getattr(panel, f"converter_{which}").faults = one
+        for which, converter_faults in faults.items():
+            getattr(panel, f"converter_{which}").faults = converter_faults
 
     for time, faults in changes.items():
         panel.at(FAILS + time * s, lambda faults=faults: inject(faults))

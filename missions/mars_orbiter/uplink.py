@@ -73,6 +73,6 @@ def sequence(planned: Plan, dictionary: Any) -> list[bytes]:
              (-RESETS, p.write("flight.power", reset_computer=1)[0]), (-AGAIN, p.mode("delta_v")),
              (-SETTLES, p.write("flight.mapping", off_pulse=1)[0]),
              (IN_ORBIT, p.load_table("flight.orbit", "orbit")), (TO_MARS, p.mode("mars"))]
-    return [*(p.store(0, step, round((EPOCH.value + planned.start + time.value) * 1e9), one)
-              for step, (time, one) in enumerate(steps)),
+    return [*(p.store(0, step, round((EPOCH.value + planned.start + time.value) * 1e9), command)
+              for step, (time, command) in enumerate(steps)),
             *p.store_sequence(STOP, [(0, p.control(Action.INHIBIT, 0))])]

@@ -32,8 +32,8 @@ def faults(sim):
 
     log = _fly(sim, "faults")
     off, error = _errors(log)
-    said = log["filter.attitude.head.quality"]
-    assert said[(log.time > SLEW + 70) & (log.time < SLEW + 125)].max() == fsw.Quality.DEGRADED, \
+    quality = log["filter.attitude.head.quality"]
+    assert quality[(log.time > SLEW + 70) & (log.time < SLEW + 125)].max() == fsw.Quality.DEGRADED, \
         "an old attitude is said to be good"
     assert log.last("filter.state.restarts") == 1, "the filter did not begin anew, once, after the jump"
     _settles(log, off, error, disturbed=JUMP)
@@ -45,7 +45,7 @@ def exposure(sim):
     sim.run(1 * minute)
     shaken = np.degrees(np.sqrt(np.mean(_shaking(log)**2, axis=0))) * 3600e3
     print("the wheels shake the telescope by", ", ".join(
-        f"{one:.2g}" for one in shaken), "mas about its axes (1 sigma)")
+        f"{angle:.2g}" for angle in shaken), "mas about its axes (1 sigma)")
     assert 0.5 < shaken.max() < 5, f"the wheels shake the telescope by {shaken.max():.2g} mas (1 sigma)"
 
 

@@ -61,7 +61,7 @@ def test_a_wheel_shakes_body_and_panels_as_free_bodies(wheel):
     sim.plots = False
     wheels = sim.world.wheels
     for imbalance in (wheels.unbalance, wheels.couple):
-        imbalance[:] = [one if i == wheel else 0 for i, one in enumerate(imbalance)]
+        imbalance[:] = [value if i == wheel else 0 for i, value in enumerate(imbalance)]
     log = sim.record(sim.world.craft.state, wheels.speeds, every=4 * ms)
     sim.run(1 * minute)
     speed = log["speeds.Omega"][-250:, wheel].mean()

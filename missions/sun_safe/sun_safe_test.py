@@ -30,7 +30,7 @@ def test_it_finds_the_sun_from_any_tumble(seed):
     assert np.degrees(np.arccos(b1 @ sun)) < 4
 
 
-def test_a_sun_that_is_said_to_be_good_is_no_false_one():
+def test_a_sun_of_good_quality_is_no_false_one():
     """From 40 random starts: two lit sensors alone have two directions that fit."""
     random = np.random.default_rng(39)
     for seed in range(40):
