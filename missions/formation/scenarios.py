@@ -142,8 +142,8 @@ def _plot(log, name, kind):
 
 
 def _plot_all(log, names, lost, kind):
-    """How far each deputy is from its pattern, and how long ago the chief has heard it. A lost deputy has no command any
-    more; the others fly the same pattern, whose command goes on."""
+    """How far each deputy is from its pattern, and how long ago the chief has heard it. A lost deputy has no command
+    any more; the others fly the same pattern, whose command goes on."""
     pattern = _commanded(log, next(name for name in names if name not in lost))
     off, silences = [], []
     for i, name in enumerate(names):
