@@ -30,7 +30,7 @@ for number in signal.valid_signals() - {signal.SIGPIPE, signal.SIGXFSZ}:    # Py
             number, signal.SIG_DFL))
 
 # Tests of the launcher, of documents, of generated sources, of programs of targets, of pages in a browser, and of
-# Python that flies what other tests fly: the sanitizers look into none of these. And the tests of Dask and of pools,
+# Python that flies what other tests fly: the sanitizers check none of these. And the tests of Dask and of pools,
 # whose threads run, or are about to end, while the test forks: if one holds the lock of the sanitizer's allocator then,
 # the child waits for that lock forever.
 IN_RELEASE = [ROOT / path for path in (
@@ -62,7 +62,7 @@ COLLECTED = pytest.StashKey()
 
 @pytest.fixture
 def collected(request):
-    """All tests that pytest found, those too that are left out."""
+    """All tests that pytest collected, also those that are left out."""
     return request.config.stash[COLLECTED]
 
 

@@ -11,7 +11,7 @@ from types import TracebackType
 from fledge.targets import build
 from fledge.targets.bare import Bare
 
-# Without an operating system: what a program prints, and how its end ends the machine, too.
+# Without an operating system: output of a program, and the end of the machine at the end of the program.
 CONSOLE = [build.ROOT / "targets/bare/testing/console.c", build.ROOT / "targets/bare/fault.c"]
 
 ENDS = {"cortex-m7": build.ROOT / "targets/cortex_m7/testing/semihosting.c"}
@@ -24,7 +24,7 @@ def program(target: Bare, folder: Path, name: str, sources: Sequence[Path], *fla
 
 
 def printed(target: Bare, program: Path, *options: str) -> str:
-    """What it prints until its end, which must be a good one."""
+    """The output of a program, which must end with status 0."""
     with Machine(target, program, *options) as machine:
         text = machine.process.communicate()[0].decode().replace("\r", "")
         assert machine.process.returncode == 0, text
@@ -49,7 +49,7 @@ class Machine:
         self.process.communicate()
 
     def until(self, pattern: str) -> re.Match[str]:
-        """What the program says next that fits; later calls search behind it."""
+        """The next match in the output of the program; later calls search behind it."""
         while not (found := re.search(pattern, self.text, re.MULTILINE)):
             assert self.process.stdout is not None
             more = self.process.stdout.read1(65536)

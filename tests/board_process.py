@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For tests: a board that is a process of this machine, on the other end of a serial line. process.c tells its
-arguments."""
+"""For tests: a board that is a process of this machine, on the other end of a serial line. process.c has the
+list of its arguments."""
 from fledge.targets import bare, build
 
 

@@ -49,13 +49,13 @@ APART = {name.removeprefix("_") for name in EXTENSIONS} - {"core"}     # folders
 
 
 class Failure(Exception):
-    """What the user reads, in one line."""
+    """A message for the user, of one line."""
 
 
 # --- the change ------------------------------------------------------------------------------------
 
 def git(root: Path, *words: str) -> str:
-    """What git prints, or "" where it fails."""
+    """The output of git, or "" where it fails."""
     try:
         return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout.strip()
     except FileNotFoundError:
@@ -94,17 +94,17 @@ def text_of(path: str) -> str:
 def includers() -> dict[str, set[str]]:
     """File in C or C++ -> those that include it, and of a source the header whose functions it has: its own, or those
     of its folder that it includes."""
-    found = defaultdict(set)
+    users = defaultdict(set)
     sources = {str(path) for path in files() if path.suffix in C_SUFFIXES}
     for path in sources:
         included = {resolve(match[1]) for match in map(INCLUDE.match, text_of(path).splitlines()) if match and match[1]}
         for header in included:
-            found[header].add(path)
+            users[header].add(path)
         if path.endswith((".c", ".cpp")) and not path.endswith("_test.cpp"):
             own = str(Path(path).with_suffix(".h"))
-            found[path] |= {own} if own in sources else {
+            users[path] |= {own} if own in sources else {
                 header for header in included if os.path.dirname(header) == os.path.dirname(path)}
-    return found
+    return users
 
 
 def closure(changed: Iterable[str]) -> set[str]:
@@ -119,7 +119,7 @@ def closure(changed: Iterable[str]) -> set[str]:
 
 
 def unit(name: str) -> str:
-    """What tests import as one: a part of the package, a target, introspect/, or a module elsewhere."""
+    """The unit that a test imports: a part of the package, a target, introspect/, or a module elsewhere."""
     parts = name.strip(".").split(".")
     is_room = parts[0] == "fledge" and ".".join(parts[1:3]) in {*ROOMS, *layers.LEVEL}
     return ".".join(parts[:3 if is_room else 1 if parts[0] == "introspect" else 2])
@@ -132,6 +132,7 @@ def unit_of(path: str) -> str:
     return unit(path.replace("/", "."))
 
 
+@cache
 def part_of(path: str) -> str:
     """The part of the package that has a file, or by which alone the file reaches the package, or ""."""
     folder, module = layers.rule_of(path).split("/")[0], unit_of(path).removesuffix("_test").partition(".")[2]
@@ -140,7 +141,7 @@ def part_of(path: str) -> str:
 
 
 class Named(NamedTuple):
-    """What a test in Python names."""
+    """The names in a test in Python."""
 
     units: set[str]         # that it imports
     words: set[str]         # of its strings
@@ -149,12 +150,12 @@ class Named(NamedTuple):
 
 @cache
 def tests() -> dict[str, Named]:
-    """Every test file that pytest collects, and what it names."""
-    table = next(node.value for node in ast.parse(text_of("python/fledge/__init__.py")).body
-                 if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_LAZY")
+    """Every test file that pytest collects, with the names in it."""
+    declaration = next(node.value for node in ast.parse(text_of("python/fledge/__init__.py")).body
+                       if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_LAZY")
     lazy = {name: module if module in EXTENSIONS else f"fledge.{module}"
-            for name, (module, _) in ast.literal_eval(table).items()}
-    found = {}
+            for name, (module, _) in ast.literal_eval(declaration).items()}
+    table = {}
     for path in map(str, files()):
         if path.endswith("_test.py") and not path.startswith(TEMPLATES):
             nodes = list(ast.walk(ast.parse(text_of(path))))
@@ -166,8 +167,8 @@ def tests() -> dict[str, Named]:
             words = {word for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)
                      and id(node) not in prose for whole in re.findall(r"[\w.-]+", node.value)
                      for word in (whole, whole.split(".")[0])}
-            found[path] = Named(set(map(unit, names)), words, modules_in(nodes))
-    return found
+            table[path] = Named(set(map(unit, names)), words, modules_in(nodes))
+    return table
 
 
 def modules_in(nodes: list[ast.AST]) -> set[str]:
@@ -176,18 +177,33 @@ def modules_in(nodes: list[ast.AST]) -> set[str]:
 
 # --- the choice ------------------------------------------------------------------------------------
 
+@cache
+def tests_of_folders() -> dict[str, set[str]]:
+    folders = defaultdict(set)
+    for test in tests():
+        folders[os.path.dirname(test)].add(test)
+    return folders
+
+
+@cache
+def tests_of_users(part: str) -> set[str]:
+    """The tests of the parts that import this one."""
+    users = {layers.part_of(module) for module, others in library_imports().items()
+             if any(layers.part_of(other) == part for _, other in others)}
+    return {test for test in tests() if part_of(test) in users}
+
+
 def own_tests(path: str) -> set[str]:
     """The test beside a file, and those in its folder or the next one above that has tests; in the folders of modules
     that are parts by themselves, only the former."""
     file = Path(path)
-    found = {str(file.with_name(f"{file.stem}_test.py"))} & set(tests())
+    beside = {str(file.with_name(f"{file.stem}_test.py"))} & tests().keys()
     for folder in map(str, file.parents):
-        inside = {test for test in tests() if os.path.dirname(test) == folder}
         if folder in ("python/fledge", "tests", "bench"):
-            return found
-        if inside:
-            return found | inside
-    return found
+            return beside
+        if folder in tests_of_folders():
+            return beside | tests_of_folders()[folder]
+    return beside
 
 
 def of_modules(names: set[str], wide: bool) -> set[str]:
@@ -200,7 +216,7 @@ def of_modules(names: set[str], wide: bool) -> set[str]:
             user = f"missions/{path.parts[1]}/{'' if wide else f'{path.parts[1]}_test.py'}"
             by_mission[user] |= modules_in(list(ast.walk(ast.parse(text_of(str(path))))))
     by_test = {path: named.modules for path, named in tests().items() if not path.startswith("missions/")
-               and (wide or not any(one.startswith("fledge.targets") for one in named.units))}
+               and (wide or not any(name.startswith("fledge.targets") for name in named.units))}
     chosen = [user for users in (by_mission, by_test) for _, user in sorted(
         (len(modules), user) for user, modules in users.items() if modules & names)[:None if wide else USERS]]
     return {test for test in tests() if test.startswith(tuple(chosen))}
@@ -208,26 +224,24 @@ def of_modules(names: set[str], wide: bool) -> set[str]:
 
 def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> set[str]:
     """The near tests in Python, of the changed files and the C and C++ that they reach; wide: of all users."""
-    found = {"tests/hygiene_test.py"}
+    near = {"tests/hygiene_test.py"}
     units = {unit_of(path) for path in changed if "/" in path}
     for path in changed:
         file = Path(path)
-        found |= {CHECKS[key] for key in (file.name, file.suffix) if key in CHECKS}
+        near |= {CHECKS[key] for key in (file.name, file.suffix) if key in CHECKS}
         if path in tests():
-            found.add(path)
+            near.add(path)
         elif file.suffix == ".md":
-            found |= {f"tests/docs_test.py::{node.name}" for node in ast.parse(text_of("tests/docs_test.py")).body
-                      if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
-                      and {path, file.name} & {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}}
+            near |= {f"tests/docs_test.py::{node.name}" for node in ast.parse(text_of("tests/docs_test.py")).body
+                     if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+                     and {path, file.name} & {leaf.value for leaf in ast.walk(node) if isinstance(leaf, ast.Constant)}}
         elif file.name != "CMakeLists.txt":
             own = own_tests(path)
-            if not own and path.startswith("python/"):      # as elements has none: the tests of the parts that use it
-                using = {layers.part_of(module) for module, others in library_imports().items()
-                         if any(layers.part_of(other) == part_of(path) for _, other in others)}
-                own = {test for test in tests() if part_of(test) in using}
+            if not own and path.startswith("python/"):      # such as fledge.elements
+                own = tests_of_users(part_of(path))
             words = {file.parts[1]} if path.startswith("missions/") else \
                 {file.name} - {file.stem} if file.suffix not in CHECKS else set()
-            found |= own | {test for test, named in tests().items() if words & named.words}
+            near |= own | {test for test, named in tests().items() if words & named.words}
     modules = set()
     for path in reached:
         top, _, inner = path.partition("/")
@@ -239,23 +253,23 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
             units.add(f"fledge.{top}" if top in APART else unit_of(path))
         elif (extension := f"_{inner.split('/')[1]}" if top == "python" else "") in EXTENSIONS:
             units |= {extension, *(f"fledge.{part}" for part in EXTENSIONS[extension])}
-    return found | of_modules(modules, wide) | {test for test, named in tests().items() if named.units & units}
+    return near | of_modules(modules, wide) | {test for test, named in tests().items() if named.units & units}
 
 
 def reach(changed: list[str]) -> set[str]:
     """The tests in Python that can see the change, by the tables of folders and parts, and by what they name."""
-    found = python_tests(changed, closure(changed), wide=True)
+    reached = python_tests(changed, closure(changed), wide=True)
     for path in changed:
         folder, part = layers.rule_of(path), part_of(path)
         if is_test(Path(path)) or path.endswith(".md") or folder.split("/")[0] not in TOPS - {"bench", "docs", "tests"}:
             continue
         above = {folder} if folder != "missions" else {"bench", "tests"}    # a mission uses no other
-        while new := {one for one in layers.RULES if any(layers.may_use(one, other) for other in above)} - above:
+        while new := {rule for rule in layers.RULES if any(layers.may_use(rule, other) for other in above)} - above:
             above |= new
-        found |= {test for test in tests() if (own := layers.rule_of(test)) in above and not (
+        reached |= {test for test in tests() if (own := layers.rule_of(test)) in above and not (
             own == "fledge" and part and part_of(test) != part
             and layers.LEVEL.get(part_of(test), 99) <= layers.LEVEL[part])}
-    return found
+    return reached
 
 
 def programs_and_cases(reached: set[str], build: Path) -> tuple[set[str], list[str]]:

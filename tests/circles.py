@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two circles of tests: what `./fledge test` runs each time, and what is marked long and runs with --all.
+"""The two circles of tests: those that `./fledge test` runs each time, and the long ones, which run with --all.
 
     /usr/bin/python3 -m tests.circles [REPORT]      the table, with the seconds of a report of pytest
 
@@ -34,7 +34,7 @@ def long_after(count: int, values: Iterable, why: str) -> list:
     of several arguments."""
     sets = [value if hasattr(value, "marks") else pytest.param(*(value if isinstance(value, tuple) else (value,)))
             for value in values]
-    return [*sets[:count], *(one._replace(marks=[*one.marks, pytest.mark.long(why)]) for one in sets[count:])]
+    return [*sets[:count], *(case._replace(marks=[*case.marks, pytest.mark.long(why)]) for case in sets[count:])]
 
 
 def case(item: pytest.Item) -> Case:
@@ -66,8 +66,8 @@ def seconds(report: Path) -> dict[str, float]:
     """Case -> its time in a report in JUnit's format."""
     if not report.exists():
         return {}
-    return {f"{one.get('classname')}::{one.get('name')}": float(one.get("time", 0))
-            for one in ElementTree.parse(report).getroot().iter("testcase")}
+    return {f"{case.get('classname')}::{case.get('name')}": float(case.get("time", 0))
+            for case in ElementTree.parse(report).getroot().iter("testcase")}
 
 
 def table(found: list[Case], times: dict[str, float]) -> str:

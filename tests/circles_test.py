@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is marked long says why, and leaves a shorter test of the same folder to each run."""
+"""A test that is marked long has a reason, and its folder has a shorter test that each run includes."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ def test_each_folder_with_a_long_test_has_a_quick_one(collected):
 
 
 def run(tmp_path, text, *options):
-    """(exit code, what it printed) of a file with tests, under this tree's settings."""
+    """(exit code, output) of a file with tests, under this tree's settings."""
     (tmp_path / "some_test.py").write_text(f"import pytest\n\n\n{text}")
     done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ROOT, "-c",
                            ROOT / "pytest.ini", "--confcutdir", ROOT, "-p", "conftest", *options, tmp_path],
@@ -30,8 +30,8 @@ def run(tmp_path, text, *options):
 
 def test_a_long_test_without_a_reason_is_refused(tmp_path):
     for mark in ("long", "long()", 'long(" ")', "long(3)"):
-        code, said = run(tmp_path, f"@pytest.mark.{mark}\ndef test_it():\n    pass\n")
-        assert code == 4 and 'is marked long without a reason: @pytest.mark.long("200 flights")' in said, mark
+        code, output = run(tmp_path, f"@pytest.mark.{mark}\ndef test_it():\n    pass\n")
+        assert code == 4 and 'is marked long without a reason: @pytest.mark.long("200 flights")' in output, mark
 
 
 @pytest.mark.long("starts pytest six times")
@@ -40,13 +40,13 @@ def test_the_shares_of_the_long_tests_are_all_of_them(tmp_path):
         "def test_quick():\n    pass\n"
 
     def passed(wanted):
-        code, said = run(tmp_path, text, "--long", wanted, "-rp")
-        assert code == 0, said
-        return {line.rpartition("::")[2] for line in said.splitlines() if line.startswith("PASSED")}
+        code, output = run(tmp_path, text, "--long", wanted, "-rp")
+        assert code == 0, output
+        return {line.rpartition("::")[2] for line in output.splitlines() if line.startswith("PASSED")}
 
     shares = [passed(f"{i}/3") for i in range(3)]
     assert all("test_quick" in share and len(share) > 2 for share in shares)
     assert sum(len(share) - 1 for share in shares) == 20 and set.union(*shares) == passed("all")
     assert passed("none") == {"test_quick"}
-    code, said = run(tmp_path, text, "--long", "some")
-    assert code == 4 and "--long takes all, none or I/N, such as 0/5; found some" in said
+    code, output = run(tmp_path, text, "--long", "some")
+    assert code == 4 and "--long takes all, none or I/N, such as 0/5; found some" in output

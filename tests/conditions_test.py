@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests do not depend on what starts them."""
+"""Tests do not depend on the program that starts them."""
 
 import os
 import subprocess

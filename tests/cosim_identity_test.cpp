@@ -201,9 +201,9 @@ public:
     Slow(cosim::Node &node, unsigned draw) : node_(node), random_(draw) {}
     cosim::Initialized initialize(const cosim::Initialize &m) override { return delayed().initialize(m); }
     std::vector<cosim::Subscription> desired() override { return delayed().desired(); }
-    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &asked) override
+    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &channels) override
     {
-        return delayed().match(asked);
+        return delayed().match(channels);
     }
     void start(const std::vector<cosim::Channel> &wired) override { delayed().start(wired); }
     cosim::Tock tick(const cosim::Tick &m) override { return delayed().tick(m); }
@@ -232,7 +232,7 @@ void be_node(const std::string &process, const std::string &address, const Case 
     if (c.draw % 2 == (process == "world")) {
         std::this_thread::sleep_for(std::chrono::milliseconds(50)); // the other one comes first
     }
-    sim::Simulation s(0); // the seed is the controller's to give
+    sim::Simulation s(0); // the controller sets the seed
     const bool is_world = process == "world";
     (is_world ? build_world : build_flight)(s);
     cosim::SimulationNode node(s, process);
@@ -329,10 +329,10 @@ TEST(CosimIdentity, TheNadirSpinHasTheSameMessagesInOneProgramAndInTwo)
     unsigned draw = 0;
     for (const int there : {0, 1}) {
         for (const int back : {0, 1}) {
-            const Hashes one = in_one(there, back);
-            ASSERT_GT(one.size(), 10u);
+            const Hashes expected = in_one(there, back);
+            ASSERT_GT(expected.size(), 10u);
             for (const char *transport : {"ipc", "tcp", "shared memory"}) {
-                EXPECT_EQ(in_two({transport, there, back, draw++}), one)
+                EXPECT_EQ(in_two({transport, there, back, draw++}), expected)
                     << transport << ", latency " << there << " to flight and " << back << " to the world";
             }
         }
@@ -357,9 +357,9 @@ public:
         return node.initialize(m);
     }
     std::vector<cosim::Subscription> desired() override { return node.desired(); }
-    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &asked) override
+    std::vector<cosim::Publication> match(const std::vector<cosim::Channel> &channels) override
     {
-        return node.match(asked);
+        return node.match(channels);
     }
     void start(const std::vector<cosim::Channel> &wired) override { node.start(wired); }
     cosim::Bytes save() override { return node.save(); }
@@ -379,18 +379,18 @@ private:
 
 TEST(CosimIdentity, NoOtherSeesThatFlightDiedAndAnotherWentOnFromItsSnapshot)
 {
-    sim::Simulation one(seed), world(0), first(0), other(0);
-    build_world(one);
-    build_flight(one);
+    sim::Simulation together(seed), world(0), first(0), other(0);
+    build_world(together);
+    build_flight(together);
     for (const auto &[from, to] : to_flight) {
-        wire(one, from, to);
+        wire(together, from, to);
     }
     for (const auto &[from, to] : to_world) {
-        wire(one, from, to);
+        wire(together, from, to);
     }
-    record(one, "world");
-    record(one, "flight");
-    one.run_until(run_end);
+    record(together, "world");
+    record(together, "flight");
+    together.run_until(run_end);
 
     build_world(world);
     build_flight(first);
@@ -420,13 +420,13 @@ TEST(CosimIdentity, NoOtherSeesThatFlightDiedAndAnotherWentOnFromItsSnapshot)
     }),
               "");
     EXPECT_EQ(again.start_, 240 * second);
-    const Hashes wanted = hashes(one);
+    const Hashes wanted = hashes(together);
     for (const auto &[topic, hash] : hashes(world)) {
         EXPECT_EQ(hash, wanted.at(topic)) << topic;
     }
     // What flight records goes on after the snapshot, as if it had never died.
     for (const auto &log : other.recorder().logs()) {
-        const auto whole = std::find_if(one.recorder().logs().begin(), one.recorder().logs().end(),
+        const auto whole = std::find_if(together.recorder().logs().begin(), together.recorder().logs().end(),
                                         [&](const auto &l) { return l->topic() == log->topic(); });
         ASSERT_EQ(log->times.size(), 320u) << log->topic();
         EXPECT_EQ(log->times.front(), 240'500 * ms);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same bits in one program and in many: one proof, for two missions, whatever lies between the programs.
+"""Two missions give the same bits in one program and in two, whatever lies between the programs.
 
 Each mission is flown in one program, and with world and flight in two: over every transport, with both
 latencies, in any order of starting, with random delays, and in two network namespaces with addresses of
@@ -47,7 +47,7 @@ def all(sim):
 '''
 
 
-# --- missions, and what they record ----------------------------------------------------------------
+# --- missions, and their records -------------------------------------------------------------------
 
 @pytest.fixture(scope="module", params=long_after(
     1, [((name, latency),) for name in ("inertial_pointing", "nadir_spin") for latency in (0, 1)],
@@ -60,7 +60,7 @@ def mission(request, tmp_path_factory):
     text = (folder / "world.py").read_text()
     noisy = text.replace("world.Navigation()", "world.Navigation(rate_noise=[1e-5] * 3, attitude_noise=[1e-4] * 3)")
     assert noisy != text
-    # Those that take the latency, and those whose wires are written anew.
+    # Some missions take the latency as an argument; in the others, the wires are replaced.
     late = re.sub(r"latency=0\)", f"latency={latency})", noisy)
     if late == noisy:
         late = re.sub(r"^( +)(w\.[\w.]+ +>> f\.[\w.]+|f\.[\w.]+ +>> w\.[\w.]+),", rf"\1(\2).latency({latency}),",
@@ -82,37 +82,37 @@ def prepared(folder, seed=0):
 
 
 def hashes(sim):
-    """Of each message: all of its times and bytes."""
+    """Path of each message -> digest of all its times and bytes."""
     return {log.path: hashlib.sha256(log.times() + log.bytes()).hexdigest() for log in sim.records}
 
 
 def archived(*files):
-    """The same from records: the times and bytes of each topic."""
+    """The same digests of records: topic -> that of its times and bytes."""
     from fledge.archive import Archive
 
-    found = {}
+    digests = {}
     for file in files:
         archive = Archive(file)
         assert archive.complete
         for topic in archive.topics:
             times = archive.time(topic).tobytes()
-            found[topic] = hashlib.sha256(times + archive[topic].tobytes()).hexdigest()
-    return found
+            digests[topic] = hashlib.sha256(times + archive[topic].tobytes()).hexdigest()
+    return digests
 
 
 @pytest.fixture(scope="module")
 def together(mission):
     sim = prepared(mission, SEED)
     sim.run(SPAN)
-    found = hashes(sim)
-    assert len(found) > 8 and len(set(found.values())) == len(found)
-    return found
+    digests = hashes(sim)
+    assert len(digests) > 8 and len(set(digests.values())) == len(digests)
+    return digests
 
 
 # --- programs --------------------------------------------------------------------------------------
 
 class Fork:
-    """A program that does `work()` and hands its result over. It ends with the test."""
+    """A process that does `work()` and returns its result through a pipe. It ends with the test."""
 
     def __init__(self, work):
         self.reader, writer = os.pipe()
@@ -135,7 +135,7 @@ class Fork:
         return value
 
     def killed(self):
-        """Wait until it is."""
+        """Wait for the process, which must end by SIGKILL."""
         os.close(self.reader)
         assert os.WTERMSIG(os.waitpid(self.pid, 0)[1]) == signal.SIGKILL
         self.pid = None
@@ -166,9 +166,9 @@ def be_controller(address, wait, sharing, on_loss="abort", save_every=0):
 def free_port():
     import socket
 
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
 
 
 def address_of(transport):
@@ -187,11 +187,11 @@ def apart(folder, transport, draw):
     try:
         for process, wait in zip(("flight", "world"), waits[1:]):
             programs.append(be_node(folder, process, address, wait, dice.choice([0.0, DELAY])))
-        found = {}
+        digests = {}
         for program in programs[1:]:
-            found.update(program.result())
+            digests.update(program.result())
         assert programs[0].result() == ""
-        return found
+        return digests
     finally:
         for program in programs:
             program.end()
@@ -202,18 +202,18 @@ def apart(folder, transport, draw):
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_two_programs_give_the_bits_of_one(mission, together, transport):
     for draw in range(6 if LONG else 2):
-        found = apart(mission, transport, f"{mission.name} {transport} {draw}")
-        assert sorted(found) == sorted(together)
-        assert {p for p in found if found[p] != together[p]} == set(), f"draw {draw}"
+        digests = apart(mission, transport, f"{mission.name} {transport} {draw}")
+        assert sorted(digests) == sorted(together)
+        assert {p for p in digests if digests[p] != together[p]} == set(), f"draw {draw}"
 
 
-@pytest.mark.parametrize("save_every, found", [(0, True), (4, True), (4, False)],
+@pytest.mark.parametrize("save_every, finds_record", [(0, True), (4, True), (4, False)],
                          ids=["from the beginning", "from a snapshot", "from a snapshot, without the lost record"])
 @pytest.mark.parametrize("lost", ["flight", "world"])
-def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(mission, lost, save_every, found,
-                                                                               tmp_path):
-    one = prepared(mission, SEED)
-    one.run(SPAN)
+def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(
+        mission, lost, save_every, finds_record, tmp_path):
+    reference = prepared(mission, SEED)
+    reference.run(SPAN)
     address, other = address_of("ipc"), {"flight": "world", "world": "flight"}[lost]
 
     def be_killed():
@@ -232,11 +232,11 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
     def be_again():
         sim = prepared(mission)
         assert (tmp_path / "lost.mcap.part").exists()
-        if not found:
+        if not finds_record:
             (tmp_path / "lost.mcap.part").write_text("another's")
         sim.archive(tmp_path / "lost.mcap")
         reason = cosim.split(sim, lost).serve(address, simulation="identity")
-        assert sim.close_archive() == str(tmp_path / ("lost.mcap" if found else "lost-2.mcap"))
+        assert sim.close_archive() == str(tmp_path / ("lost.mcap" if finds_record else "lost-2.mcap"))
         return reason, {log.path: (log.times(), log.bytes()) for log in sim.records}
 
     programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0),
@@ -250,14 +250,14 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
     finally:
         for program in programs:
             program.end()
-    together = hashes(one)
+    together = hashes(reference)
     assert {path for path in whole if whole[path] != together[path]} == set() and whole
-    for log in one.records:
+    for log in reference.records:
         if log.path.startswith(lost):
             times, messages = records[log.path]
             assert len(times) < len(log.times()) if save_every else len(times) == len(log.times())
             assert log.times().endswith(times) and log.bytes().endswith(messages), log.path
-    if not found:
+    if not finds_record:
         assert (tmp_path / "lost.mcap.part").read_text() == "another's"
         archive = fledge.Archive(tmp_path / "lost-2.mcap")
         assert not archive.complete and re.search(
@@ -266,14 +266,14 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
         return
     archive = fledge.Archive(tmp_path / "lost.mcap")
     assert archive.complete and [p.name for p in tmp_path.glob("lost*")] == ["lost.mcap"]
-    for log in one.records:
+    for log in reference.records:
         if log.path.startswith(lost):
             topic = "/" + log.path.replace(".", "/")
             assert (archive.time_ns(topic).tobytes(), archive[topic].tobytes()) == (log.times(), log.bytes()), log.path
 
 
 def test_latencies_noise_and_seeds_do_matter(mission, together):
-    """Or else the proof would prove nothing."""
+    """Otherwise the equality of the bits would show nothing."""
     other = prepared(mission, SEED + 1)
     other.run(SPAN)
     assert not set(hashes(other).values()) & {together["world.nav.attitude"], together["flight.motor.command"]}
@@ -289,8 +289,8 @@ def test_latencies_noise_and_seeds_do_matter(mission, together):
 class Namespaces:
     """Two network namespaces with an address each, joined by a cable.
 
-    Each lasts as long as the program that holds it, a cat which ends with its input; so nothing is left
-    behind. Who is not root gets them in a user namespace, where that is allowed.
+    Each lasts as long as the process that holds it, a cat which ends with its input; so nothing remains.
+    A user other than root gets them in a user namespace, where the system allows that.
     """
 
     addresses = ("10.77.0.1", "10.77.0.2")
@@ -315,12 +315,12 @@ class Namespaces:
             raise
 
     def _hold(self, command):
-        one = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        self.held.append(one)
-        one.stdin.write(b"there\n")  # which the cat says once it is there
-        one.stdin.flush()
-        if one.stdout.readline() != b"there\n":
-            raise OSError(one.stderr.read().decode().strip() or f"{command[0]} does not start")
+        holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.held.append(holder)
+        holder.stdin.write(b"there\n")  # the cat returns the line once it runs
+        holder.stdin.flush()
+        if holder.stdout.readline() != b"there\n":
+            raise OSError(holder.stderr.read().decode().strip() or f"{command[0]} does not start")
 
     def _ip(self, i, *arguments):
         done = subprocess.run([*self.enter(i), "ip", *arguments], capture_output=True, text=True)
@@ -328,31 +328,31 @@ class Namespaces:
             raise OSError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
 
     def enter(self, i):
-        """What a command begins with to run in one of them."""
+        """The words before a command that run it in namespace i."""
         into = ["--user", "--preserve-credentials"] if self.user else []
         return ["nsenter", "--target", str(self.held[i].pid), *into, "--net"]
 
     def end(self):
-        for one in self.held:
-            one.stdin.close()
-            one.stdout.close()
-            one.stderr.close()
-        for one in self.held:
+        for holder in self.held:
+            holder.stdin.close()
+            holder.stdout.close()
+            holder.stderr.close()
+        for holder in self.held:
             try:
-                one.wait(5)
+                holder.wait(5)
             except subprocess.TimeoutExpired:
-                one.kill()
-                one.wait()
+                holder.kill()
+                holder.wait()
 
 
 @pytest.fixture(scope="module")
 def namespaces():
     try:
-        found = Namespaces()
+        both = Namespaces()
     except OSError as error:
         pytest.skip(f"network namespaces cannot be made here: {error}")
-    yield found
-    found.end()
+    yield both
+    both.end()
 
 
 @pytest.fixture(scope="module")
@@ -403,6 +403,6 @@ def test_two_namespaces_give_the_bits_of_one(mission, namespaces, keys, host, tm
 
     subprocess.run([sys.executable, "-m", "fledge.cli", "run", str(mission), "--seed", str(SEED), "--no-plots",
                     "--out", str(tmp_path / "one")], env=environment(), check=True, capture_output=True)
-    one = archived(tmp_path / "one" / "run.mcap")
-    assert len(one) > 8
-    assert archived(tmp_path / "apart" / "flight.mcap", tmp_path / "apart" / "world.mcap") == one
+    together = archived(tmp_path / "one" / "run.mcap")
+    assert len(together) > 8
+    assert archived(tmp_path / "apart" / "flight.mcap", tmp_path / "apart" / "world.mcap") == together

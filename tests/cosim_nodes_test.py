@@ -39,7 +39,7 @@ def run(*command, folder):
 
 @pytest.fixture(scope="module")
 def nodes(tmp_path_factory):
-    """A folder with the programs of the document, built as it says."""
+    """A folder with the programs of the document, built by its commands."""
     folder = tmp_path_factory.mktemp("nodes")
     for _, file, text in BLOCK.findall((ROOT / "docs/cosim.md").read_text(encoding="utf-8")):
         if file:
@@ -52,7 +52,7 @@ def nodes(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def flown(nodes):
-    """(record, what left and right said), by the languages of left and right; each pair runs once."""
+    """(record, output of left and right), by the languages of left and right; each pair runs once."""
     done = {}
 
     def fly(left, right):
@@ -78,13 +78,13 @@ def pair(folder, left, right):
               "--node", "left", "--node", "right")
         start(*left, "left", "right", str(LEFT))
         start(*right, "right", "left", str(RIGHT))
-        said = [program.communicate() for program in programs]
-        assert [program.returncode for program in programs] == [0, 0, 0], said
+        outputs = [program.communicate() for program in programs]
+        assert [program.returncode for program in programs] == [0, 0, 0], outputs
     finally:
         for program in programs:
             program.kill()
             program.wait()
-    return record, said[1][0] + said[2][0]
+    return record, outputs[1][0] + outputs[2][0]
 
 
 def messages(record):
@@ -104,14 +104,14 @@ def closed_form(n):
 
 
 def test_the_masses_move_as_the_closed_form_says(flown):
-    record, said = flown("python", "python")
+    record, output = flown("python", "python")
     with archive.Archive(record) as file:
         for name, side in [("left", 0), ("right", 1)]:
             x = file[f"/{name}/state.x"]
             assert len(x) == STEPS and list(file.time_ns(f"/{name}/state")) == [10_000_000 * k for k in range(STEPS)]
             for k in range(STEPS):
                 assert x[k] == pytest.approx(closed_form(k + 1)[side], abs=1e-12)
-            assert f"{name} ends at {x[-1]:.17g} m" in said
+            assert f"{name} ends at {x[-1]:.17g} m" in output
     # and the discrete one the true one: two masses that swing against one another at sqrt(2 k)
     assert closed_form(STEPS)[0] == pytest.approx(0.25 + 0.75 * math.cos(math.sqrt(2 * STIFFNESS) * 10), abs=0.05)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A crash of a user's module is reported: which module, in which task, when, and how to look into it."""
+"""A crash of a user's module is reported: which module, in which task, when, and the command of a debugger."""
 
 import os
 import re
@@ -131,7 +131,7 @@ def own(tmp_path_factory):
 
 
 def flown(own, *arguments):
-    """(the negative signal or exit code, what stderr says) of a command. Other tests may build meanwhile."""
+    """(the negative signal or exit code, stderr) of a command. Other tests may build meanwhile."""
     environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
     done = subprocess.run([ROOT / "fledge", *map(str, arguments)], cwd=own, capture_output=True, text=True,
                           env=environment)
@@ -146,8 +146,8 @@ KINDS = [(1, signal.SIGSEGV, "segmentation fault (SIGSEGV)"),
 
 @pytest.mark.parametrize("kind, number, words", KINDS)
 def test_a_crash_names_module_task_time_and_debugger(own, kind, number, words):
-    code, said = flown(own, "run", "fall", "--for", "5s", "--set", f"kind={kind}")
-    first, second = said.splitlines()
+    code, stderr = flown(own, "run", "fall", "--for", "5s", "--set", f"kind={kind}")
+    first, second = stderr.splitlines()
     assert code == -number
     assert first == f"fledge: {words} in flight.trap (Trap), task gnc, at t = 2.125 s"
     assert re.fullmatch(rf"fledge: a debugger shows where: ./fledge exec gdb -ex run --args .* run fall .*kind={kind}",
@@ -156,8 +156,8 @@ def test_a_crash_names_module_task_time_and_debugger(own, kind, number, words):
 
 @pytest.mark.skipif(not shutil.which("gdb"), reason="gdb is not installed")
 def test_the_debugger_stops_there(own):
-    _, said = flown(own, "run", "fall", "--for", "5s", "--set", "kind=2")
-    words = shlex.split(said.splitlines()[1].partition("where: ")[2])
+    _, stderr = flown(own, "run", "fall", "--for", "5s", "--set", "kind=2")
+    words = shlex.split(stderr.splitlines()[1].partition("where: ")[2])
     words[words.index("-ex")] = "-batch -ex"
     at = words.index("--args")
     shown = fledge_within(*" ".join(words[1:at]).split(), "-ex", "bt 1", *words[at:], cwd=own)
@@ -166,28 +166,29 @@ def test_the_debugger_stops_there(own):
 
 @pytest.mark.long("waits for a limit of time")
 def test_an_endless_loop_ends_at_the_limit(own):
-    code, said = flown(own, "run", "fall", "--for", "5s", "--set", "kind=6", "--update-limit", "250ms")
+    code, stderr = flown(own, "run", "fall", "--for", "5s", "--set", "kind=6", "--update-limit", "250ms")
     assert code == -signal.SIGXCPU
-    assert said.splitlines()[0] == ("fledge: no end of the update in flight.trap (Trap), task gnc, at t = 2.125 s: it "
-                                    "has taken longer than 0.25 s")
-    assert "--update-limit" in said.splitlines()[1]
+    first, second = stderr.splitlines()
+    assert first == ("fledge: no end of the update in flight.trap (Trap), task gnc, at t = 2.125 s: it has taken "
+                     "longer than 0.25 s")
+    assert "--update-limit" in second
     # The sum of many updates is not one of them; nor is a pause between two.
-    code, said = flown(own, "run", "fall", "--for", "3s", "--pace", "2", "--update-limit", "100ms")
-    assert (code, said) == (0, "")
-    code, said = flown(own, "run", "fall", "--for", "5s", "--update-limit", "soon")
-    assert code == 2 and "--update-limit: expected a duration" in said
+    code, stderr = flown(own, "run", "fall", "--for", "3s", "--pace", "2", "--update-limit", "100ms")
+    assert (code, stderr) == (0, "")
+    code, stderr = flown(own, "run", "fall", "--for", "5s", "--update-limit", "soon")
+    assert code == 2 and "--update-limit: expected a duration" in stderr
 
 
 def test_a_crash_of_a_reset_has_no_task(own):
-    code, said = flown(own, "run", "fall", "--for", "5s", "--set", "kind=9")
+    code, stderr = flown(own, "run", "fall", "--for", "5s", "--set", "kind=9")
     assert code == -signal.SIGSEGV
-    assert said.splitlines()[0] == "fledge: segmentation fault (SIGSEGV) in flight.trap (Trap)"
+    assert stderr.splitlines()[0] == "fledge: segmentation fault (SIGSEGV) in flight.trap (Trap)"
 
 
 def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
-    code, said = flown(own, "montecarlo", "fall", "--runs", 40, "--jobs", 2, "--seed", 3)
+    code, stderr = flown(own, "montecarlo", "fall", "--runs", 40, "--jobs", 2, "--seed", 3)
     found = re.search(r"segmentation fault \(SIGSEGV\) in flight.trap \(Trap\), task gnc, at t = 2.125 s, in run "
-                      r"(\d+) of a campaign\n.*(montecarlo fall --seed 3 --only \d+)", said)
+                      r"(\d+) of a campaign\n.*(montecarlo fall --seed 3 --only \d+)", stderr)
     assert code == -signal.SIGSEGV and found and found[2].endswith(f" {found[1]}")
     code, again = flown(own, *found[2].split())
     assert code == -signal.SIGSEGV and "flight.trap (Trap), task gnc, at t = 2.125 s" in again
@@ -195,16 +196,16 @@ def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
 
 @pytest.mark.long("a campaign that crashes")
 def test_processes_of_a_campaign_tell_it_and_the_others_go_on(own):
-    code, said = flown(own, "montecarlo", "python", "--runs", 12, "--jobs", 2, "--seed", 3)
-    assert code == 1 and "in flight.trap (Trap), task gnc, at t = 2.125 s, in run " in said
+    code, stderr = flown(own, "montecarlo", "python", "--runs", 12, "--jobs", 2, "--seed", 3)
+    assert code == 1 and "in flight.trap (Trap), task gnc, at t = 2.125 s, in run " in stderr
 
 
 def test_a_node_of_a_co_simulation_tells_it(own):
-    code, said = flown(own, "node", "fall", "flight", "--until", "5s", "--set", "kind=2")
-    assert code == 1, said
-    assert said.count("by zero (SIGFPE) in flight.trap (Trap), task gnc, at t = 2.125 s") == 1
-    code, said = flown(own, "node", "fall", "flight", "--until", "5s", "--set", "kind=6", "--update-limit", "200ms")
-    assert code == 1 and "no end of the update in flight.trap (Trap), task gnc, at t = 2.125 s" in said
+    code, stderr = flown(own, "node", "fall", "flight", "--until", "5s", "--set", "kind=2")
+    assert code == 1, stderr
+    assert stderr.count("by zero (SIGFPE) in flight.trap (Trap), task gnc, at t = 2.125 s") == 1
+    code, stderr = flown(own, "node", "fall", "flight", "--until", "5s", "--set", "kind=6", "--update-limit", "200ms")
+    assert code == 1 and "no end of the update in flight.trap (Trap), task gnc, at t = 2.125 s" in stderr
 
 
 SCRIPT = """
@@ -245,23 +246,23 @@ CRASH = "ctypes.string_at(0)"
 @pytest.mark.parametrize("before", ["pass", "faulthandler.enable()"])
 @pytest.mark.parametrize("later", ["", "faulthandler.enable(); "])
 def test_other_handlers_do_what_they_did(own, before, later):
-    code, said = script(own, later + CRASH, before=before)
+    code, stderr = script(own, later + CRASH, before=before)
     assert code == -signal.SIGSEGV
-    assert said.count("in flight.slew (InertialPointing), task gnc, at t = 1.5 s\n") == 1
-    assert said.count("Fatal Python error: Segmentation fault") == ("faulthandler" in later + before), said
+    assert stderr.count("in flight.slew (InertialPointing), task gnc, at t = 1.5 s\n") == 1
+    assert stderr.count("Fatal Python error: Segmentation fault") == ("faulthandler" in later + before), stderr
 
 
 def test_signals_that_are_sent_are_reported_too(own):
     for name in ("SIGBUS", "SIGABRT"):
-        code, said = script(own, f"os.kill(os.getpid(), signal.{name})")
+        code, stderr = script(own, f"os.kill(os.getpid(), signal.{name})")
         assert code == -getattr(signal, name)
-        assert f"({name}) in flight.slew (InertialPointing), task gnc, at t = 1.5 s\n" in said
+        assert f"({name}) in flight.slew (InertialPointing), task gnc, at t = 1.5 s\n" in stderr
 
 
 def test_a_crash_of_an_event_is_between_updates(own):
-    code, said = script(own, after=CRASH, event=True)
+    code, stderr = script(own, after=CRASH, event=True)
     assert code == -signal.SIGSEGV
-    assert said.splitlines()[0] == "fledge: segmentation fault (SIGSEGV) between updates, at t = 3 s"
+    assert stderr.splitlines()[0] == "fledge: segmentation fault (SIGSEGV) between updates, at t = 3 s"
 
 
 def test_what_crashes_outside_of_a_run_is_not_of_a_module(own):

@@ -16,7 +16,7 @@ from fledge.archive.mcap import CHUNK, DATA_END, METADATA, metadata
 from fledge.cosim.replay import Exchange
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
-BYTES = 40         # of those that are made wrong, of each kind, in the long test
+BYTES = 40         # wrong bytes of each kind in the long test
 
 
 def scene(path, whole):
@@ -41,9 +41,9 @@ def compared(path, whole):
 
 
 def exchange(path, whole):
-    one = Exchange(path)
-    for node in one.nodes:
-        one.part(node, one.known)
+    exchange = Exchange(path)
+    for node in exchange.nodes:
+        exchange.part(node, exchange.known)
 
 
 def command(*words):
@@ -97,7 +97,7 @@ def places(data, count):
 
 
 def flipped(file, folder, readers, count):
-    """What is no one-line error, for each reader: (byte, what)."""
+    """(byte, problem) of each reader that does not end with an error of one line."""
     data, path, rng, wrong = file.read_bytes(), folder / "run.mcap", random.Random(2), []
     for at in places(data, count):
         for flip in {1 << rng.randrange(8), rng.randrange(1, 256)}:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documents in docs/ do what they say: their files are written, their commands run.
+"""The examples of the documents in docs/ work: their files are written, their commands run.
 
 In a document,
 
@@ -41,7 +41,7 @@ class Shell:
         self.state.write_text(f"cd {folder}\n")
 
     def run(self, command, typed=""):
-        """(what it printed, exit code)"""
+        """(output, exit code)"""
         script = (f"source {self.state}\n{command}\nstatus=$?\n"
                   f"{{ declare -px; printf 'cd %q\\n' \"$PWD\"; }} > {self.state}\nexit $status\n")
         done = subprocess.run(["bash", "-c", script], input=typed, text=True, env=self.environment,
@@ -66,7 +66,7 @@ def commands(text):
 
 
 def missing(expected, printed):
-    """The first line of `expected` that is not in its place in what was printed, or None."""
+    """The first line of `expected` that is not in its place in the output, or None."""
     lines = iter(printed.splitlines())
     for wanted in expected:
         pattern = ".*".join(re.escape(part.strip()) for part in wanted.split("..."))
@@ -85,7 +85,7 @@ def change(text, diff):
 
 
 def follow(document, shell):
-    """Do what a document says."""
+    """Run the examples of a document."""
     done = 0
     for kind, file, text in BLOCK.findall((ROOT / "docs" / document).read_text(encoding="utf-8")):
         if file:
@@ -120,7 +120,7 @@ def test_the_python_of_the_readme_runs_from_top_to_bottom(tmp_path, monkeypatch)
 
 @pytest.mark.long("follows the README, then the tutorial; builds two projects, and flies on targets")
 def test_the_first_hour_leads_to_a_module_in_closed_loop(tmp_path):
-    """From the clone and an empty home, all that a reader would type but what installs and Fledge's own tests."""
+    """All commands for a reader, from the clone and an empty home, but installations and Fledge's own tests."""
     shell = Shell(tmp_path)
     shell.environment["HOME"] = str(tmp_path)
     shell.run(f"cd {ROOT}")
@@ -232,7 +232,7 @@ def test_a_leon3_is_looked_into(tmp_path):
 
 
 def test_fragments_of_python_call_what_there_is():
-    """What no test runs, for it is part of a mission: modules and models with their parameters."""
+    """No test runs the fragments of missions; their modules and models exist, with these parameters."""
     calls, libraries = 0, {"fsw": fsw, "world": world}
     for page in [*(ROOT / "docs").glob("*.md"), *ROOT.glob("missions/**/README.md")]:
         for kind, file, text in BLOCK.findall(page.read_text(encoding="utf-8")):
@@ -245,7 +245,7 @@ def test_fragments_of_python_call_what_there_is():
                     case ast.Call(func=ast.Attribute(value=ast.Name(id="fsw" | "world" as library), attr=name)):
                         taken, calls = inspect.signature(getattr(libraries[library], name)).parameters, calls + 1
                         wrong = {keyword.arg for keyword in node.keywords} - {None, *taken}
-                        any_word = any(one.kind is one.VAR_KEYWORD for one in taken.values())
+                        any_word = any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken.values())
                         assert any_word or not wrong, f"{page.name}: {name}({wrong})"
     assert calls > 20
 

@@ -62,7 +62,7 @@ def head(path: Path) -> str:
     return "\n".join(lines)
 
 
-def example(path: Path) -> str:
+def example_of(path: Path) -> str:
     """The example in a file; "": it has none."""
     lines = head(path).split("\n")
     if "Example:" not in lines:
@@ -77,38 +77,42 @@ def example(path: Path) -> str:
 
 def folders() -> dict[str, list[Path]]:
     """Folder -> its files in C, C++ and Python; tests apart."""
-    found = defaultdict(list)
+    sources = defaultdict(list)
     for path in files():
         if path.suffix in SUFFIXES and path.parts[0] in PRODUCT and not path.stem.endswith("_test") \
                 and not {"testing", "templates", "oracle"} & {*path.parts}:
-            found[path.parent.as_posix()].append(path)
-    return found
+            sources[path.parent.as_posix()].append(path)
+    return sources
 
 
-EXAMPLES = {folder: found for folder, paths in folders().items()
-            if (found := [Example(path, text) for path in paths if (text := example(path))])}
-OF = {kind: [one for found in EXAMPLES.values() for one in found if one.path.suffix in suffixes]
+EXAMPLES = {folder: examples for folder, paths in folders().items()
+            if (examples := [Example(path, text) for path in paths if (text := example_of(path))])}
+OF = {kind: [example for examples in EXAMPLES.values() for example in examples if example.path.suffix in suffixes]
       for kind, suffixes in {"native": {".h", ".c", ".cpp"}, "python": {".py"}}.items()}
 
 
-def is_c(one: Example) -> bool:
-    return "#pragma once" not in (ROOT / one.path).read_text(encoding="utf-8")
+def path_of(example: Example) -> str:
+    return str(example.path)
 
 
-def source(one: Example, name: str) -> str:
-    """A source that has the example, and first what it includes."""
-    included = [line for line in one.text.split("\n") if line.startswith("#include")]
-    lines = [line for line in one.text.split("\n") if line not in included]
+def is_c(example: Example) -> bool:
+    return "#pragma once" not in (ROOT / example.path).read_text(encoding="utf-8")
+
+
+def source(example: Example, name: str) -> str:
+    """A source with the example, after its includes."""
+    included = [line for line in example.text.split("\n") if line.startswith("#include")]
+    lines = [line for line in example.text.split("\n") if line not in included]
     body = "\n".join(lines)
     if "{" not in lines:
         body = f"void {name}(void);\nvoid {name}(void)\n{{\n{textwrap.indent(body, '    ')}\n}}"
-    if not is_c(one):
+    if not is_c(example):
         body = f"namespace {name}_ {{\nusing namespace fledge;\n{body}\n}}"
-    return "\n".join([f'#include "{one.path}"', *included, body, ""])
+    return "\n".join([f'#include "{example.path}"', *included, body, ""])
 
 
 def compiled(compiler: list[str], text: str) -> str:
-    """What the compiler says about a source; "": nothing."""
+    """The compiler's messages about a source; "": none."""
     folders = [ROOT, ROOT / "python/fledge", ROOT / "targets/cfs/inc"]
     libraries = ["/usr/include/eigen3", get_paths()["include"]]
     warnings = "-Wall -Wextra -Werror -Wno-unused -Wno-missing-field-initializers -Wno-psabi".split()
@@ -125,22 +129,22 @@ def test_every_folder_has_an_example():
 
 
 def test_examples_are_short():
-    assert [f"{one.path}: {n} lines" for found in EXAMPLES.values() for one in found
-            if (n := one.text.count("\n") + 1) > 20] == []
+    assert [f"{example.path}: {n} lines" for examples in EXAMPLES.values() for example in examples
+            if (n := example.text.count("\n") + 1) > 20] == []
 
 
-@pytest.mark.parametrize("one", [one for one in OF["native"] if is_c(one)], ids=lambda one: str(one.path))
-def test_an_example_in_c_compiles(one):
-    said = compiled(["gcc", "-std=c99", "-pedantic", "-x", "c"], source(one, "example"))
-    assert not said, said
+@pytest.mark.parametrize("example", [example for example in OF["native"] if is_c(example)], ids=path_of)
+def test_an_example_in_c_compiles(example):
+    errors = compiled(["gcc", "-std=c99", "-pedantic", "-x", "c"], source(example, "example"))
+    assert not errors, errors
 
 
-@pytest.mark.parametrize("top", sorted({one.path.parts[0] for one in OF["native"] if not is_c(one)}))
+@pytest.mark.parametrize("top", sorted({example.path.parts[0] for example in OF["native"] if not is_c(example)}))
 def test_the_examples_in_cpp_compile(top):
-    of_top = [one for one in OF["native"] if one.path.parts[0] == top and not is_c(one)]
-    said = compiled(["g++", "-std=c++20", "-x", "c++"],
-                    "".join(source(one, f"example_{i}") for i, one in enumerate(of_top)))
-    assert not said, said
+    of_top = [example for example in OF["native"] if example.path.parts[0] == top and not is_c(example)]
+    errors = compiled(["g++", "-std=c++20", "-x", "c++"],
+                      "".join(source(example, f"example_{i}") for i, example in enumerate(of_top)))
+    assert not errors, errors
 
 
 @pytest.fixture(scope="module")
@@ -157,27 +161,26 @@ def record(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("one", [one for one in OF["python"] if "$ ./fledge" not in one.text],
-                         ids=lambda one: str(one.path))
-def test_an_example_in_python_runs(one, record, tmp_path, monkeypatch):
-    text = one.text
-    if one.path.parent.as_posix() in NOT_RUN:
+@pytest.mark.parametrize("example", [example for example in OF["python"] if "$ ./fledge" not in example.text],
+                         ids=path_of)
+def test_an_example_in_python_runs(example, record, tmp_path, monkeypatch):
+    text = example.text
+    if example.path.parent.as_posix() in NOT_RUN:
         text = ast.unparse([node for node in ast.parse(text).body if isinstance(node, (ast.Import, ast.ImportFrom))])
-        monkeypatch.syspath_prepend(ROOT / one.path.parent)
+        monkeypatch.syspath_prepend(ROOT / example.path.parent)
     monkeypatch.chdir(tmp_path)
     shutil.copy(record, "run.mcap")
     Path("example.py").write_text(text)
     runpy.run_path("example.py")
 
 
-@pytest.mark.parametrize("one", [one for one in OF["python"] if "$ ./fledge" in one.text],
-                         ids=lambda one: str(one.path))
-def test_an_example_of_a_command_is_parsed(one):
+@pytest.mark.parametrize("example", [example for example in OF["python"] if "$ ./fledge" in example.text], ids=path_of)
+def test_an_example_of_a_command_is_parsed(example):
     from fledge.cli import parsed
     from fledge.mission import missions
     from fledge.targets import TARGETS
 
-    for line in one.text.split("\n"):
+    for line in example.text.split("\n"):
         options = parsed(shlex.split(line.removeprefix("$ ./fledge")))
         assert getattr(options, "mission", "nadir_spin") in missions()
         assert {*getattr(options, "on", "desktop").split(",")} <= {*TARGETS}

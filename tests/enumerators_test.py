@@ -34,7 +34,8 @@ def bare(text):
     """The lines that compare an enumeration with a number, or set it to one."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Compare):
-            names, values = [name_of(one) for one in (node.left, *node.comparators)], [node.left, *node.comparators]
+            values = [node.left, *node.comparators]
+            names = [name_of(value) for value in values]
         elif isinstance(node, ast.Assign):
             names, values = [name_of(target) for target in node.targets], [node.value]
         elif isinstance(node, ast.keyword):

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests in C++ ask of a refusal.
+// The message of an exception, for tests in C++.
 #pragma once
 
 #include <exception>

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of extensions: what pybind11 writes into docstrings becomes a stub, and no type in it is empty."""
+"""Stubs of extensions: they have the signatures of pybind11's docstrings, and no type in them is empty."""
 
 import ast
 import importlib
@@ -71,7 +71,8 @@ def test_the_stub_of_the_build_has_all_of_the_extension(name):
     for node in members.values():
         if isinstance(node, ast.ClassDef):
             own = {var for var in vars(getattr(extension, node.name)) if not var.startswith("_")}
-            assert own <= {getattr(one, "name", None) or getattr(one, "target", ast.Name("")).id for one in node.body}
+            assert own <= {getattr(member, "name", None) or getattr(member, "target", ast.Name("")).id
+                           for member in node.body}
 
 
 def test_objects_of_the_c_api_take_what_their_text_signatures_say():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the build refuses in the symbols of flight code; that Fledge's own has none of it is part of every build."""
+"""The build refuses some symbols in flight code; each build checks Fledge's own code."""
 
 import re
 import subprocess
@@ -52,7 +52,7 @@ def test_what_breaks_the_promise_is_refused_with_its_place(tmp_path, text, compl
 
 def test_each_variable_has_the_functions_that_use_it(tmp_path):
     text = "static int a, b;\nint f(void) { return a++; }\nint g(void) { return b++; }\nint h(void) { return b; }"
-    assert [re.match(r"\d+: (.*) keeps the variable (\w)", one).groups() for one in check(tmp_path, text)] == [
+    assert [re.match(r"\d+: (.*) keeps the variable (\w)", problem).groups() for problem in check(tmp_path, text)] == [
         ("f", "a"), ("g, h", "b")]
 
 

@@ -19,14 +19,14 @@ SHARES = 8      # of the product's sources, so that clang-tidy has work on all p
 
 
 def run(*command):
-    """(exit code, what it printed)"""
+    """(exit code, output)"""
     done = subprocess.run([*map(str, command)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     return done.returncode, done.stdout
 
 
 @pytest.fixture(scope="module")
-def looked_at(request):
-    """The files to look at; all where git does not know which changed."""
+def selected(request):
+    """The files to check; all where git does not know which changed."""
     if request.config.getoption("--long") == "all":
         return files()
     try:
@@ -35,19 +35,19 @@ def looked_at(request):
         return files()
 
 
-def paths(looked_at, suffixes):
-    chosen = [str(path) for path in looked_at if path.suffix in suffixes]
+def paths(selected, suffixes):
+    chosen = [str(path) for path in selected if path.suffix in suffixes]
     return chosen or pytest.skip("no such file changed")
 
 
-def test_c_and_cpp_are_formatted(looked_at):
-    _, printed = run("clang-format", "--dry-run", *paths(looked_at, {".c", ".h", ".cpp"}))
+def test_c_and_cpp_are_formatted(selected):
+    _, printed = run("clang-format", "--dry-run", *paths(selected, {".c", ".h", ".cpp"}))
     differ = sorted({line.split(":")[0] for line in printed.splitlines() if "-Wclang-format-violations" in line})
     assert not differ, f"mend it with: clang-format -i {' '.join(differ)}"
 
 
-def test_python_is_formatted(looked_at):
-    _, printed = run("autopep8", "--diff", "--jobs", os.cpu_count(), *paths(looked_at, {".py"}))
+def test_python_is_formatted(selected):
+    _, printed = run("autopep8", "--diff", "--jobs", os.cpu_count(), *paths(selected, {".py"}))
     differ = sorted(line.removeprefix("--- original/") for line in printed.splitlines()
                     if line.startswith("--- original/"))
     assert not differ, f"mend it with: autopep8 -i {' '.join(differ)}"
@@ -63,19 +63,19 @@ def test_the_types_of_python_hold():
 
 
 @pytest.mark.parametrize("share", range(SHARES))
-def test_clang_tidy_finds_nothing(share, looked_at):
-    chosen = {path.with_suffix("") for path in looked_at if path.suffix in {".c", ".cpp", ".h"}}
+def test_clang_tidy_finds_nothing(share, selected):
+    chosen = {path.with_suffix("") for path in selected if path.suffix in {".c", ".cpp", ".h"}}
     sources = [path for path in tidy.sources() if path.with_suffix("") in chosen]
-    found = "".join(map(tidy.tidy, tidy.units(sources)[share::SHARES]))
-    assert not found, found
+    findings = "".join(map(tidy.tidy, tidy.units(sources)[share::SHARES]))
+    assert not findings, findings
 
 
 def test_clang_tidy_reads_what_does_not_fit_into_a_file_apart(monkeypatch, tmp_path):
     """Two sources that both define a function without `static`, one of them with a finding."""
-    one, other = (tmp_path / "record" / name for name in ("a.c", "b.c"))
-    one.parent.mkdir()
-    one.write_text("int f(void) { return 0; }\n")
-    other.write_text("int f(void) { return (int)sizeof(sizeof(int)); }\n")
+    first, second = (tmp_path / "record" / name for name in ("a.c", "b.c"))
+    first.parent.mkdir()
+    first.write_text("int f(void) { return 0; }\n")
+    second.write_text("int f(void) { return (int)sizeof(sizeof(int)); }\n")
     monkeypatch.setattr(tidy, "FOLDER", tmp_path / "unit")
-    found = tidy.tidy((["-std=c99"], [one, other]))
-    assert "bugprone-sizeof-expression" in found and "redefinition" not in found
+    findings = tidy.tidy((["-std=c99"], [first, second]))
+    assert "bugprone-sizeof-expression" in findings and "redefinition" not in findings

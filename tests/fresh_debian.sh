@@ -107,21 +107,21 @@ if [ "${package#/}" = "$package" ]; then
         ! inside "command -v $tool" || { echo "fresh_debian: it has $tool already" >&2; exit 1; }
     done
 
-    # Without root and without sudo it must say what to type, and touch nothing.
-    said=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
+    # Without root and without sudo it must print the command for root, and change nothing.
+    output=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
         { echo "fresh_debian: set-up without root should have failed" >&2; exit 1; }
-    [[ $said == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$said" >&2; exit 1; }
+    [[ $output == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$output" >&2; exit 1; }
 fi
 
 # --- packages --------------------------------------------------------------------------------------
 
-# says PATTERN COMMAND: it must fail, with a line that matches; what one line tells to type to root is $advice.
-says() {
-    local said status=0
-    said=$(inside "$2" 2>&1 > /dev/null) || status=$?
-    echo "$said"
-    [ "$status" != 0 ] && [[ $said =~ $1 ]] && [ "$(grep -c 'as root, run' <<< "$said")" = 1 ] || return 1
-    advice=$(sed -n 's/.*as root, run: //p' <<< "$said")
+# refuses PATTERN COMMAND: the command must fail, with a line that matches; $advice is the command for root in it.
+refuses() {
+    local output status=0
+    output=$(inside "$2" 2>&1 > /dev/null) || status=$?
+    echo "$output"
+    [ "$status" != 0 ] && [[ $output =~ $1 ]] && [ "$(grep -c 'as root, run' <<< "$output")" = 1 ] || return 1
+    advice=$(sed -n 's/.*as root, run: //p' <<< "$output")
 }
 
 # serves FLEDGE: the control room flies a mission, and answers within 30 s of the command.
@@ -140,7 +140,7 @@ serves() {
 hide_compiler() { inside 'mkdir -p /hidden; cd /usr/bin; mv *gcc* *g++* cc c++ /hidden 2> /dev/null || :'; }
 show_compiler() { inside 'mv /hidden/* /usr/bin 2> /dev/null || :'; }
 
-# flies FLEDGE: what needs no compiler.
+# flies FLEDGE: the commands that need no compiler.
 flies() {
     hide_compiler
     step "$1 run nadir_spin" inside "$1 run nadir_spin" &&
@@ -151,11 +151,11 @@ flies() {
     ! inside "command -v gcc || command -v g++ || command -v cc || command -v cmake" || failed "it has a compiler"
 }
 
-# builds FLEDGE, after `flies`: what needs one says which package has it, and works with it.
+# builds FLEDGE, after `flies`: the others name the package of the compiler, and work with it.
 builds() {
-    step "$1 fly --on linux, without a compiler" says "linux needs gcc" "$1 fly nadir_spin --for 60s --on linux" &&
+    step "$1 fly --on linux, without a compiler" refuses "linux needs gcc" "$1 fly nadir_spin --for 60s --on linux" &&
         step "$1 new project" inside "$1 new project sat && $1 --project sat new module SunSlew" &&
-        step "$1 list, of the project" says "packages are missing" "$1 --project sat list" && show_compiler &&
+        step "$1 list, of the project" refuses "packages are missing" "$1 --project sat list" && show_compiler &&
         step "$advice" inside "$advice -y > /dev/null" &&
         step "$1 list, of the project" inside "$1 --project sat list --ports | grep SunSlew" &&
         step "$1 fly --on linux" inside "$1 fly nadir_spin --for 60s --on linux" || failed "it does not build"
@@ -184,11 +184,11 @@ if [ -n "$package" ]; then
     step "python3 -m venv, pip install fledge-*.whl" \
         inside "python3 -m venv --system-site-packages env && env/bin/pip install -q --no-index fledge-*.whl" ||
         failed "no wheel"
-    step "ground serve, without aiohttp" says "aiohttp is not" "env/bin/fledge ground serve room.toml" &&
+    step "ground serve, without aiohttp" refuses "aiohttp is not" "env/bin/fledge ground serve room.toml" &&
         step "$advice" inside "$advice -y --no-install-recommends > /dev/null" &&
-        step "run earth_imager, without planets" says "DE405 is not" "env/bin/fledge run earth_imager" &&
+        step "run earth_imager, without planets" refuses "DE405 is not" "env/bin/fledge run earth_imager" &&
         step "$advice" inside "$advice -y --no-install-recommends > /dev/null" &&
-        step "montecarlo, without h5py" says "h5py is not" "env/bin/fledge montecarlo nadir_spin --runs 3" &&
+        step "montecarlo, without h5py" refuses "h5py is not" "env/bin/fledge montecarlo nadir_spin --runs 3" &&
         step "$advice" inside "$advice -y --no-install-recommends > /dev/null" ||
         failed "it does not say what it needs"
     flies env/bin/fledge

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for every file of the repository: its licence, its size, its text."""
+"""Rules for every file of the repository: its licence, its size, its text."""
 
 import re
 
@@ -37,7 +37,7 @@ def test_nothing_is_large():
 
 
 def test_names_differ_in_more_than_case():
-    """Some disks do not tell cases apart."""
+    """Some file systems ignore the case of letters."""
     names = [str(path).lower() for path in files()]
     assert sorted(set(names)) == sorted(names)
 

@@ -8,6 +8,7 @@ direction ends that.
 import ast
 import re
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Iterable, Iterator
 
@@ -18,7 +19,7 @@ from tests.tree import ROOT, files
 
 TOPS = {folder.split("/")[0] for folder in layers.RULES}
 
-# What C that flies may take from the language's library: what a freestanding compiler has, and the
+# Headers that C that flies may include from the language's library: what a freestanding compiler has, and the
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
 
@@ -84,6 +85,14 @@ def check_c(path: Path, text: str) -> list[str]:
     return complaints
 
 
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements in a node; much fewer than ast.walk(node) gives."""
+    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for child in getattr(node, block, ()):
+            yield child
+            yield from statements(child)
+
+
 def imported(nodes: Iterable[ast.AST]) -> Iterator[tuple[int, str, str]]:
     """(line, module, name) of each import among these nodes of a Python file; the name is "" in `import module`."""
     for node in nodes:
@@ -98,7 +107,7 @@ def check_python(path: Path, text: str) -> list[str]:
     complaints = []
     folder = layers.rule_of(path.as_posix())
     third_parties = layers.THIRD_PARTIES.get(folder.split("/")[0], set())
-    for line, module, inner in imported(ast.walk(ast.parse(text))):
+    for line, module, inner in imported(statements(ast.parse(text))):
         name = f"{module}.{inner}".strip(".")
         top = name.split(".")[0]
         if path.parts[0] == "missions" and path.name == "flight.py":
@@ -162,19 +171,20 @@ PACKAGE, TARGETS = Path("python/fledge"), Path("targets")       # the latter has
 def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
     """(line, module) of each import of the package by a file in it: "mission.process"; "" of what
     only its __init__.py knows. modules: all there are. Imports for type checkers alone never run, and do not count."""
-    found, tree = [], ast.parse(text)
-    unused = {inner for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-              for branch in node.body for inner in ast.walk(branch)}
-    for line, module, name in imported(node for node in ast.walk(tree) if node not in unused):
+    imports, nodes = [], [*statements(ast.parse(text))]
+    unused = {inner for node in nodes if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+              for branch in node.body for inner in (branch, *statements(branch))}
+    for line, module, name in imported(node for node in nodes if node not in unused):
         if module in EXTENSIONS or module == "fledge" and name in EXTENSIONS:
-            found.append((line, name if module == "fledge" else module))
+            imports.append((line, name if module == "fledge" else module))
         elif module.split(".")[0] == "fledge" and name != "__version__":
             inner = module.partition(".")[2]
             whole = f"{inner}.{name}".strip(".")
-            found.append((line, whole if whole in modules else inner))
-    return found
+            imports.append((line, whole if whole in modules else inner))
+    return imports
 
 
+@cache
 def library_imports() -> dict[str, list[tuple[int, str]]]:
     """The imports of each module of the package fledge, tests apart."""
     paths = {".".join(path.with_suffix("").parts).removeprefix("python.fledge.").removesuffix(".__init__"): path

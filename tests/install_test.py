@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An installed Fledge needs nothing of this tree: not for flights, exports and projects, and not in a virtual
-environment; nor does what the packages have that are made of it."""
+environment; nor do its packages."""
 
 import os
 import shutil
@@ -23,12 +23,12 @@ import fledge_wheel  # noqa: E402
 
 PRESET = os.environ.get("FLEDGE_PRESET", "release")
 
-# What a shell has that knows nothing of this tree.
+# The environment of a shell outside this tree.
 CLEAN = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", "LANG": "C.UTF-8"}
 
 
 def run(*command, cwd, code=0, **environment):
-    """What a command prints; it must end with the exit code."""
+    """The output of a command; it must end with the exit code."""
     done = subprocess.run(command, cwd=cwd, env={**CLEAN, **environment}, text=True, stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT)
     assert done.returncode == code, done.stdout
@@ -106,11 +106,11 @@ def test_it_has_nothing_of_the_tests_and_no_path_of_this_tree(prefix):
     assert [path for path in text if str(ROOT) in path.read_text(encoding="utf-8")] == []
 
 
-# --- users who may only read ------------------------------------------------------------------------
+# --- users with read access only --------------------------------------------------------------------
 
 @pytest.fixture
 def own():
-    """A folder of a user who may write nowhere else; the start of a command line that this user gives."""
+    """(a folder, the start of a command that runs as a user): the user can write only into this folder."""
     folder = Path(tempfile.mkdtemp(prefix="fledge-"))
     user = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
     if user:
@@ -118,8 +118,8 @@ def own():
     here = folder / "Größe 1/a folder"
     here.mkdir(parents=True)
     if user:
-        for one in (here, here.parent):
-            os.chown(one, 65534, 65534)
+        for path in (here, here.parent):
+            os.chown(path, 65534, 65534)
     yield here, user
     shutil.rmtree(folder)
 
@@ -129,7 +129,7 @@ def state(tree):
 
 
 def uses(fledge_, cwd, user=()):
-    """What a user does who has only this command: everything goes into the folder where the user stands."""
+    """Work as a user that has only this command; all files are written into the current folder."""
     link = cwd / "link"
     link.symlink_to(fledge_)
     (cwd / "random.py").write_text("1 / 0")     # no module of Python's
@@ -153,14 +153,14 @@ def uses(fledge_, cwd, user=()):
     do("--project", "sat", "new", "module", "SunSlew")
     assert "SunSlew" in do("--project", "sat", "list")
     if user or os.getuid():
-        said = do("run", "nadir_spin", "--for", "10s", cwd="/", code=2)
-        assert said == "fledge: this user may not write or read /runs\n"
-    (said,) = do("new", "mission", "scan", code=2).splitlines()
-    assert said.startswith("fledge: new mission: there is no project here"), said
+        output = do("run", "nadir_spin", "--for", "10s", cwd="/", code=2)
+        assert output == "fledge: this user may not write or read /runs\n"
+    (output,) = do("new", "mission", "scan", code=2).splitlines()
+    assert output.startswith("fledge: new mission: there is no project here"), output
 
 
 @pytest.mark.long("copies the installed tree for another user")
-def test_a_user_who_may_only_read_it_flies(prefix, own):
+def test_a_user_with_read_access_flies(prefix, own):
     """The installation is as it was, also where other users run it."""
     folder, user = own
     shared = folder.parent.with_name(folder.parent.parent.name + "-prefix")
@@ -298,7 +298,7 @@ def test_the_deb_flies_and_needs_no_compiler(deb, tmp_path):
     major, minor = sys.version_info[:2]
     assert needed[:2] == [f"python3 (>= {major}.{minor})", f"python3 (<< {major}.{minor + 1})"]
     assert {"libc6", "libzmq5", "python3-numpy", "casacore-data-jpl-de405"} <= set(needed)
-    assert not [one for one in needed if one.endswith("-dev") or one in ("g++", "cmake", "ninja-build")]
+    assert not [package for package in needed if package.endswith("-dev") or package in ("g++", "cmake", "ninja-build")]
     assert "python3-aiohttp" in control["Recommends"] and "g++, cmake, " in control["Suggests"]
     assert control["Version"].startswith(f"{fledge.__version__}+") and int(control["Installed-Size"]) > 10_000
 
@@ -321,18 +321,18 @@ def test_without_a_compiler_it_says_which_package_has_it(prefix, tmp_path):
     (tools / "dpkg-query").write_text("#!/bin/sh\n")      # there is no package
     (tools / "dpkg-query").chmod(0o755)
 
-    def said(*arguments):
+    def lines(*arguments):
         done = subprocess.run([prefix / "bin/fledge", *arguments], cwd=tmp_path, env={**CLEAN, "PATH": str(tools)},
                               capture_output=True, text=True)
         assert done.returncode
         return [line for line in done.stderr.splitlines() if "apt-get" in line]
 
-    assert said("fly", "nadir_spin", "--for", "10s", "--on", "linux") == [
+    assert lines("fly", "nadir_spin", "--for", "10s", "--on", "linux") == [
         "  linux: fly: linux needs gcc and ninja, not installed here; as root, run: apt-get install g++ ninja-build"]
     run(prefix / "bin/fledge", "new", "project", "sat", cwd=tmp_path)
-    (line,) = said("--project", "sat", "list")
+    (line,) = lines("--project", "sat", "list")
     assert line == ("fledge: list: packages are missing; as root, run: apt-get install "
-                    + " ".join(one.partition(" |")[0] for one in fledge_deb.listed("project")))
+                    + " ".join(package.partition(" |")[0] for package in fledge_deb.listed("project")))
 
 
 # --- beside another Fledge, and another Python ------------------------------------------------------

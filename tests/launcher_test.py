@@ -21,7 +21,7 @@ from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
 
-# What the launcher and the stand-ins may find on the PATH: no sudo, no compiler.
+# The PATH of the launcher and the stand-ins: no sudo, no compiler.
 TOOLS = "cat dirname env find grep id mkdir paste readlink sed sleep touch tr".split()
 
 STAND_INS = {
@@ -47,12 +47,12 @@ STAND_INS = {
 }
 
 
-# What runs a program as a user who is neither root nor the owner of the tree, where that is possible.
+# Runs a program as a user that is neither root nor the owner of the tree, where that is possible.
 OTHER = ["/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
 
 
 def report(failures):
-    """What ctest writes of five tests, of which one was skipped."""
+    """The report of ctest on five tests, of which one was skipped."""
     cases = ["<failure/>"] * failures + ["<skipped/>"] + [""] * (4 - failures)
     return ('<?xml version="1.0"?>\n<testsuite name="x">\n' +
             "".join(f'<testcase name="t{i}">{what}</testcase>\n' for i, what in enumerate(cases)) + "</testsuite>\n")
@@ -60,8 +60,9 @@ def report(failures):
 
 @pytest.fixture
 def launch():
-    """launch(*arguments, **environment) runs the copy in launch.tree; launch.said(name) is what a tool got. A tool
-    executes launch.fake/"during" with its path as $1. The folders are for every user, unlike pytest's."""
+    """launch(*arguments, **environment) runs the copy in launch.tree; launch.calls(name) has the arguments
+    of each call of a tool. A tool executes launch.fake/"during" with its path as $1. Every user can read the folders,
+    unlike pytest's."""
     place = Path(tempfile.mkdtemp(prefix="fledge-"))
     place.chmod(0o755)
     tree, bin_, fake = place / "tree", place / "bin", place / "fake"
@@ -105,11 +106,11 @@ def launch():
         out, error = process.communicate()
         return subprocess.CompletedProcess(process.args, process.returncode, out, error)
 
-    def said(name):
+    def calls(name):
         path = fake / name
         return path.read_text().splitlines() if path.exists() else []
 
-    run.start, run.said, run.fake, run.tree, run.place = start, said, fake, tree, place
+    run.start, run.calls, run.fake, run.tree, run.place = start, calls, fake, tree, place
     yield run
     subprocess.run(["chmod", "-R", "u+w", place], check=True)
     shutil.rmtree(place)
@@ -130,7 +131,7 @@ def test_setup_installs_what_is_missing_and_only_that(launch):
     (launch.fake / "updated").touch()
     done = launch("setup")
     assert done.returncode == 0, done.stderr
-    (command,) = (line for line in launch.said("apt") if " satisfy " in line)
+    (command,) = (line for line in launch.calls("apt") if " satisfy " in line)
     wanted = command.split("--no-install-recommends ")[1].split(", ")
     assert wanted == [name for name in packages("run") if name not in ("cmake", "python3-clang", "g++")]
     assert "12.3 MB" in done.stderr
@@ -139,17 +140,17 @@ def test_setup_installs_what_is_missing_and_only_that(launch):
 def test_setup_does_nothing_the_second_time(launch):
     (launch.fake / "updated").touch()
     launch("setup")
-    before = launch.said("apt")
+    before = launch.calls("apt")
     again = launch("setup")
-    assert launch.said("apt") == before
-    assert len(launch.said("cmake")) == 1
+    assert launch.calls("apt") == before
+    assert len(launch.calls("cmake")) == 1
     assert again.stderr == "fledge: ready\n"
 
 
 def test_package_lists_are_fetched_only_when_an_install_fails(launch):
     done = launch("setup")
     assert done.returncode == 0, done.stderr
-    words = [word for line in launch.said("apt") for word in line.split()
+    words = [word for line in launch.calls("apt") for word in line.split()
              if word in ("satisfy", "update")]
     assert words[-2:] == ["update", "satisfy"]
     assert words.count("update") == 1
@@ -161,7 +162,7 @@ def test_without_root_or_sudo_it_says_what_to_type_and_touches_nothing(launch):
     (line,) = done.stderr.splitlines()
     assert line.startswith("fledge: packages are missing; as root, run: apt-get satisfy --no-install-recommends 'g++, ")
     assert "python3-clang | python-clang-x.y, " in line and packages("run")[-1] in line
-    assert launch.said("apt") == launch.said("cmake") == []
+    assert launch.calls("apt") == launch.calls("cmake") == []
 
 
 @pytest.fixture
@@ -183,18 +184,18 @@ def without_python(launch, tmp_path):
 def test_a_machine_without_python_gets_it_first(launch, without_python):
     for words in (["help"], [], ["run", "--help"]):
         done = without_python(*words)
-        assert done.returncode == 0 and done.stdout.startswith("usage: ./fledge") and launch.said("apt") == []
+        assert done.returncode == 0 and done.stdout.startswith("usage: ./fledge") and launch.calls("apt") == []
     assert without_python("--version").stdout == f"fledge {fledge.__version__}\n"
     done = without_python("list")
     assert done.returncode == 0 and done.stdout.startswith("list in "), done.stderr
     assert done.stderr.startswith("fledge: installing python3\nfledge: installing for 'run': g++, ")
-    assert "install --no-install-recommends python3" in launch.said("apt")[0]
+    assert "install --no-install-recommends python3" in launch.calls("apt")[0]
 
 
 def test_a_machine_without_python_says_what_it_lacks(launch, without_python):
     if OTHER:
         done = without_python("list", user=OTHER)
-        assert done.returncode == 1 and launch.said("apt") == []
+        assert done.returncode == 1 and launch.calls("apt") == []
         assert done.stderr == ("fledge: packages are missing; as root, run: apt-get satisfy --no-install-recommends "
                                f"'{', '.join(listed('run'))}'\n")
     (launch.fake / "during").write_text(
@@ -211,9 +212,9 @@ def test_a_machine_without_python_says_what_it_lacks(launch, without_python):
 def test_what_only_developers_like_comes_when_they_ask(launch):
     (launch.fake / "updated").touch()
     launch("setup")
-    assert "ccache" not in " ".join(launch.said("apt"))
+    assert "ccache" not in " ".join(launch.calls("apt"))
     launch("setup", "--develop")
-    assert launch.said("apt")[-1].endswith("ccache, pre-commit")
+    assert launch.calls("apt")[-1].endswith("ccache, pre-commit")
 
 
 def test_another_system_needs_the_tools_and_says_what_else(launch):
@@ -253,17 +254,17 @@ def test_refused_headers_come_first_then_errors_then_the_end(launch):
 def test_demo_installs_no_test_packages(launch):
     (launch.fake / "updated").touch()
     launch("demo")
-    assert not any("pytest" in line for line in launch.said("apt"))
-    assert launch.said("cmake") == ["--fresh --preset release -DBUILD_TESTING=OFF"]
+    assert not any("pytest" in line for line in launch.calls("apt"))
+    assert launch.calls("cmake") == ["--fresh --preset release -DBUILD_TESTING=OFF"]
 
 
 def test_a_bench_builds_what_it_measures_in_c(launch):
     (launch.fake / "updated").touch()
     launch("bench")
-    assert launch.said("ninja")[-1].endswith(" desktop")
+    assert launch.calls("ninja")[-1].endswith(" desktop")
     launch("bench", "sim", "--json", "sim.json")
-    assert launch.said("ninja")[-1].endswith(" all fledge_bench")
-    (command,) = [line for line in launch.said("apt") if "mpmath" in line]
+    assert launch.calls("ninja")[-1].endswith(" all fledge_bench")
+    (command,) = [line for line in launch.calls("apt") if "mpmath" in line]
     assert "pytest" not in command
 
 
@@ -308,10 +309,10 @@ def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
     launch(*arguments)
-    assert launch.said("ninja")[-1].endswith(f"build/release {parts}")
+    assert launch.calls("ninja")[-1].endswith(f"build/release {parts}")
 
 
-def test_the_tests_of_fledge_run_from_elsewhere_only_if_they_are_asked_for(launch):
+def test_the_tests_of_fledge_run_from_elsewhere_only_on_request(launch):
     """Refused before anything is installed or built. In the checkout and below they need no option."""
     (launch.fake / "updated").touch()
     (launch.fake / "broken").write_text("it went too far")
@@ -319,7 +320,7 @@ def test_the_tests_of_fledge_run_from_elsewhere_only_if_they_are_asked_for(launc
     elsewhere.mkdir()
     for words in ([], ["--all"], ["-k", "x"], ["--changed"]):
         done = launch("test", *words, cwd=elsewhere)
-        assert (done.returncode, done.stdout) == (2, "") and not launch.said("apt")
+        assert (done.returncode, done.stdout) == (2, "") and not launch.calls("apt")
         assert done.stderr == (
             "fledge: test: there is no project around this folder; go into one, or name it (fledge --project DIR "
             "test); --fledge runs the tests of Fledge itself, which take long\n")
@@ -365,7 +366,7 @@ def test_a_copied_tree_builds_its_own_code(launch):
     (launch.tree / "build/release/old.o").touch()
     done = launch("list")
     assert done.stderr == (f"fledge: building anew (release): {launch.tree}/build/release was made in {first}\n")
-    assert len(launch.said("cmake")) == 2 and not (launch.tree / "build/release/old.o").exists()
+    assert len(launch.calls("cmake")) == 2 and not (launch.tree / "build/release/old.o").exists()
     assert launch("list").stderr == ""
 
 
@@ -405,15 +406,15 @@ def test_two_fledges_keep_their_builds_of_one_project(launch):
 
 
 def test_packages_are_looked_for_on_another_machine_too(launch):
-    """A stamp that came with a copied folder says nothing: dpkg's status is another one."""
+    """The stamp of a copied folder does not count: it holds the state of another dpkg."""
     (launch.fake / "updated").touch()
     launch("setup")
     (launch.fake / "installed").unlink()
     stamp = launch.tree / "build/packages-run.stamp"
     stamp.write_text("".join(stamp.read_text().splitlines(True)[:1]) + "1 2 3 4\n")
-    before = len(launch.said("apt"))
+    before = len(launch.calls("apt"))
     launch("setup")
-    assert len(launch.said("apt")) > before
+    assert len(launch.calls("apt")) > before
 
 
 @pytest.mark.long("builds a tree of its own")
@@ -421,7 +422,7 @@ def test_two_first_commands_do_not_collide(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "during").write_text('until [ -e "$FAKE/go" ]; do sleep 0.01; done\n')
     first = launch.start("list")
-    while not launch.said("apt"):
+    while not launch.calls("apt"):
         pass
     second = launch.start("test")
     assert second.stderr.readline() == "fledge: waiting for another fledge, which installs packages\n"
@@ -431,7 +432,7 @@ def test_two_first_commands_do_not_collide(launch):
     assert "list in" in first.communicate()[0]
     out, error = second.communicate()
     assert first.returncode == second.returncode == 0, out + error
-    (for_run,) = (line for line in launch.said("apt") if " cmake, " in line)
+    (for_run,) = (line for line in launch.calls("apt") if " cmake, " in line)
 
 
 def test_the_second_build_waits_for_the_first(launch):
@@ -439,18 +440,18 @@ def test_the_second_build_waits_for_the_first(launch):
     launch("setup")
     (launch.fake / "during").write_text('until [ -e "$FAKE/go" ]; do sleep 0.01; done\n')
     first = launch.start("list")
-    while len(launch.said("ninja")) < 2:
+    while len(launch.calls("ninja")) < 2:
         pass
     second = launch.start("list")
     assert second.stderr.readline() == "fledge: waiting for another fledge, which builds (release)\n"
     (launch.fake / "go").touch()
-    for one in (first, second):
-        assert "list in" in one.communicate()[0]
+    for process in (first, second):
+        assert "list in" in process.communicate()[0]
 
 
 @pytest.fixture
 def reader(launch):
-    """launch() by a user who may only read the tree, which is built."""
+    """launch() by a user that can only read the tree, which is built."""
     (launch.fake / "updated").touch()
     launch("setup")
     (launch.fake / "installed").write_text("".join(
@@ -461,14 +462,14 @@ def reader(launch):
     return lambda *arguments: launch(*arguments, user=OTHER)
 
 
-def test_a_user_who_may_only_read_a_tree_flies_with_it(launch, reader):
+def test_a_user_with_read_access_flies_with_a_tree(launch, reader):
     done = reader("list")
     assert (done.returncode, done.stderr) == (0, "") and "list in" in done.stdout
-    assert " -n " in launch.said("ninja")[-1]
+    assert " -n " in launch.calls("ninja")[-1]
 
 
 @pytest.mark.parametrize("command", ["test", "docs"])
-def test_what_must_write_says_so_to_a_user_who_may_only_read(launch, reader, command):
+def test_a_command_that_must_write_refuses_a_user_with_read_access(launch, reader, command):
     done = reader(command)
     (line,) = done.stderr.splitlines()
     assert done.returncode == 1 and "this user may not" in line
@@ -476,7 +477,7 @@ def test_what_must_write_says_so_to_a_user_who_may_only_read(launch, reader, com
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can be another user")
 @pytest.mark.parametrize("arguments", [["list"], ["--preset", "debug", "list"]])
-def test_a_user_who_may_only_read_a_tree_learns_who_must_build_it(launch, reader, arguments):
+def test_a_user_with_read_access_reads_which_user_must_build(launch, reader, arguments):
     (launch.fake / "broken").write_text("[1/2] Building C object\n")
     done = reader(*arguments)
     (line,) = done.stderr.splitlines()
@@ -488,11 +489,11 @@ def test_a_user_who_may_only_read_a_tree_learns_who_must_build_it(launch, reader
 def test_a_tree_on_a_disk_that_cannot_be_written_must_be_copied(launch, reader):
     (launch.fake / "broken").write_text("[1/2] Building C object\n")
     if os.getuid() == 0:
-        os.chown(launch.tree, 65534, 65534)     # of the one who asks
+        os.chown(launch.tree, 65534, 65534)     # the user of the command
     assert reader("list").stderr.endswith(f"; copy {launch.tree} to a disk that can be written\n")
 
 
-# --- what the machine lacks ---------------------------------------------------------------------------
+# --- faults of the machine ----------------------------------------------------------------------------
 
 LACKS = {"the disk is full": "/tmp/a.s: fatal error: closing a.d: No space left on device",
          "a process was killed": "g++: fatal error: Killed signal terminated program cc1plus",
@@ -506,7 +507,7 @@ def test_what_the_machine_lacks_is_one_line_and_the_next_try_goes_on(launch, lac
     (line,) = launch("list").stderr.splitlines()[3:]
     assert line.startswith(f"fledge: the build failed: {lack}") and "try again" in line
     (launch.fake / "broken").unlink()
-    assert launch("list").returncode == 0 and len(launch.said("cmake")) == 1
+    assert launch("list").returncode == 0 and len(launch.calls("cmake")) == 1
 
 
 def test_a_build_that_was_killed_says_so(launch):
@@ -550,12 +551,12 @@ def test_what_a_failed_configuration_found_is_forgotten(launch):
     assert "CMake Error: no compiler" in launch("list").stderr
     (launch.fake / "during").write_text("")
     assert launch("list").returncode == 0
-    assert launch("test", "-k", "x").args and launch.said("cmake") == [
+    assert launch("test", "-k", "x").args and launch.calls("cmake") == [
         "--fresh --preset release -DBUILD_TESTING=OFF"] * 2 + ["--preset release -DBUILD_TESTING=ON"]
 
 
 def test_the_first_command_runs_after_an_install(launch):
-    """What installs packages changes nothing of the command that follows it."""
+    """An installation of packages changes nothing of the command after it."""
     (launch.fake / "updated").touch()
     for arguments in (["run", "nadir_spin"], ["fly", "x", "--on", "aarch64"], ["new", "module", "X"], ["bench", "sim"]):
         for stamp in (launch.tree / "build").glob("*.stamp"):
@@ -589,9 +590,9 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
     done = launch(*arguments)
     assert done.returncode == 0, done.stderr
     lists = {**ROOMS, "profile": packages("profile")}
-    installed = {name for line in launch.said("apt") for name in re.split("[ ,|]+", line)}
-    assert installed & set(sum(lists.values(), [])) == set(sum((lists[one] for one in needed), []))
-    assert launch.said("prepared") == prepared
+    installed = {name for line in launch.calls("apt") for name in re.split("[ ,|]+", line)}
+    assert installed & set(sum(lists.values(), [])) == set(sum((lists[target] for target in needed), []))
+    assert launch.calls("prepared") == prepared
 
 
 @pytest.mark.parametrize("words, name", [
@@ -601,9 +602,9 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
 def test_what_an_option_needs_comes_with_it(launch, words, name):
     (launch.fake / "updated").touch()
     launch("list")
-    assert not any(name in line for line in launch.said("apt"))
+    assert not any(name in line for line in launch.calls("apt"))
     launch(*words)
-    assert any(name in line for line in launch.said("apt"))
+    assert any(name in line for line in launch.calls("apt"))
 
 
 def test_a_target_that_cannot_be_installed_does_not_stop_the_others(launch):
@@ -613,8 +614,8 @@ def test_a_target_that_cannot_be_installed_does_not_stop_the_others(launch):
     done = launch("fly", "x", "--on", "aarch64,leon3")
     assert done.returncode == 0 and done.stdout.startswith("fly x --on aarch64,leon3 in "), done.stderr
     assert "fledge: apt-get satisfy failed" in done.stderr and "fledge: going on without aarch64\n" in done.stderr
-    assert any("sparc" in line for line in launch.said("apt"))      # and the next one has come
-    assert launch("setup", "--on", "aarch64").returncode == 1       # which is asked for that alone
+    assert any("sparc" in line for line in launch.calls("apt"))      # and the next one has come
+    assert launch("setup", "--on", "aarch64").returncode == 1       # a request for this target alone fails
 
 
 def test_the_targets_of_a_project_say_what_they_need(launch):
@@ -626,7 +627,7 @@ def test_the_targets_of_a_project_say_what_they_need(launch):
     (target / "packages.txt").write_text("gcc-vax   # its compiler\n")
     done = launch("--project", launch.place / "a project", "fly", "x", "--on", "vax,linux")
     assert done.stdout.startswith("fly x --on vax,linux in "), done.stderr
-    assert launch.said("apt")[-1].endswith(" gcc-vax")
+    assert launch.calls("apt")[-1].endswith(" gcc-vax")
 
 
 def test_commands_run_where_the_user_stands(launch):
@@ -689,7 +690,7 @@ def test_one_command_makes_the_debug_build(launch, arguments, environment):
     (launch.fake / "updated").touch()
     done = launch(*arguments, **environment)
     assert done.returncode == 0, done.stderr
-    assert launch.said("cmake") == ["--fresh --preset debug -DBUILD_TESTING=OFF"]
+    assert launch.calls("cmake") == ["--fresh --preset debug -DBUILD_TESTING=OFF"]
 
 
 # --- Ctrl-C ------------------------------------------------------------------------------------------
@@ -742,8 +743,8 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
     done = subprocess.run([ROOT / "fledge", "run", "m", "--for", "1s"], capture_output=True, text=True, cwd=tmp_path,
                           env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module})
     assert done.returncode in (130, -2), done.stderr
-    told = [line for line in done.stderr.splitlines() if "waiting for another fledge" not in line]  # a test beside it
-    assert told in ([], ["fledge: interrupted"])
+    lines = [line for line in done.stderr.splitlines() if "waiting for another fledge" not in line]  # a test beside it
+    assert lines in ([], ["fledge: interrupted"])
 
 
 COMMANDS = list(next(a.choices for a in parser()._actions if a.dest == "command"))
@@ -773,9 +774,9 @@ def test_help_the_readme_and_each_command_say_the_same():
 
 def test_help_of_a_command_is_what_the_command_says():
     for words in (["setup"], ["run"], ["keys", "new"]):
-        asked, told = (subprocess.run([ROOT / "fledge", *command], capture_output=True, text=True)
-                       for command in (["help", *words], [*words, "--help"]))
-        assert (asked.returncode, asked.stdout) == (0, told.stdout) and words[0] in told.stdout
+        by_help, by_option = (subprocess.run([ROOT / "fledge", *command], capture_output=True, text=True)
+                              for command in (["help", *words], [*words, "--help"]))
+        assert (by_help.returncode, by_help.stdout) == (0, by_option.stdout) and words[0] in by_option.stdout
 
 
 def test_it_prints_the_version():
@@ -790,14 +791,14 @@ def test_tests_have_default_signals_in_the_background_of_a_script(launch):
     (launch.fake / "report").write_text(report(0))
     done = launch("test", user=["/usr/bin/env", "--ignore-signal=INT,QUIT"])
     assert done.returncode == 0, done.stderr
-    assert int(launch.said("ignored")[0].split()[1], 16) & (1 << signal.SIGINT - 1 | 1 << signal.SIGQUIT - 1) == 0
+    assert int(launch.calls("ignored")[0].split()[1], 16) & (1 << signal.SIGINT - 1 | 1 << signal.SIGQUIT - 1) == 0
 
 
 def test_no_file_takes_the_place_of_a_standard_stream_that_is_closed(launch):
     (launch.fake / "updated").touch()
     done = launch("exec", "/bin/sh", "-c", "echo; readlink /proc/$$/fd/0 /proc/$$/fd/2 > $FAKE/streams",
                   user=["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh"])
-    assert (done.returncode, launch.said("streams")) == (0, ["/dev/null"] * 2)
+    assert (done.returncode, launch.calls("streams")) == (0, ["/dev/null"] * 2)
 
 
 def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
@@ -805,21 +806,21 @@ def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
     assert launch("exec", "/bin/sh", "-c", "echo $PATH").stdout.startswith("/usr/bin:")
 
 
-@pytest.mark.parametrize("tool, found, said", [
+@pytest.mark.parametrize("tool, packages, message", [
     ("ipython4", "ipython4 - a shell", "exec: ipython4 is not installed; as root, run: apt-get install ipython4"),
     ("pytest4", "python3-pytest4 - tests", "as root, run: apt-get install python3-pytest4"),
     ("a.b+", "", "exec: a.b+ is not installed, and no Debian package has its name: try 'apt-file search bin/a.b+'"),
     ("./tool", "tool - x", "exec: there is no program ./tool")])
-def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, found, said):
+def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, packages, message):
     (launch.fake / "updated").touch()
     apt = launch.place / "bin/apt-cache"
-    apt.write_text(f"#!/bin/sh\necho \"$*\" >> \"$FAKE/apt-cache\"\necho '{found}'\n")
+    apt.write_text(f"#!/bin/sh\necho \"$*\" >> \"$FAKE/apt-cache\"\necho '{packages}'\n")
     apt.chmod(0o755)
     done = launch("exec", tool)
-    assert done.returncode == 127 and said in done.stderr.splitlines()[-1]
+    assert done.returncode == 127 and message in done.stderr.splitlines()[-1]
     pattern = {"a.b+": "a\\.b\\+"}.get(tool, tool)
-    assert launch.said("apt-cache") in ([], [f"search --names-only ^(python3-)?{pattern}3?$"])
-    assert launch.said("ninja") == []       # nothing is built first
+    assert launch.calls("apt-cache") in ([], [f"search --names-only ^(python3-)?{pattern}3?$"])
+    assert launch.calls("ninja") == []       # nothing is built first
 
 
 @pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"],
@@ -828,7 +829,7 @@ def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, fo
                                        ["fly", "--on", "leon3"], ["run", "x", "--bogus"], ["--project"]])
 def test_a_wrong_command_line_is_refused_before_anything_is_installed(launch, arguments):
     done = launch(*arguments)
-    assert done.returncode == 2 and done.stderr.startswith("fledge") and launch.said("apt") == []
+    assert done.returncode == 2 and done.stderr.startswith("fledge") and launch.calls("apt") == []
 
 
 def test_an_unknown_command_is_refused(launch):
@@ -839,7 +840,7 @@ def test_an_unknown_command_is_refused(launch):
 
 # --- completion --------------------------------------------------------------------------------------
 
-# How a shell is asked what it completes: a line of a file each.
+# Scripts that print the completions of a command line.
 SHELLS = {
     "bash": """source {script}
                COMP_LINE="$1" COMP_POINT=${{#1}}
@@ -853,7 +854,7 @@ SHELLS = {
 
 @pytest.fixture(params=long_after(1, SHELLS, "another shell"))
 def complete(request, tmp_path):
-    """complete(line) -> what the shell offers at its end, in a folder with a project and runs."""
+    """complete(line) -> the completions of the shell at its end, in a folder with a project and runs."""
     if not shutil.which(request.param):
         pytest.skip(f"{request.param} is not installed")
     (tmp_path / "CMakeLists.txt").write_text("fledge_project(sat)\n")

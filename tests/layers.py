@@ -17,7 +17,7 @@ BEGIN, END = "<!-- printed by tests/layers.py: {} -->\n", "<!-- end of what test
 
 
 class Rule(NamedTuple):
-    """What the documents say of a folder, and the folders that its files may include or import besides their own."""
+    """The description of a folder in the documents, and the folders, besides its own, that it may include or import."""
 
     language: str
     what: str

@@ -3,7 +3,7 @@
 
     FLEDGE_LEON3_IMAGES=hello.exe:gr712rc-prom.elf /usr/bin/python3 -m pytest tests/leon3_images_test.py
 
-docs/leon3.md says which there are, and what they print. Any other program must end with status 0 within a minute of the
+docs/leon3.md lists them and their output. Any other program must end with status 0 within a minute of the
 board's time.
 """
 
@@ -17,7 +17,7 @@ import pytest
 from fledge.targets.build import native
 from tests.tree import ROOT
 
-# By the end of the path: the board, the seconds of its time, what is printed, in this order, and the status if not 0.
+# By the end of the path: the board, the seconds of its time, its output, in this order, and the status if not 0.
 SYSTEST = [r"device 1:3", r"subtest 8\n  subtest 13\n  subtest 6\n(test failed[^\n]*\n){5}device 1:13\ndevice 1:17\n",
            r"device 1:12\n", r"test ends, errors: 5"]    # all of caches, which the board does not have
 KNOWN = {

@@ -28,7 +28,7 @@ CSMITH_HEADERS = Path("/usr/include/csmith")
 
 
 def on_emulator(program: Path, engine: str, seconds: float = 600, board: Path = GENERIC) -> str:
-    """What a program prints."""
+    """The output of a program."""
     command = [build.native("fledge_leon3", "emulator/tools"), board, program, "--engine", engine, "--for", seconds]
     return subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=300, check=True).stdout
 
@@ -41,12 +41,12 @@ def on_qemu(program: Path) -> str:
 
 
 def everywhere(program: Path, engines: Sequence[str] = ENGINES) -> dict[str, str]:
-    """What it prints on each engine, and on stock QEMU."""
+    """Its output on each engine, and on stock QEMU."""
     return {**{engine: on_emulator(program, engine) for engine in engines}, "qemu": on_qemu(program)}
 
 
 def random_program(seed: int, folder: Path) -> tuple[Path, str] | None:
-    """A random program for the board, and what it prints here; None if it computes for more than five seconds."""
+    """A random program for the board, and its output here; None if it computes for more than five seconds."""
     source = folder / f"random_{seed}.c"
     text = subprocess.run([*CSMITH, "--seed", str(seed)], capture_output=True, text=True, check=True,
                           cwd=folder).stdout      # it writes a file there
@@ -65,7 +65,7 @@ def random_program(seed: int, folder: Path) -> tuple[Path, str] | None:
 def newlib_math(folder: Path) -> Path:
     """The tests of newlib's mathematics and strings, which print each function and each result that is not exact."""
     tests = toolchain.library() / "source/libm/test"
-    # Left out: what prints at random, what needs a library for another machine, and names that newlib has no more.
+    # Left out: random output, libraries for another machine, and names that newlib has no more.
     left_out = {"dcvt": "", "dvec": "", "convert": "test_cvt", "test_is": "test_is", "test_ieee": "test_ieee"}
     stubs = folder / "stubs.c"
     stubs.write_text("".join(f"void {name}(void);\nvoid {name}(void) {{}}\n" for name in left_out.values() if name),
@@ -75,7 +75,7 @@ def newlib_math(folder: Path) -> Path:
 
 
 def elementary_hashes(folder: Path) -> tuple[Path, str]:
-    """The hashes of flight's elementary functions: the program for the board, and what it prints here."""
+    """The hashes of flight's elementary functions: the program for the board, and its output here."""
     math = build.ROOT / "flight/math"
     sources = [math / "elementary_hash.c", *build.math_sources()]
     here = build.program(folder / "here", "hash", sources, [build.ROOT], link=["-lm"])
@@ -87,18 +87,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seed", type=int, default=1, help="of the first program (default: 1)")
     parser.add_argument("--minutes", type=float, default=1.0, help="how long (default: 1)")
-    asked = parser.parse_args()
-    end, seed, compared = time.monotonic() + 60 * asked.minutes, asked.seed, 0
+    options = parser.parse_args()
+    end, seed, compared = time.monotonic() + 60 * options.minutes, options.seed, 0
     while time.monotonic() < end:
         with tempfile.TemporaryDirectory() as folder:
-            made = random_program(seed, Path(folder))
-            for where, printed in everywhere(made[0]).items() if made else ():
-                if printed != made[1]:
-                    print(f"seed {seed}, {where}: {printed.strip()!r} instead of {made[1].strip()!r}")
+            program = random_program(seed, Path(folder))
+            for where, printed in everywhere(program[0]).items() if program else ():
+                if printed != program[1]:
+                    print(f"seed {seed}, {where}: {printed.strip()!r} instead of {program[1].strip()!r}")
                     return 1
-            compared += made is not None
+            compared += program is not None
         seed += 1
-    print(f"programs {compared}\nendless {seed - asked.seed - compared}\ndifferences 0")
+    print(f"programs {compared}\nendless {seed - options.seed - compared}\ndifferences 0")
     return 0
 
 

@@ -31,7 +31,7 @@ from fledge.targets import Job, build
 from tests.board_process import Process
 from tests.waiting import PATIENCE
 
-# What fledge_board_node says about a fault; about noise alone it says nothing, for that harms nothing.
+# Messages of fledge_board_node about faults. Noise alone needs none: the line corrects it.
 NAMED = {"reset": r"the board was reset in ", "gone": r"the device has vanished in ",
          "silent": r"the board has been silent for ", "unheard": r"(nothing has|bytes have|frames have) come"}
 AT_THE_START = "has vanished while it was opened"
@@ -98,7 +98,7 @@ class Line:
         self.ours.close()
 
     def pump(self, board: subprocess.Popen[bytes]) -> None:
-        """Pass what has come, at most 10 ms later."""
+        """Pass the bytes that have arrived, at most 10 ms later."""
         ready, _, _ = select.select([self.master, self.ours], [], [], 0.01)
         if self.ours in ready:
             bytes_ = self.receive(lambda: self.ours.recv(4096))
@@ -123,7 +123,7 @@ class Line:
             return b""
 
     def disturbed(self, bytes_: bytes, board: subprocess.Popen[bytes]) -> bytes:
-        """What comes of them at the other end."""
+        """The bytes that arrive at the other end."""
         out = bytearray()
         faults = self.faults
         for byte in bytes_:
@@ -151,7 +151,7 @@ class Line:
 
 class Flight(NamedTuple):
     code: int | None    # of the node; None: it did not end
-    text: str           # what it said
+    text: str           # its output
     record: bytes       # of flight
     exchange: bytes     # the record of what flight and the world read of each other
     passed: int         # bytes through the line
@@ -223,13 +223,13 @@ class Campaign:
             try:
                 os.dup2(out, 1)
                 os.dup2(out, 2)
-                cli_node._one(self.sim, self.job.scenario, self.world, options)
+                cli_node._single(self.sim, self.job.scenario, self.world, options)
             finally:
                 os._exit(0)
         return pid
 
     def verdict(self, faults: Plan, flown: Flight) -> str:
-        """What came of a flight; begins with "WRONG" if that must not be."""
+        """The result of a flight; begins with "WRONG" where it must not occur."""
         names = [name for name, text in NAMED.items() if re.search(text, flown.text)]
         if flown.code is None:
             return "WRONG: it did not end"
@@ -261,7 +261,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--duration", type=float, default=5.0, help="[s] of simulated time")
     parser.add_argument("--verbose", action="store_true", help="a line for each flight")
     options = parser.parse_args(arguments)
-    found: collections.Counter[str] = collections.Counter()
+    verdicts: collections.Counter[str] = collections.Counter()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(options.mission, options.duration, Path(folder))
         sizes = {record: flown.passed for record, flown in campaign.undisturbed.items()}
@@ -270,15 +270,15 @@ def main(arguments: list[str] | None = None) -> int:
             faults = plan(options.seed, number, sizes)
             flown = campaign.fly(faults, random.Random(f"{options.seed}/{number}/line"), str(number))
             verdict = campaign.verdict(faults, flown)
-            found[verdict] += 1
+            verdicts[verdict] += 1
             if options.verbose:
                 print(f"{number:5} {time.monotonic() - begin:6.2f} s  {verdict}; {faults}\n{flown.text}", flush=True)
             if verdict.startswith("WRONG"):
                 print(f"{verdict}; {faults}\n    python3 -m tests.line_faults --mission {options.mission} --duration "
                       f"{options.duration} --seed {options.seed} --first {number} --runs 1\n{flown.text}", flush=True)
-    for verdict, n in found.most_common():
+    for verdict, n in verdicts.most_common():
         print(f"{n:6}  {verdict}")
-    return int(any(verdict.startswith("WRONG") for verdict in found))
+    return int(any(verdict.startswith("WRONG") for verdict in verdicts))
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ pytestmark = pytest.mark.skipif(not shutil.which("gcc") or not (build_folder() /
 
 def campaign(runs, capsys):
     code = line_faults.main(["--runs", str(runs)])
-    said = capsys.readouterr().out
-    assert code == 0, said
-    return said
+    output = capsys.readouterr().out
+    assert code == 0, output
+    return output
 
 
 def test_each_flight_is_equal_or_names_its_fault(capsys):
@@ -26,8 +26,8 @@ def test_each_flight_is_equal_or_names_its_fault(capsys):
 
 @pytest.mark.long("a hundred flights, a second each")
 def test_each_of_many_flights_is_equal_or_names_its_fault(capsys):
-    said = campaign(int(RUNS or 100), capsys)
-    assert "equal" in said and "named" in said
+    output = campaign(int(RUNS or 100), capsys)
+    assert "equal" in output and "named" in output
 
 
 def test_a_difference_without_a_name_is_found():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mistakes that a person makes, and all that Fledge answers: tests/mistakes.txt, which a review reads.
+"""Mistakes of users, and Fledge's answers: tests/mistakes.txt, which a review reads.
 
     == A gain is negative
     flight.py
@@ -10,9 +10,9 @@
         exit 2
 
 A mistake has edits of the mission that `fledge new mission` makes: the text after `- ` stands once in the file, and the
-text after `+ ` takes its place; without `- `, the lines are added at the end of the file. Then it has what is typed:
+text after `+ ` takes its place; without `- `, the lines are added at the end of the file. Then come the inputs:
 a command, a request to a control room of the mission (`$ curl -X POST localhost:8080/...`), or Python (`>>> `) with
-`sim`, a simulation of the mission. What is answered follows, indented.
+`sim`, a simulation of the mission. Each answer follows its input, indented.
 
 `/usr/bin/python3 -m tests.mistakes` writes the answers anew, after one has changed or a mistake was added; with words,
 it prints those of the mistakes whose title contains them, and writes nothing.
@@ -54,7 +54,7 @@ class Mistake:
 
 
 def read(text: str) -> tuple[str, list[Mistake]]:
-    """(what stands before the first, the mistakes) of the file's text; the answers are left out."""
+    """(the text before the first, the mistakes) of the file, without the answers."""
     head, *parts = re.split(r"(?m)^== ", text)
     return head, [_mistake(*part.split("\n", 1)) for part in parts]
 
@@ -114,8 +114,8 @@ def answers(mistakes: list[Mistake]) -> list[list[str]]:
         for place in folders:
             if wrong := place.with_suffix(".log").read_text(encoding="utf-8"):
                 raise RuntimeError(wrong)
-        return [[_normal((place / f"{i}.txt").read_text(encoding="utf-8"), place) for i in range(len(one.typed))]
-                for one, place in zip(mistakes, folders)]
+        return [[_normal((place / f"{i}.txt").read_text(encoding="utf-8"), place) for i in range(len(mistake.typed))]
+                for mistake, place in zip(mistakes, folders)]
 
 
 def _make(mistake: Mistake, folder: Path) -> int:
@@ -192,16 +192,16 @@ def _python(text: str) -> int:
 
 def _request(words: list[str]) -> int:
     """curl -X POST localhost:8080/PATH -d TEXT, to a room of the mission whose flight stands."""
-    from fledge.ground.server.testing import asked
+    from fledge.ground.server.testing import response_of
 
     method, address, text = words[1], words[2], words[words.index("-d") + 1]
     Path("ground.toml").write_text(f'[[craft]]\nmission = "{MISSION}"\n', encoding="utf-8")
-    print("HTTP {}: {}".format(*asked(Path("ground.toml"), method, address.removeprefix("localhost:8080"), text)))
+    print("HTTP {}: {}".format(*response_of(Path("ground.toml"), method, address.removeprefix("localhost:8080"), text)))
     return 0
 
 
 def _normal(text: str, folder: Path) -> str:
-    """Without what differs from run to run and from machine to machine."""
+    """The text without the parts that differ from run to run or between machines."""
     text = text.replace(f"{folder.resolve()}/", "").replace(str(folder.resolve()), ".").replace(f"{ROOT}/", "")
     text = re.sub(r"flown    (\S+ s) in \S+ s(, [\d,]+ times real time)?", r"flown    \1 in ... s, ... times real time",
                   text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Fledge answers to the mistakes of tests/mistakes.txt is what the file says, and what a person has read."""
+"""Fledge answers the mistakes of tests/mistakes.txt with the text of the file, which was reviewed."""
 
 import subprocess
 import sys
@@ -20,5 +20,5 @@ def test_each_mistake_is_answered_as_the_file_says():
 def test_the_list_is_long_and_no_answer_is_a_traceback():
     text = mistakes.FILE.read_text(encoding="utf-8")
     assert len(mistakes.read(text)[1]) >= 60
-    for one in ("Traceback", "This is a defect of fledge", "__init__() "):
-        assert one not in text
+    for internal in ("Traceback", "This is a defect of fledge", "__init__() "):
+        assert internal not in text

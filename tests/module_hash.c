@@ -23,7 +23,7 @@ enum { SETS = 20, ROUNDS = 50, ROOM = 1 << 19 };
 
 extern const FledgeLibrary fledge_library_flight;
 
-/* What fields of a low orbit come to; those of other units to 1. */
+/* Sizes of fields in a low orbit; 1 for other units. */
 static const struct {
     char unit[12];
     double size;
@@ -67,7 +67,7 @@ static double size_of(const FledgeField *field)
     return 1.0;
 }
 
-/* Of what the field comes to, all or less; of a place that is not bounded, as far as the Sun too. */
+/* At most the size of the field; a position without bounds reaches as far as the Sun, too. */
 static double part_of(const FledgeField *field)
 {
     static const double parts[] = {1.0, 1.0, 0.1, 0.01}, places[] = {1.0, 1.0, 1.0, 2e4};
@@ -125,7 +125,7 @@ static int64_t whole_of(const FledgeField *field, int64_t t, int64_t epoch)
     }
 }
 
-/* Set what a field holds. bad: some numbers get any bits; 0: none, else one of so many. */
+/* Set the value of a field. bad: one of this many numbers gets any bits; 0: none. */
 static void set(const FledgeField *field, uint8_t *at, int64_t t, int64_t epoch, uint32_t bad)
 {
     const uint32_t width = field->type == FLEDGE_STRUCT ? field->sub->size : element_size(field->type);

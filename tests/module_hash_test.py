@@ -53,8 +53,8 @@ def test_most_modules_put_out_something_else_at_most_inputs(expected):
     assert sum(n > INPUTS / 5 for _, n in expected.values()) > 0.7 * len(expected)
 
 
-@pytest.mark.parametrize("target", ["linux", "aarch64", "leon3", *(pytest.param(one, marks=pytest.mark.long(
-    "compiles all of flight once more")) for one in ("sparc64", "cortex-m7", "riscv64"))])
+@pytest.mark.parametrize("target", ["linux", "aarch64", "leon3", *(pytest.param(target, marks=pytest.mark.long(
+    "compiles all of flight once more")) for target in ("sparc64", "cortex-m7", "riscv64"))])
 def test_each_module_computes_the_same_bits_there(target, expected, tmp_path):
     assert run_on(target, tmp_path) == expected
 

@@ -26,7 +26,7 @@ def test_no_cell_fails(path, tmp_path):
     notebook = nbformat.read(path, 4)
     client.NotebookClient(notebook, kernel_name="python3",
                           resources={"metadata": {"path": str(tmp_path)}}).execute()
-    outputs = [one for cell in notebook.cells for one in cell.get("outputs", ())]
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     kinds = [set(output.get("data", ())) for output in outputs]
     assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
     assert sum("text/html" in kind for kind in kinds) >= 5 and sum("image/png" in kind for kind in kinds) == 1
@@ -34,7 +34,7 @@ def test_no_cell_fails(path, tmp_path):
 
 @pytest.mark.long("starts a notebook's kernel")
 @SLOW
-def test_a_figure_is_shown_once_in_its_cell_and_again_where_it_is_asked_for(tmp_path):
+def test_a_figure_is_shown_once_in_its_cell_and_again_on_request(tmp_path):
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What flight knows by theories, against the world's truth: JPL's DE405, the Earth as ERFA and the IERS have it,
+// The theories of flight against the truth of the world: JPL's DE405, the Earth as ERFA and the IERS have it,
 // shadows of spheres, and the file of the World Magnetic Model.
 #include "flight/testing/eigen.h"
 #include "world/environment/earth_rotation.h"

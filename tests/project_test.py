@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge new` and `fledge --project`: what is begun builds, passes its tests and flies, outside this
-tree and without touching it; what cannot be is refused in words."""
+"""`fledge new` and `fledge --project`: a new project builds, passes its tests and flies, outside this
+tree and without a change of it; an impossible request ends with a message."""
 
 import importlib.util
 import os
@@ -19,7 +19,7 @@ from tests.tree import ROOT, files
 
 
 def fledge(*arguments, cwd, code=0):
-    """What `./fledge ARGUMENTS` prints; it must end with the exit code."""
+    """The output of `./fledge ARGUMENTS`, which must end with the exit code."""
     environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
     # Fledge, not the sanitizer, reports names that exist twice.
     environment["ASAN_OPTIONS"] = environment.get("ASAN_OPTIONS", "") + ":detect_odr_violation=0"
@@ -49,11 +49,11 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
     def shown(file, old, new_):
         before = (sat / file).read_text()
         replace(sat / file, old, new_)
-        said = fledge("list", cwd=sat, code=1).splitlines()
+        output = fledge("list", cwd=sat, code=1).splitlines()
         (sat / file).write_text(before)
-        start = next(i for i, line in enumerate(said) if line.startswith("fledge: the build failed; the whole log"))
-        assert len(said) - start < 12 and not any("FAILED" in line or "/usr/bin" in line for line in said)
-        return " ".join(said[start + 1:start + 3])
+        start = next(i for i, line in enumerate(output) if line.startswith("fledge: the build failed; the whole log"))
+        assert len(output) - start < 12 and not any("FAILED" in line or "/usr/bin" in line for line in output)
+        return " ".join(output[start + 1:start + 3])
 
     assert re.match(rf"{sat}/flight/spin.h:\d+: a number has a unit; `T` has none",
                     shown("flight/spin.h", "///< [s] ", "/// "))
@@ -98,24 +98,24 @@ def own(tmp_path_factory):
 
 @pytest.mark.long("builds and tests a project: 20 s")
 def test_its_tests_pass(own):
-    said = fledge("--project", own, "test", cwd=own)
-    assert said.splitlines()[-1] == "6 passed, 0 failed, 0 skipped"
+    output = fledge("--project", own, "test", cwd=own)
+    assert output.splitlines()[-1] == "6 passed, 0 failed, 0 skipped"
     assert fledge("--project", own, "test", "-k", "RateSmoother", cwd=own).splitlines()[-1].startswith("2 passed")
 
 
 def test_its_mission_flies_with_its_module_and_its_model(own):
-    said = fledge("--project", own, "run", "first_scan", cwd=own)
-    assert "passed" in said and (own / "runs/first_scan/acquire/run.mcap").exists()
-    said = fledge("--project", own, "list", "--ports", cwd=own)
+    output = fledge("--project", own, "run", "first_scan", cwd=own)
+    assert "passed" in output and (own / "runs/first_scan/acquire/run.mcap").exists()
+    output = fledge("--project", own, "list", "--ports", cwd=own)
     for expected in ("first_scan", "nadir_spin", "RateSmoother", ">> attitude      NavAttitude", "GasLeak"):
-        assert expected in said
+        assert expected in output
 
 
 @pytest.mark.long("builds and flies on a target")
 def test_it_flies_on_a_target_too(own):
     """Its module is compiled from its source, beside Fledge's; its model stays in the world."""
-    said = fledge("--project", own, "fly", "first_scan", "--for", "60s", "--on", "linux,cfs", cwd=own)
-    rows = {line.split()[0]: line.split() for line in said.splitlines() if line.startswith("  ")}
+    output = fledge("--project", own, "fly", "first_scan", "--for", "60s", "--on", "linux,cfs", cwd=own)
+    rows = {line.split()[0]: line.split() for line in output.splitlines() if line.startswith("  ")}
     for target in ("linux", "cfs"):
         assert rows[target][1:4] == ["121", rows["desktop"][2], "none"]
 
@@ -144,8 +144,8 @@ except SetupError as error:
 
 def test_its_objects_are_like_ours(own):
     """Snapshots and clones hold a model's own memory, and parameters are checked by the header."""
-    said = fledge("--project", own, "exec", "/usr/bin/python3", "-c", SCRIPT, cwd=own)
-    assert said.splitlines()[-1] == "RateSmoother.T must be > 0 s, found -1 s"
+    output = fledge("--project", own, "exec", "/usr/bin/python3", "-c", SCRIPT, cwd=own)
+    assert output.splitlines()[-1] == "RateSmoother.T must be > 0 s, found -1 s"
     stubs = own / "build" / os.environ.get("FLEDGE_PRESET", "release") / "stubs"
     assert "class RateSmoother(Module):" in (stubs / "_project_flight.pyi").read_text()
     assert "class GasLeak(Model):" in (stubs / "_project_world.pyi").read_text()
@@ -155,7 +155,7 @@ def test_its_objects_are_like_ours(own):
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="editors read the release build")
 def test_an_editor_finds_the_types_of_its_modules(own):
     """Checkers read pyproject.toml, as `fledge new project` wrote it: mypy as an editor runs it, for one file."""
-    def told():
+    def checked():
         done = subprocess.run(["/usr/bin/mypy", "--cache-dir", own / "build/.mypy_cache", flight, mission / "study.py"],
                               cwd=own, capture_output=True, text=True)
         return [line for line in done.stdout.splitlines() if ": error:" in line or "Revealed type" in line]
@@ -167,10 +167,10 @@ def test_an_editor_finds_the_types_of_its_modules(own):
         "reveal_type(fsw.RateSmoother(T=1 * s).attitude)\nreveal_type(world.GasLeak)\n"
         "reveal_type(fledge.load('first_scan'))\n")
     kinds = ["_fledge_flight.NavAttitude", "_project_world.GasLeak", "fledge.mission.simulation.Simulation"]
-    lines = told()
+    lines = checked()
     assert [kind in line for kind, line in zip(kinds, lines)] == [True, True, True] and len(lines) == 3
     replace(flight, "fsw.RateSmoother(T=", "fsw.RateSmoother(Tau=")
-    (error,) = [line for line in told() if "error" in line]
+    (error,) = [line for line in checked() if "error" in line]
     assert 'missions/first_scan/flight.py' in error and 'Unexpected keyword argument "Tau" for "RateSmoother"' in error
     replace(flight, "fsw.RateSmoother(Tau=", "fsw.RateSmoother(T=")
     (mission / "study.py").unlink()
@@ -181,8 +181,8 @@ def test_an_editor_finds_the_types_of_its_modules(own):
 @pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 def test_its_documents_have_its_modules_and_models(own):
     pages = own / "build/docs/html"
-    said = fledge("docs", cwd=own)      # what takes long shows its progress
-    assert said.endswith(f"fledge: open {pages}/index.html\n") and "WARNING" not in said
+    output = fledge("docs", cwd=own)      # a long command shows its progress
+    assert output.endswith(f"fledge: open {pages}/index.html\n") and "WARNING" not in output
     assert "build/docs/reference/index.html" in (pages / "index.html").read_text()
     modules = (pages / "build/docs/reference/big_bird-modules.html").read_text()
     assert 'id="ratesmoother"' in modules and "time constant" in modules
@@ -274,8 +274,8 @@ def test_a_copy_of_a_mission_flies_with_the_same_bits(name, tmp_path):
     new.project(tmp_path)
     new.mission(f"{name}_2", tmp_path, name)
     folder, flown = tmp_path / "missions" / f"{name}_2", []
-    for one in (name, folder):
-        sim = load(one)
+    for source in (name, folder):
+        sim = load(source)
         sim.run(2)
         flown.append(sim.snapshot())
     assert flown[0] == flown[1] and sim.name == f"{name}_2"
@@ -292,10 +292,10 @@ def test_a_copy_of_a_mission_flies_with_the_same_bits(name, tmp_path):
 def test_a_copy_of_the_cubesat_flies_on_a_target_and_passes_its_tests(tmp_path):
     fledge("new", "project", "sat", cwd=tmp_path)
     fledge("new", "mission", "my_cube", "--from", "cubesat", cwd=tmp_path / "sat")
-    said = fledge("fly", "my_cube", "imaging", "--on", "linux,leon3", "--for", "60s", cwd=tmp_path / "sat")
-    assert "passed   desktop, linux, leon3" in said
-    said = fledge("test", cwd=tmp_path / "sat")
-    assert " deselected" in said and re.search(r"^1\d passed, 0 failed, 0 skipped$", said, re.M)
+    output = fledge("fly", "my_cube", "imaging", "--on", "linux,leon3", "--for", "60s", cwd=tmp_path / "sat")
+    assert "passed   desktop, linux, leon3" in output
+    output = fledge("test", cwd=tmp_path / "sat")
+    assert " deselected" in output and re.search(r"^1\d passed, 0 failed, 0 skipped$", output, re.M)
 
 
 def test_files_that_a_mission_shares_are_found_from_its_copy(tmp_path):
@@ -344,7 +344,7 @@ def test_a_mission_that_could_not_fly_is_not_copied(name, source, answer, tmp_pa
     assert new.mission("again", other, str(other / "missions/flies"))[0]
 
 
-# --- what cannot be --------------------------------------------------------------------------------
+# --- refused requests ------------------------------------------------------------------------------
 
 @pytest.mark.long("configures a project several times")
 def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
@@ -353,38 +353,39 @@ def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
         fledge("--project", "bad", "new", "module", name, cwd=tmp_path)
     cmake = tmp_path / "bad/CMakeLists.txt"
     replace(cmake, "        flight/two\n", "")
-    said = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
+    output = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
     assert re.search(r"failed; the whole log is .*\n/.*/bad/flight/two.h:10: CMake compiles every module; it does not "
-                     r"compile flight/two.c; add flight/two below FLIGHT in fledge_project\(\) of CMakeLists.txt", said)
+                     r"compile flight/two.c; add flight/two below FLIGHT in fledge_project\(\) of CMakeLists.txt",
+                     output)
 
     (tmp_path / "bad/flight/two.c").unlink()
-    said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
-    assert re.search(r"cannot load the library .*libbad.so: .*undefined symbol: two_\w+; do its sources", said)
+    output = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
+    assert re.search(r"cannot load the library .*libbad.so: .*undefined symbol: two_\w+; do its sources", output)
 
     for path in (tmp_path / "bad/flight").glob("two*"):
         path.unlink()
     replace(cmake, "        flight/one\n", "")
-    said = fledge("--project", "bad", "exec", "/usr/bin/python3", "-c", "from fledge.flight import One", cwd=tmp_path,
-                  code=1)
-    assert said.splitlines()[-1].endswith(
+    output = fledge("--project", "bad", "exec", "/usr/bin/python3", "-c", "from fledge.flight import One", cwd=tmp_path,
+                    code=1)
+    assert output.splitlines()[-1].endswith(
         f"SetupError: there is no One: flight/one.h exists, but {cmake} does not list it: "
         "add flight/one below FLIGHT in fledge_project()")
     replace(cmake, "    FLIGHT\n", "    FLIGHT\n        flight/one\n        flight/won\n")
-    said = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
-    assert "CMakeLists.txt lists flight/won.c in fledge_project(), and there is no such file" in " ".join(said.split())
+    words = fledge("--project", "bad", "list", cwd=tmp_path, code=1).split()
+    assert "CMakeLists.txt lists flight/won.c in fledge_project(), and there is no such file" in " ".join(words)
     replace(cmake, "        flight/won\n", "")
 
     for path in (tmp_path / "bad/flight").glob("one*"):
         path.write_text(path.read_text().replace("one_", "hill_pointing_").replace("One", "HillPointing"))
-    said = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
+    output = fledge("--project", "bad", "list", cwd=tmp_path, code=2)
     assert ("the library bad declares HillPointing, and so does flight/guidance/hill_pointing.h of Fledge: "
-            "rename it") in said
+            "rename it") in output
 
 
 def test_a_project_that_is_none(tmp_path):
     assert "there is no project in nowhere" in fledge("--project", "nowhere", "list", cwd=tmp_path, code=1)
-    said = fledge("--project", tmp_path, "list", cwd=tmp_path, code=1)
-    assert f"(no CMakeLists.txt); './fledge new project {tmp_path}' makes one" in said
+    output = fledge("--project", tmp_path, "list", cwd=tmp_path, code=1)
+    assert f"(no CMakeLists.txt); './fledge new project {tmp_path}' makes one" in output
 
 
 def test_a_library_of_other_models_is_refused(tmp_path):

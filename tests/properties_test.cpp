@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all flight modules and world models keep, whatever they are given: numbers come from the tables, so that a new
+// Properties of all flight modules and world models, for any inputs: numbers come from the tables, so that a new
 // module or model is tested here without a line.
 #include "flight/testing/poison.h"
 #include "sim/error.h"
@@ -309,7 +309,7 @@ TEST(Modules, AfterBadInputsAModuleSpeaksAgain)
             }
             for (const FledgeField &field : sim::fields(module.type())) {
                 if (field.group != FLEDGE_OUT || std::string(field.sub->name) == "FlightEvent") {
-                    continue; // events come when there is something to say
+                    continue; // events are irregular
                 }
                 for (std::uint32_t at = field.offset; at < field.offset + field.size; at += field.sub->size) {
                     const auto spoilt = numbers(*field.sub, FLEDGE_NONE, module.memory() + at);
@@ -367,7 +367,7 @@ TEST(Modules, AnAttitudeThatIsLostEndsTheWheelsTorque)
     }
 }
 
-/// Numbers at which squares, inverses and products leave the range of a double, and the ends of what is allowed.
+/// Numbers whose squares, inverses and products leave the range of a double, and the bounds of the fields.
 std::vector<double> extremes()
 {
     std::vector<double> all;
@@ -480,8 +480,8 @@ struct World {
             if (auto *part = dynamic_cast<world::Effector *>(instance->model())) {
                 craft.attach(*part);
             }
-            if (auto *part = dynamic_cast<world::Asks *>(instance->model())) {
-                part->ask(*find(part->asks()).model());
+            if (auto *part = dynamic_cast<world::Consumer *>(instance->model())) {
+                part->set_source(*find(part->source_kind()).model());
             }
         }
         world::GravityBody mars;
@@ -524,7 +524,7 @@ struct World {
 
     std::shared_ptr<sim::Instance> shared(const std::string &name)
     {
-        return *std::find_if(instances.begin(), instances.end(), [&](const auto &one) { return one->name == name; });
+        return *std::find_if(instances.begin(), instances.end(), [&](const auto &each) { return each->name == name; });
     }
 
     sim::Instance &find(const std::string &name) { return *shared(name); }

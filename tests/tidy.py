@@ -3,8 +3,8 @@
 
     /usr/bin/python3 -m tests.tidy [SOURCE or FOLDER...]
 
-clang-tidy looks for its patterns in every header that a source includes, which takes longer than the source itself. So
-it reads generated files here that include many sources, and the headers once.
+clang-tidy searches for its patterns in every header that a source includes, which takes longer than the source. So it
+reads generated files here that include many sources, and the headers once.
 """
 import json
 import os
@@ -20,7 +20,7 @@ from tests.tree import ROOT, files
 
 FOLDER = ROOT / "build/tidy"
 MOST = 30   # sources in a file: with more, a processor would have no work at the end
-# What no build for this machine compiles needs headers of other systems, or is a copy, a test or a fuzzer.
+# Sources for other systems, copies, tests and fuzzers, which no build for this machine compiles.
 ELSEWHERE = {"testing", "templates", "examples", "guest", "cortex_m7", "leon3", "leon3_rtems", "micropython",
              "riscv64"}
 
@@ -32,7 +32,7 @@ def sources():
 
 
 def flags(command):
-    """Those of a compiler's command that decide what a source means."""
+    """The words of a compiler's command that change the meaning of a source."""
     words = shlex.split(command)
     return [word for word, before in zip(words, ["", *words])
             if word.startswith(("-I", "-D", "-std", "-isystem")) or before == "-isystem"]
@@ -44,7 +44,7 @@ def is_program(text):
 
 
 def own_names(text):
-    """What no second source in a file may declare, as far as clang-format's layout shows it."""
+    """The names that only one source in a file may declare, by the layout of clang-format."""
     inner = re.findall(r"^namespace \{$.*?^\} // namespace$", text, re.M | re.S)
     inner += re.findall(r"^(?:static|extern|int main).*", text, re.M)
     declared = re.findall(r"^[A-Za-z].*?\b(\w+)(?=\(|\[| = |\{| \{|;| : )", "\n".join(inner), re.M)
@@ -80,7 +80,7 @@ def units(chosen):
 
 
 def tidy(unit):
-    """What clang-tidy finds in the sources of a unit."""
+    """The findings of clang-tidy in the sources of a unit."""
     options, chosen = unit
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / "_".join(chosen[0].parts[-3:])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The repository's own files, for the tests that look at the text of it."""
+"""The repository's own files, for the tests that read their text."""
 
 import os
 from pathlib import Path

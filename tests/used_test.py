@@ -13,7 +13,7 @@ MISSIONS = Path(__file__).resolve().parents[1] / "missions"
 
 
 def used(library: str, text: str) -> set[str]:
-    """The names of a library (flight, world) that a file takes from it, by whatever name it imports that."""
+    """The names of a library (flight, world) that a file uses, under any name of the import."""
     return used_in(library, list(ast.walk(ast.parse(text))))
 
 
@@ -34,7 +34,7 @@ def test_a_mission_uses_each_module_and_model(name, kind):
     public = set(subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
                                 check=True).stdout.split())
     texts = [path.read_text() for path in MISSIONS.rglob("*.py") if not path.name.endswith("_test.py")]
-    named = {one for one in public - WITHOUT if not one.endswith(UNNAMED)}
+    named = {name for name in public - WITHOUT if not name.endswith(UNNAMED)}
     idle = named - set().union(*(used(name, text) for text in texts))
     assert len(public) > 30 and not idle, f"no mission uses {', '.join(sorted(idle))}: wire it into one, or delete it"
 

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How tests wait: for what must happen, however busy the machine is."""
+"""Waiting for a condition in tests, on a machine that may be busy."""
 import time
+from collections.abc import Callable
+from subprocess import Popen
+from typing import TypeVar
 
-PATIENCE = 600.0    # [s] where an interface wants a limit; shorter than that of a test, so that it speaks first
+T = TypeVar("T")
+PATIENCE = 600.0    # [s] for interfaces that need a limit; shorter than the limit of a test
 
 
-def wait_for(what, process=None, says=lambda: ""):
-    """Call it until it returns something, and return that; meanwhile a process must not end. says: what there is
-    instead, if that was in vain."""
+def wait_for(condition: Callable[[], T], process: Popen | None = None, details: Callable[[], object] = str) -> T:
+    """Call the condition until its result is true, and return that; meanwhile the process must not end. details: for
+    the message of a timeout."""
     end = time.monotonic() + PATIENCE
-    while not (found := what()):
+    while not (result := condition()):
         assert process is None or process.poll() is None, (
             f"{process.args} ended: {process.returncode}, {process.stdout and process.stdout.read()}")
-        assert time.monotonic() < end, f"waited in vain for {PATIENCE:g} s; {says()}"
+        assert time.monotonic() < end, f"waited in vain for {PATIENCE:g} s; {details()}"
         time.sleep(0.01)
-    return found
+    return result
