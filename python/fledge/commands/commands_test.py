@@ -32,10 +32,10 @@ def mission(tmp_path):
 
 
 def test_packets_are_those_of_the_header(mission):
-    found = mission.flight.commands.dictionary
-    packets, version = Packets(found), found.version.to_bytes(2, "big")
-    modules = [name for name, one in mission.flight.instances.items()
-               if any(f.group == "par" for f in objects.struct(one).fields)]
+    dictionary = mission.flight.commands.dictionary
+    packets, version = Packets(dictionary), dictionary.version.to_bytes(2, "big")
+    modules = [name for name, instance in mission.flight.instances.items()
+               if any(f.group == "par" for f in objects.struct(instance).fields)]
     control = modules.index("control").to_bytes(2, "big")
     wheels = modules.index("wheels").to_bytes(2, "big")
     place = {f.name: f.offset - objects.struct(mission.flight.control).fields[0].offset
@@ -67,7 +67,8 @@ def test_packets_are_those_of_the_header(mission):
         with pytest.raises(SetupError, match=text):
             wrong()
     two = packets.write("flight.control", K=2.0, u_I_max=1.0)       # other fields are between them
-    assert [one[6] for one in two] == [3, 3] and [struct.unpack(">d", one[16:])[0] for one in two] == [2, 1]
+    assert [command[6] for command in two] == [3, 3] and [
+        struct.unpack(">d", command[16:])[0] for command in two] == [2, 1]
 
 
 def test_the_live_dictionary_is_that_of_the_export(mission, tmp_path):
@@ -105,8 +106,8 @@ def test_the_version_changes_with_names_and_layouts(tmp_path):
 def test_commands_do_what_the_attributes_do(mission):
     sim, other = mission, mission.clone()
     f, g = sim.flight, other.flight
-    for one in (sim, other):
-        one.run(5 * s)
+    for twin in (sim, other):
+        twin.run(5 * s)
     f.commands.mode("rest")
     f.commands.write(f.control, K=3 * N * m)
     f.commands.write("vehicle", I_B=[700, 700, 801] * kg * m**2)
@@ -115,11 +116,11 @@ def test_commands_do_what_the_attributes_do(mission):
     assert f.control.K == 2.5 and f.active_mode == "wait" and f.wide.armed       # until the next instant
     g.enter("rest")
     g.control.K, g.vehicle.I_B, g.switch.rates, g.late.armed = 3, [700, 700, 801], [0, 0, 0.01], False
-    for one in (sim, other):
-        one.run(2 * s)
+    for twin in (sim, other):
+        twin.run(2 * s)
     assert f.control.K == 3 and f.active_mode == "rest" and not f.wide.armed
-    for name, one in f.instances.items():
-        assert objects.memory(one) == objects.memory(g.instances[name]), name
+    for name, twin in f.instances.items():
+        assert objects.memory(twin) == objects.memory(g.instances[name]), name
     assert objects.memory(sim.world.craft) == objects.memory(other.world.craft)
     assert f.vehicle.vehicle.head.t == 5_100_000_000                              # track is every 0.1 s
     assert f.commands.counters[:3] == (5, 5, 0)
@@ -155,8 +156,8 @@ def test_a_wrong_packet_is_reported_and_counted(mission, packet, reason):
     mission.run(5 * s)
     other.restore(before)
     other.run(5 * s)
-    for name, one in mission.flight.instances.items():
-        assert objects.memory(one) == objects.memory(other.flight.instances[name])
+    for name, instance in mission.flight.instances.items():
+        assert objects.memory(instance) == objects.memory(other.flight.instances[name])
 
 
 @pytest.mark.parametrize("axis, good", [([0, 0, 2], True), ([0, 0, 0], False)])
@@ -184,9 +185,9 @@ def test_refusals_of_what_was_accepted(mission):
     c.send(c.packets.packet(Code.COMMIT, struct.pack(">HH", control, 0)))
     c.send(c.packets.packet(Code.MODE, b"\0\1", version ^ 1))
     mission.run(1 * s)
-    found = [(Code(r.code).name, r.reason) for r in c.reports if not r.good]
-    assert found == [("MODE", Reason.PLACE), ("MODE", Reason.VERSION), ("WRITE", Reason.RULE),
-                     ("COMMIT", Reason.NOT_STAGED)]
+    refusals = [(Code(r.code).name, r.reason) for r in c.reports if not r.good]
+    assert refusals == [("MODE", Reason.PLACE), ("MODE", Reason.VERSION), ("WRITE", Reason.RULE),
+                        ("COMMIT", Reason.NOT_STAGED)]
     rule = next(r for r in c.reports if r.reason == Reason.RULE)
     assert c.dictionary.block("flight.control")[1].rules[rule.detail].name == "K"
     assert mission.flight.control.K == 2.5
@@ -204,8 +205,8 @@ def test_a_command_that_comes_again_is_refused_and_a_clone_counts_on(mission):
     mission.run(2 * s)
     assert mission.flight.control.K == 2.5 and c.counters.executed == 1
     before, other = mission.snapshot(), mission.clone()
-    for one in (c, c, other.flight.commands):                   # the clone's commands have made no packet yet
-        assert one.mode("rest")[0].good
+    for commands in (c, c, other.flight.commands):                   # the clone's commands have made no packet yet
+        assert commands.mode("rest")[0].good
     other.run(1 * s)
     assert other.flight.active_mode == "rest"
     new = fledge.load(mission.mission.folder)
@@ -259,8 +260,9 @@ def test_what_is_read_back_is_what_was_written(mission):
     c.read("control")
     mission.run(1 * s)
     block = c.dictionary.block("flight.control")[1]
-    found = values(block.fields, c.reports[-1].data)
-    assert found["K"] == 3 and found["P"] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]] and found["u_I_max"] == 0.1
+    parameters = values(block.fields, c.reports[-1].data)
+    assert parameters["K"] == 3 and parameters["P"] == [
+        [1, 2, 3], [4, 5, 6], [7, 8, 9]] and parameters["u_I_max"] == 0.1
 
 
 # --- values and telemetry --------------------------------------------------------------------------
@@ -281,8 +283,8 @@ def test_any_value_is_encoded_and_decoded():
 def test_an_enumerator_is_encoded_and_compared_by_its_short_and_its_whole_name():
     level = Field("e", "enum", 0, 4, [], "", "", {"LEVEL_LOW": -1, "LEVEL_HIGH": 4})
     assert encoded(level, "HIGH") == encoded(level, "LEVEL_HIGH") == struct.pack(">i", 4)
-    found = values([level], struct.pack(">i", 4))["e"]
-    assert found == "HIGH" and found == "LEVEL_HIGH" and found != "LOW" and found != 4 and {found: 1}["LEVEL_HIGH"]
+    label = values([level], struct.pack(">i", 4))["e"]
+    assert label == "HIGH" and label == "LEVEL_HIGH" and label != "LOW" and label != 4 and {label: 1}["LEVEL_HIGH"]
     with pytest.raises(SetupError, match="e has no enumerator 'HIHG'; did you mean 'HIGH'. it has LOW, HIGH"):
         encoded(level, "HIHG")
 
@@ -302,13 +304,13 @@ def test_long_parts_of_a_block_are_cut_between_numbers():
     block = Block("flight.part", "Part", 1608, False, fields, [(4, 2), (8, 200)], [])
     packets = Packets(Dictionary("cut", 0x1880, 0x0880, [], [], [block], []))
     written = packets.write("flight.part", k=7, table=[float(i) for i in range(200)])
-    places = [(int.from_bytes(one[12:16], "big"), len(one) - 16) for one in written]
-    reads = [(int.from_bytes(one[12:16], "big"), int.from_bytes(one[16:18], "big"))
-             for one in packets.read("flight.part", "table")]
-    for found, begin in ((places, 4), (reads, 8)):
-        assert found[0][0] == begin and sum(n for _, n in found) == 1608 - begin and len(found) == 4
-        assert all(at in (4, 8) or at % 8 == 0 for at, _ in found) and max(n for _, n in found) <= 512
-    data = b"".join(one[16:] for one in written)
+    places = [(int.from_bytes(packet[12:16], "big"), len(packet) - 16) for packet in written]
+    reads = [(int.from_bytes(packet[12:16], "big"), int.from_bytes(packet[16:18], "big"))
+             for packet in packets.read("flight.part", "table")]
+    for parts, begin in ((places, 4), (reads, 8)):
+        assert parts[0][0] == begin and sum(n for _, n in parts) == 1608 - begin and len(parts) == 4
+        assert all(at in (4, 8) or at % 8 == 0 for at, _ in parts) and max(n for _, n in parts) <= 512
+    data = b"".join(packet[16:] for packet in written)
     assert data == struct.pack(">I200d", 7, *range(200))
 
 
@@ -330,23 +332,23 @@ def test_a_script_is_read_as_it_was_written():
 
 
 def test_a_packet_that_is_none_is_refused(mission):
-    found = mission.flight.commands.dictionary
+    dictionary = mission.flight.commands.dictionary
     good = struct.pack(">HHHIH4x", 0x0881, 0xC000 + 3, 16 + 24 - 7, 7, 0x8000) + struct.pack(
         ">qHHHHHH4x", 5, 9, 2, 1, 8, 4, 0)
-    telemetry = decoded(found, good)
+    telemetry = decoded(dictionary, good)
     assert telemetry[:3] == ("reports", 3, 7.5)
     assert telemetry.content == Report(5, 9, 2, Stage.DONE, Reason.RULE, 4, b"")
     for bad in (good[:-1], good[:10], b"\x08\xFF" + good[2:]):
         with pytest.raises(SetupError, match="packet"):
-            decoded(found, bad)
+            decoded(dictionary, bad)
 
 
 def test_texts_of_flight_are_read_in_both_byte_orders(mission):
     for mark, order in (("<", "little"), (">", "big")):
-        found = replace(mission.flight.commands.dictionary, order=order)
+        dictionary = replace(mission.flight.commands.dictionary, order=order)
         body = struct.pack(mark + "qHHHHIi", 2_500_000_000, 4, 9, 12, 4, 3, 0) + b"over"
-        packet = struct.pack(">HHHIH4x", found.texts, 0xC005, 16 + len(body) - 7, 2, 0x8000) + body
-        read = decoded(found, packet)
+        packet = struct.pack(">HHHIH4x", dictionary.texts, 0xC005, 16 + len(body) - 7, 2, 0x8000) + body
+        read = decoded(dictionary, packet)
         assert read[:3] == ("texts", 5, 2.5)
         assert read.content == Text(2_500_000_000, Kind.PROCEDURE_KILLED, 9, 12, "over", 3)
         assert repr(read.content) == "<procedure killed, line 12: 'over', t = 2.5 s>"

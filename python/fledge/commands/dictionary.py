@@ -64,9 +64,9 @@ class EventId:
 
     def text(self, arguments: Sequence[float]) -> str:
         """FIRED monitor 3, value 0.21"""
-        found = [f"{name} {value:g}" + ("" if unit in ("-", "SI") else f" {unit}")
+        parts = [f"{name} {value:g}" + ("" if unit in ("-", "SI") else f" {unit}")
                  for (name, unit), value in zip(self.arguments, arguments)]
-        return f"{self.name} {', '.join(found)}".rstrip()
+        return f"{self.name} {', '.join(parts)}".rstrip()
 
 
 @dataclass
@@ -176,15 +176,15 @@ class Dictionary:
                 n = field.size // ELEMENTS[field.type].size
                 if index == path or index and not re.fullmatch(r"(\[\d+\])+", index):
                     continue
-                found = [int(one) for one in re.findall(r"\d+", index)]
+                indices = [int(digits) for digits in re.findall(r"\d+", index)]
                 if field.type == "char" or measure not in ("", "norm", "max_abs", "any"):
                     break
-                if measure and not found:
+                if measure and not indices:
                     return place, field, at, n
-                if (measure in ("", "any") and len(found) == len(field.shape)
-                        and all(map(int.__lt__, found, field.shape))):
+                if (measure in ("", "any") and len(indices) == len(field.shape)
+                        and all(map(int.__lt__, indices, field.shape))):
                     flat = 0
-                    for i, length in zip(found, field.shape):
+                    for i, length in zip(indices, field.shape):
                         flat = flat * length + i
                     return place, field, at + flat * ELEMENTS[field.type].size, 1
         raise SetupError(f"{path} is no number of an output of {self.name}: give one, as in "
@@ -299,20 +299,20 @@ class Dictionary:
         outputs = [Output(**(row | {"fields": fields(row["fields"]), "events": [
             EventId(**(e | {"arguments": tuple(map(tuple, e["arguments"]))})) for e in row["events"]]}))
             for row in whole["outputs"]]
-        found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
-                    whole["events"], blocks, outputs, whole["telemetry"]["order"])
-        found.guards = whole.get("guards", {})
+        dictionary = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
+                         whole["events"], blocks, outputs, whole["telemetry"]["order"])
+        dictionary.guards = whole.get("guards", {})
         if frames := whole.get("frames"):
             frames["keys"] = tuple(frames["keys"])
-            found.frames = Frames(**frames)
-        if found.version != whole["version"]:
-            raise SetupError(f"{file}: its version is {whole['version']}, but that of its lists {found.version}: it "
-                             "was changed by hand, or is of another version of Fledge; export it again")
-        return found
+            dictionary.frames = Frames(**frames)
+        if dictionary.version != whole["version"]:
+            raise SetupError(f"{file}: its version is {whole['version']}, but that of its lists {dictionary.version}: "
+                             "it was changed by hand, or is of another version of Fledge; export it again")
+        return dictionary
 
 
-def _plain(one: Block | Output) -> dict[str, Any]:
-    return {key: [list(r) for r in value] if key in ("rules", "runs") else value for key, value in asdict(one).items()}
+def _plain(row: Block | Output) -> dict[str, Any]:
+    return {key: [list(r) for r in value] if key in ("rules", "runs") else value for key, value in asdict(row).items()}
 
 
 def events_of(module: Any) -> list[EventId]:
@@ -320,8 +320,8 @@ def events_of(module: Any) -> list[EventId]:
     if module.events is None:
         return []
     begin = f"{snake(module.name).upper()}_"
-    said = [(value, name.removeprefix(begin), event_of(doc)) for name, value, doc in module.events[2]]
-    return [EventId(value, name, one.severity, one.arguments, one.meaning) for value, name, one in said]
+    rows = [(value, name.removeprefix(begin), event_of(doc)) for name, value, doc in module.events[2]]
+    return [EventId(value, name, event.severity, event.arguments, event.meaning) for value, name, event in rows]
 
 
 def _layout(fields: Sequence[Field]) -> list[Any]:
@@ -333,8 +333,8 @@ def frames_of(struct: Any, memory: bytes) -> Frames | None:
     """What a module's link carries, if it is a SpaceLink. memory: its own."""
     if struct.name != "SpaceLink":
         return None
-    found, start, end = parameters(struct)
-    return Frames.of(values(described(found, start), memory[start:end], "<" if sys.byteorder == "little" else ">"))
+    fields, start, end = parameters(struct)
+    return Frames.of(values(described(fields, start), memory[start:end], "<" if sys.byteorder == "little" else ">"))
 
 
 def block_of(path: str, struct: Any, configuration: bool) -> Block | None:

@@ -79,10 +79,10 @@ def byte_runs(fields: Sequence[Any]) -> list[tuple[int, int]]:
     return merged
 
 
-def place_of(items: Sequence[Item], names: Sequence[str], name: str, what: str, where: str) -> tuple[int, Item]:
+def place_of(items: Sequence[Item], names: Sequence[str], name: str, kind: str, where: str) -> tuple[int, Item]:
     """(place, item) of a name. Raises SetupError."""
     if name not in names:
-        raise SetupError(f"{where} has no {what} '{name}'{did_you_mean(name, names)} it has "
+        raise SetupError(f"{where} has no {kind} '{name}'{did_you_mean(name, names)} it has "
                          + listed(names, none="none"))
     return names.index(name), items[names.index(name)]
 
@@ -99,7 +99,7 @@ def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> byt
     if shape:
         if not hasattr(value, "__len__") or len(value) != shape[0]:
             raise SetupError(f"{field.name} has the shape {list(field.shape)}; found {value!r}")
-        return b"".join(encoded(field, one, shape[1:]) for one in value)
+        return b"".join(encoded(field, item, shape[1:]) for item in value)
     if field.type == "struct":
         missing = [f.name for f in field.fields if f.name not in value]
         if missing:
@@ -137,9 +137,9 @@ class Enumerator(str):
     short: str
 
     def __new__(cls, whole: str, short: str) -> Enumerator:
-        one = super().__new__(cls, whole)
-        one.short = short
-        return one
+        enumerator = super().__new__(cls, whole)
+        enumerator.short = short
+        return enumerator
 
     def __eq__(self, other: object) -> bool:
         return str.__eq__(self, other) is True or other == self.short

@@ -82,15 +82,15 @@ class Packets:
     def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> bytes:
         """Send packets of an output, or of all, at every so many of its writings. output: its path, or "housekeeping",
         which is written at each instant."""
-        found = self.dictionary
-        place = ALL if output is None else len(found.outputs) if output == "housekeeping" else found.output(output)[0]
+        place = ALL if output is None else len(self.dictionary.outputs) if output == "housekeeping" else \
+            self.dictionary.output(output)[0]
         return self._command(Code.TELEMETRY, place, bool(on), every)
 
     def read(self, module: str, field: str | None = None) -> list[bytes]:
         """Read back a field of the parameters, or all; their reports have the bytes."""
         place, block = self.dictionary.block(module)
-        one = self._field(block, field) if field else None
-        at, end = (one.offset, one.offset + one.size) if one else (0, block.size)
+        row = self._field(block, field) if field else None
+        at, end = (row.offset, row.offset + row.size) if row else (0, block.size)
         return [self._command(Code.READ, place, low, high - low) for low, high in cuts(at, end)]
 
     def write(self, module: str, **values: Any) -> list[bytes]:
@@ -115,9 +115,9 @@ class Packets:
 
     def load(self, module: str, block: bytes) -> list[bytes]:
         """The whole block of a module, big-endian, staged and committed."""
-        place, found = self.dictionary.block(module)
-        if len(block) != found.size:
-            raise SetupError(f"{module} has {found.size} bytes of parameters; found {len(block)}")
+        place, owner = self.dictionary.block(module)
+        if len(block) != owner.size:
+            raise SetupError(f"{module} has {owner.size} bytes of parameters; found {len(block)}")
         parts = [self._command(Code.STAGE, place, low, data=block[low:high]) for low, high in cuts(0, len(block))]
         return [*parts, self._command(Code.COMMIT, place, binascii.crc_hqx(block, 0xFFFF))]
 
@@ -170,7 +170,7 @@ class Packets:
 
     def control(self, action: Action, number: int = ALL, stored: Sequence[Stored] | None = None) -> bytes:
         """Start, stop, hold, release, inhibit or allow a list, or all. stored: what a list that starts must be."""
-        crc = binascii.crc_hqx(b"".join(packing.pack(">qHHHH", *one) for one in stored or []), 0xFFFF)
+        crc = binascii.crc_hqx(b"".join(packing.pack(">qHHHH", *command) for command in stored or []), 0xFFFF)
         return self._command(Code.CONTROL, number, action, crc if stored else 0)
 
     def delete(self, number: int = ALL, step: int = ALL) -> bytes:
@@ -262,8 +262,8 @@ class Packets:
         """
         path, rows, at = self._row("Housekeeping", "reports", place)
         if not numbers:
-            one = next(f for f in rows.fields if f.name == "on")
-            return self.write_bytes(path, {at + one.offset: encoded(one, int(on))})[0]
+            switch = next(f for f in rows.fields if f.name == "on")
+            return self.write_bytes(path, {at + switch.offset: encoded(switch, int(on))})[0]
         if len(numbers) > CHOICES:
             raise SetupError(f"a report has up to {CHOICES} numbers or fields; found {len(numbers)}")
         choices = [dict(zip(("output", "type", "offset", "n"), (output, NUMBERS.index(field.type), offset, n)))

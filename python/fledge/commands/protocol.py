@@ -14,13 +14,13 @@ from _fledge_protocol import (ALL, CHOICES, COMMAND_MAX, DATA_MAX, EVENT_RECORD,
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
-SERVICES = [one.name.lower() for one in Stream]     # and these the texts
+SERVICES = [stream.name.lower() for stream in Stream]     # and these the texts
 PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
 TURNS = 10_000                           # of a procedure in one instant, unless the caller says
 LARGEST = 1e100                          # of a parameter
 NAME_MAX = 127                           # [bytes] of a file's name on board
-NUMBERS = [one.name.lower() for one in Number if one != Number.STRUCT]      # FledgeType
-UNIT_STATES = [one.name.lower() for one in UnitState if one != UnitState.ABSENT]
+NUMBERS = [number.name.lower() for number in Number if number != Number.STRUCT]      # FledgeType
+UNIT_STATES = [state.name.lower() for state in UnitState if state != UnitState.ABSENT]
 HOUSEKEEPING_RECORD = WHOLE_HOUSEKEEPING[:-1]       # the spare at its end is not sent
 
 WHY = {

@@ -104,9 +104,9 @@ class Text(NamedTuple):
     lost: int                   # texts before it, for which there was no room
 
     def __repr__(self) -> str:
-        what = self.kind.name.lower().replace("_", " ")
+        kind = self.kind.name.lower().replace("_", " ")
         line = f", line {self.line}" if self.line else ""
-        return f"<{what}{line}: {self.text!r}, t = {self.t / 1e9:g} s>"
+        return f"<{kind}{line}: {self.text!r}, t = {self.t / 1e9:g} s>"
 
 
 class Event(NamedTuple):
@@ -187,18 +187,18 @@ def _content(dictionary: Dictionary, stream: int, body: bytes, mark: str) -> tup
 def _state(body: bytes, mark: str) -> dict[str, Any]:
     """Housekeeping. last: the sequence of the last command by the link from the ground; None: there was none."""
     numbers = iter(packing.unpack_from(mark + STATE, body))
-    found: dict[str, Any] = {name: next(numbers) if n == 1 else [next(numbers) for _ in range(n)]
+    state: dict[str, Any] = {name: next(numbers) if n == 1 else [next(numbers) for _ in range(n)]
                              for name, _, n in HOUSEKEEPING_RECORD}
-    found["reasons"] = {Reason(i): n for i, n in enumerate(found["reasons"]) if n}
-    found["last"] = found["last"] if found.pop("begun") else None
-    return found
+    state["reasons"] = {Reason(i): n for i, n in enumerate(state["reasons"]) if n}
+    state["last"] = state["last"] if state.pop("begun") else None
+    return state
 
 
 def _event(dictionary: Dictionary, body: bytes) -> Event:
     t, number, before, place, severity, kind, *arguments = packing.unpack(">" + EVENT, body)
     output = dictionary.outputs[place] if place < len(dictionary.outputs) else None
     unknown = EventId(kind, f"event {kind}", "", tuple((f"argument {i}", "-") for i in range(4)), "")
-    event = next((one for one in output.events if one.id == kind), unknown) if output else unknown
+    event = next((known for known in output.events if known.id == kind), unknown) if output else unknown
     return Event(t, output.path if output else f"output {place}", event.name,
                  dict(enumerate(SEVERITIES, 1)).get(severity, str(severity)),
                  dict(zip((name for name, _ in event.arguments), arguments)), number, before, event.text(arguments))
@@ -207,11 +207,11 @@ def _event(dictionary: Dictionary, body: bytes) -> Event:
 def _selected(dictionary: Dictionary, body: bytes) -> Selected:
     t, report, crc, left_out, n = packing.unpack_from(SELECTED, body)
     start = packing.calcsize(SELECTED)
-    data, at, found = body[start:start + n], 0, {}
+    data, at, chosen = body[start:start + n], 0, {}
     for i, choice in enumerate(dictionary.choices.get(crc, [])):
         if not left_out >> i & 1 and choice.field:
             end = at + ELEMENTS[choice.field.type].size * math.prod(choice.shape)
-            found[choice.path] = value_of(choice.field, data[at:end], choice.shape, ">")
+            chosen[choice.path] = value_of(choice.field, data[at:end], choice.shape, ">")
             at = end
-    return Selected(t, report, found if crc in dictionary.choices else None,
+    return Selected(t, report, chosen if crc in dictionary.choices else None,
                     [i for i in range(CHOICES) if left_out >> i & 1], data)

@@ -17,16 +17,16 @@ TABLE_MAGIC = b"FLTB"
 def table(dictionary: Dictionary, module: str, block: bytes | None = None, **values: Any) -> bytes:
     """The file of a table for Packets.load_table(): the parameters of a module. values: those that differ from the
     big-endian block; without a block, all of them."""
-    place, found = dictionary.block(module)
+    place, owner = dictionary.block(module)
     if block is None:
-        missing = [f.name for f in found.fields if f.name not in values and not f.name.startswith("spare")]
+        missing = [f.name for f in owner.fields if f.name not in values and not f.name.startswith("spare")]
         if missing:
             raise SetupError(f"a table has all parameters of {module}: give {listed(missing)} too, or a block")
-    elif len(block) != found.size:
-        raise SetupError(f"{module} has {found.size} bytes of parameters; found {len(block)}")
-    whole = bytearray(block or found.size)
+    elif len(block) != owner.size:
+        raise SetupError(f"{module} has {owner.size} bytes of parameters; found {len(block)}")
+    whole = bytearray(block or owner.size)
     for name, value in values.items():
-        field = place_of(found.fields, [f.name for f in found.fields], name, "parameter", module)[1]
+        field = place_of(owner.fields, [f.name for f in owner.fields], name, "parameter", module)[1]
         whole[field.offset:field.offset + field.size] = encoded(field, value)
     return packing.pack(TABLE, TABLE_MAGIC, dictionary.version, place, len(whole),
                         binascii.crc_hqx(whole, 0xFFFF)) + whole

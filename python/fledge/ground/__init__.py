@@ -64,10 +64,11 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     """
     if hasattr(where, "processes"):
         link = Simulated(where, process, radio)
-        found = link.process.commands.dictionary
+        dictionary = link.process.commands.dictionary
         mission = getattr(where, "mission", None)
         own = Path(mission.folder) / FILE if mission else None
-        return kind(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
+        framed = Framed(link, dictionary.frames, keys or own, role) if dictionary.frames else link
+        return kind(framed, dictionary, sequence)
     if str(where).startswith(("http://", "https://")):
         from fledge.ground.scripts.served import Served
 
@@ -77,13 +78,13 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
         raise SetupError("connect: a radio is in a simulation; give that in place of the address")
     if dictionary is None:
         raise SetupError("connect: give the dictionary: a file MISSION_packets.json of an export, or a mission's name")
-    found = dictionary_of(dictionary, process)
+    dictionary = dictionary_of(dictionary, process)
     if not isinstance(where, Link):
         options = f"&keys={keys}" * bool(keys) + f"&role={role}" * bool(role)
-        where = open_link(_with(str(where), options), accepts(found), found.frames)
-    elif found.frames and not isinstance(where, Framed):
-        where = Framed(where, found.frames, keys, role)
-    return kind(where, found, sequence)
+        where = open_link(_with(str(where), options), accepts(dictionary), dictionary.frames)
+    elif dictionary.frames and not isinstance(where, Framed):
+        where = Framed(where, dictionary.frames, keys, role)
+    return kind(where, dictionary, sequence)
 
 
 def perform(sim: Any, path: Path | str, radio: Any = None) -> None:
@@ -108,12 +109,12 @@ def _with(address: str, options: str) -> str:
     return address + ("" if "?" in address or not options else "?") + (options if "?" in address else options[1:])
 
 
-def dictionary_of(what: Dictionary | Path | str, process: str | None = None) -> Dictionary:
+def dictionary_of(source: Dictionary | Path | str, process: str | None = None) -> Dictionary:
     """That of a file MISSION_packets.json, or of a mission's flight process. Raises SetupError."""
-    if isinstance(what, Dictionary):
-        return what
-    if str(what).endswith(".json"):
-        return Dictionary.load(what)
+    if isinstance(source, Dictionary):
+        return source
+    if str(source).endswith(".json"):
+        return Dictionary.load(source)
     from fledge.mission import load
 
-    return flight_of(load(str(what)), process).commands.dictionary
+    return flight_of(load(str(source)), process).commands.dictionary

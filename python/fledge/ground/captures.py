@@ -84,10 +84,10 @@ def pieces(data: bytes, format: Format = Format()) -> Iterator[Piece]:
         from fledge import _ground
 
         try:
-            found = _ground.packets_of_frames(data, format.frames, skip, *format[2:])
+            rows = _ground.packets_of_frames(data, format.frames, skip, *format[2:])
         except ValueError as wrong:
             raise Failure(f"packets: {wrong}") from None
-        yield from (Piece(at, packet, None, problem, note) for at, packet, problem, note in found)
+        yield from (Piece(at, packet, None, problem, note) for at, packet, problem, note in rows)
     elif data[:4] in PCAP:
         yield from _datagrams(_pcap(data), skip)
     elif data[:4] == PCAPNG:
@@ -107,18 +107,18 @@ def _recorded(path: str | os.PathLike[str], skip: int) -> Iterator[Piece]:
     from fledge.archive import Archive
 
     record = Archive(path)
-    found: list[tuple] = []
+    rows: list[tuple] = []
     for topic, channel in record.topics.items():
         if channel.schema == "fledge/msg/GroundPacket":
-            found += (_archived(record._data, at) for at in channel._raw.offsets)
+            rows += (_archived(record._data, at) for at in channel._raw.offsets)
         elif channel.problem is None and {"n", "bytes"} <= set(channel.fields):
-            found += zip(record.time_ns(topic).tolist(), channel._raw.offsets, record[topic])
-    for time, at, message in sorted(found, key=lambda one: one[:2]):
+            rows += zip(record.time_ns(topic).tolist(), channel._raw.offsets, record[topic])
+    for time, at, message in sorted(rows, key=lambda row: row[:2]):
         if isinstance(message, bytes):
             yield Piece(at, message, time, "" if message else "a message whose packet has another size than it states")
             continue
         yield from packets(message["bytes"].tobytes()[:int(message["n"])], skip, at, time)
-    if record.problem or not found:
+    if record.problem or not rows:
         yield Piece(0, b"", None, record.problem or "a record without packets: fledge convert writes its values")
 
 

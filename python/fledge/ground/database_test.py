@@ -31,18 +31,18 @@ def test_a_second_reader_decodes_random_packets_of_random_databases_to_the_same_
         for _ in range(50):
             packet = database.packet()
             container, expected = second.decode(packet, "Root")
-            for one in both:
-                found = one.decode(packet, "Root")
+            for reader in both:
+                decoded = reader.decode(packet, "Root")
                 place = f"seed {seed}, packet {packet.hex()}"
-                assert (found.container or "/S/None") == f"/S/{container}", f"{place}: {found.reason}"
-                assert second.whole == (not found.reason), f"{place}: {found.reason}"
-                assert len(found.rows) == len(expected), f"{place}: {found.reason}\n{found.rows}\n{expected}"
-                for row, wanted in zip(found.rows, expected):
+                assert (decoded.container or "/S/None") == f"/S/{container}", f"{place}: {decoded.reason}"
+                assert second.whole == (not decoded.reason), f"{place}: {decoded.reason}"
+                assert len(decoded.rows) == len(expected), f"{place}: {decoded.reason}\n{decoded.rows}\n{expected}"
+                for row, wanted in zip(decoded.rows, expected):
                     assert row[0] == wanted[0], place
                     assert wanted[1] is None or same(row[1], wanted[1]), f"{place}: {row}, not {wanted}"
                     assert same(row[2], wanted[2]), f"{place}: {row}, not {wanted}"
             rows += len(expected)
-            whole += not found.reason
+            whole += not decoded.reason
     assert rows > 3 * CASES and whole > CASES / 4
 
 
@@ -68,18 +68,18 @@ def test_a_second_reader_encodes_random_commands_to_the_same_bytes_which_are_dec
                 read.encode("K", **given)
             continue
         try:
-            found = read.encode("K", **given)
+            encoded = read.encode("K", **given)
         except SetupError as reason:
             assert re.search("too few for|no raw number", str(reason)), f"seed {seed}: {reason}"
             continue
-        assert found.hex() == expected.hex(), f"seed {seed}: {given}"
+        assert encoded.hex() == expected.hex(), f"seed {seed}: {given}"
         done += 1
-        packet = read.decode_command(found)
-        assert (packet.command, packet.reason, (packet.bits + 7) // 8) == ("/S/K", "", len(found)), f"seed {seed}"
+        packet = read.decode_command(encoded)
+        assert (packet.command, packet.reason, (packet.bits + 7) // 8) == ("/S/K", "", len(encoded)), f"seed {seed}"
         values = packet.arguments | packet.header
         assert values.keys() == given.keys(), f"seed {seed}"
         if known(values):       # its calibrators have inverses
-            assert read.encode("K", **values) == found, f"seed {seed}: {values}, not {given}"
+            assert read.encode("K", **values) == encoded, f"seed {seed}: {values}, not {given}"
             again += 1
         for _ in range(3):      # of other bytes, no more than a reason
             other = read.decode_command(database.packet())
@@ -121,7 +121,7 @@ def test_a_folder_of_files_is_read():
     """A file is read alone, or with those of its folder whose space systems it names."""
     folder = Path(os.environ["FLEDGE_XTCE"])
     system = re.compile(r"<(?:\w+:)?SpaceSystem\b[^>]*?\bname=\"([^\"]+)\"")
-    files = {path: found[1] for path in sorted(folder.rglob("*.xml")) if (found := system.search(path.read_text()))}
+    files = {path: match[1] for path in sorted(folder.rglob("*.xml")) if (match := system.search(path.read_text()))}
     for path in files:
         together = [path]
         while True:
@@ -135,7 +135,7 @@ def test_a_folder_of_files_is_read():
                       and named and name == named[1]]
             if not beside:
                 break
-            together.append(min(beside, key=lambda one: one.stem.lower() != files[one].lower()))
+            together.append(min(beside, key=lambda path: path.stem.lower() != files[path].lower()))
         how = "refused" if reason else "read" if len(together) == 1 else f"read with {len(together) - 1} more"
         print(f"{how:16} {path.relative_to(folder)}" + (f"\n{'':17}{reason}" if reason else ""))
     assert files

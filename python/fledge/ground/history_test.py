@@ -58,17 +58,17 @@ def flown(craft, tmp_path):
 def test_what_was_live_is_found_again(craft, flown):
     monitor, sent, folder = flown
     history = _ground.History(str(folder), "imager", craft)
-    found = history.packets(limit=10_000)
-    assert [(t, received, one) for t, received, _, one in found] == sent
-    assert {path for _, _, path, _ in found} == {"/S/Power", None}
-    assert [one for *_, one in history.packets(container="undecoded")] == [one for *_, one in sent[3::10]]
+    stored = history.packets(limit=10_000)
+    assert [(t, received, packet) for t, received, _, packet in stored] == sent
+    assert {path for _, _, path, _ in stored} == {"/S/Power", None}
+    assert [packet for *_, packet in history.packets(container="undecoded")] == [packet for *_, packet in sent[3::10]]
     assert [t for t, *_ in history.packets(t1=500 * S, limit=3, backwards=True)] == [500 * S, 499 * S, 498 * S]
     t, value, low, high, *_ = history.series(["flight.power.bus"])["flight.power.bus"]
     live = monitor.newest(monitor.slot("flight.power.bus"))
     assert (t[-1], value[-1]) == (live[0], live[3])
-    kept = [i for i in range(1000) if i % 10 != 3]
-    assert t.dtype == np.int64 and (t == np.array(kept) * S).all()
-    assert value.tolist() == [0.01 * i for i in kept] and low.tolist() == high.tolist() == value.tolist()
+    decoded = [i for i in range(1000) if i % 10 != 3]
+    assert t.dtype == np.int64 and (t == np.array(decoded) * S).all()
+    assert value.tolist() == [0.01 * i for i in decoded] and low.tolist() == high.tolist() == value.tolist()
     t, value, low, high, *_ = history.series(["/S/bus"], 100 * S, 899 * S, points=8)["/S/bus"]
     assert t.tolist() == [i * S for i in range(199, 900, 100)]
     assert low.tolist() == [0.01 * i for i in range(100, 900, 100)]
@@ -83,12 +83,12 @@ def test_a_replay_gives_a_second_monitor_the_same(craft, flown):
     history = _ground.History(str(folder), "imager", craft)
     again = _ground.Monitor(craft)
     batches = list(history.replay(most=64))
-    assert max(map(len, batches)) <= 64 and all(one[-1][0] - one[0][0] <= S for one in batches)
+    assert max(map(len, batches)) <= 64 and all(batch[-1][0] - batch[0][0] <= S for batch in batches)
     for batch in batches:
         again.take(batch)
-    assert [one for batch in batches for one in batch] == sent
+    assert [packet for batch in batches for packet in batch] == sent
     assert again.newest(again.slot("flight.power.bus")) == monitor.newest(monitor.slot("flight.power.bus"))
-    part = [one for batch in history.replay(100 * S, 200 * S, span_ns=10**12) for one in batch]
+    part = [packet for batch in history.replay(100 * S, 200 * S, span_ns=10**12) for packet in batch]
     assert part == sent[100:201]
 
 
@@ -104,7 +104,7 @@ def test_packets_of_one_time_are_replayed_once_each(craft, tmp_path):
 
 def test_a_second_reader_finds_the_same_messages(flown):
     _, sent, folder = flown
-    found = []
+    messages = []
     for file in sorted((folder / "imager").glob("*.mcap")):
         record = Archive(file)
         assert record.complete, record.problem
@@ -112,8 +112,8 @@ def test_a_second_reader_finds_the_same_messages(flown):
         assert {*record.topics} == {"/imager/S/Power", "/imager/undecoded"}
         assert sum(topic.count for topic in record.topics.values()) == len(
             [t for topic in record.topics for t in record.time_ns(topic)])
-        found += [(one.time, one.packet) for one in captures.read(file)]
-    assert found == [(t, one) for t, _, one in sent]
+        messages += [(piece.time, piece.packet) for piece in captures.read(file)]
+    assert messages == [(t, packet) for t, _, packet in sent]
 
 
 def test_the_command_line_decodes_a_file_of_the_archive(flown, tmp_path, capsys):
@@ -217,17 +217,17 @@ def test_values_of_the_past_are_exact_and_have_the_state_that_they_had(tmp_path,
     history = _ground.History(str(tmp_path), "craft", database)
     seen = set()
     for begin, end in [(0, 400), *(sorted(chance.sample(range(400), 2)) for _ in range(20))]:
-        found = history.series(KINDS, begin * S, end * S, 0, -1, limits, True)
-        part = [one for one in expected if begin * S <= one[0] <= end * S]
+        series = history.series(KINDS, begin * S, end * S, 0, -1, limits, True)
+        part = [row for row in expected if begin * S <= row[0] <= end * S]
         for i, name in enumerate(KINDS):
-            t, value, _, _, concern, worst, (kind, exact) = found[name]
-            assert t.tolist() == [one[0] for one in part] and kind == {"bytes": "binary"}.get(name, name)
-            assert [repr(one) for one in exact] == [repr(one[1][i]) for one in part]
-            assert concern.tolist() == worst.tolist() == [one[2][i] for one in part], (name, begin, end)
-            seen |= {(name, one) for one in concern.tolist()}
+            t, value, _, _, concern, worst, (kind, exact) = series[name]
+            assert t.tolist() == [row[0] for row in part] and kind == {"bytes": "binary"}.get(name, name)
+            assert [repr(row) for row in exact] == [repr(row[1][i]) for row in part]
+            assert concern.tolist() == worst.tolist() == [row[2][i] for row in part], (name, begin, end)
+            seen |= {(name, row) for row in concern.tolist()}
         few = history.series(["natural"], begin * S, end * S, 5, -1, limits)["natural"]
-        assert max(few[5], default=0) == max(found["natural"][4], default=0) and len(few[0]) <= 5
-        assert few[4].tolist()[-1:] == found["natural"][4].tolist()[-1:]
+        assert max(few[5], default=0) == max(series["natural"][4], default=0) and len(few[0]) <= 5
+        assert few[4].tolist()[-1:] == series["natural"][4].tolist()[-1:]
     assert {("integer", 5), ("label", 3), ("text", 2)} <= seen
     assert not history.series(["natural"])["natural"][4].any()
     with pytest.raises(SetupError, match="text is no number but a text"):

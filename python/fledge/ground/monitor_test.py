@@ -26,10 +26,10 @@ def values_of(monitor, frame):
     magic, craft, version, t, n, texts = HEAD.unpack_from(frame)
     assert magic == 0x31444C46 and craft == 0 and len(frame) == 32 + 24 * n + texts
     slots = monitor.slots()
-    made = {}
+    values_by_slot = {}
     for i in range(n):
         slot, concern, status, zero, when, word = ROW.unpack_from(frame, 32 + 24 * i)
-        assert zero == 0 and slot not in made
+        assert zero == 0 and slot not in values_by_slot
         kind, labels = slots[slot]["kind"], slots[slot]["labels"]
         signed = word - (word >> 63 << 64)
         if status in (1, 3):
@@ -48,29 +48,29 @@ def values_of(monitor, frame):
             value = value.decode("utf-8", "replace") if kind == "text" else value
         else:
             value = word
-        made[slot] = (when, concern, status, value)
-    return version, t, made
+        values_by_slot[slot] = (when, concern, status, value)
+    return version, t, values_by_slot
 
 
 def test_newest_values_and_frames_of_random_packets_are_what_the_decoder_gives(tmp_path):
     seen = undecoded = grown = 0
     for seed in range(CASES // 50):
-        made = Random(seed)
-        database = read(tmp_path, made.text)
+        random = Random(seed)
+        database = read(tmp_path, random.text)
         monitor = _ground.Monitor(database, "Root")
         newest, known, t = {}, len(monitor.slots()), 0
         for _ in range(25):
-            batch = [(t := t + 1, 10 * t, made.packet()) for _ in range(2)]
+            batch = [(t := t + 1, 10 * t, random.packet()) for _ in range(2)]
             since = monitor.version
             notes = monitor.take(batch)
             before = dict(newest)
             for when, received, packet in batch:
-                found = database.decode(packet, "Root")
+                decoded = database.decode(packet, "Root")
                 bad = [note for note in notes if note[:3] == ("undecoded", when, received)]
-                assert [note[3:] for note in bad] == ([] if not found.reason else [(packet, found.reason)])
+                assert [note[3:] for note in bad] == ([] if not decoded.reason else [(packet, decoded.reason)])
                 undecoded += len(bad)
-                if not found.reason:
-                    newest.update({name: (when, received, raw, value) for name, raw, value in found.rows})
+                if not decoded.reason:
+                    newest.update({name: (when, received, raw, value) for name, raw, value in decoded.rows})
             first = [note[1] for note in notes if note[0] == "slots"]
             assert first[:1] == ([known] if len(monitor.slots()) > known else [])
             grown += len(first)
@@ -128,9 +128,9 @@ class Alarm:
 
     @staticmethod
     def ends(low, high, low_open, high_open, raw):
-        made = "" if low is None else f"min{'Ex' if low_open else 'In'}clusive='{low!r}' "
-        made += "" if high is None else f"max{'Ex' if high_open else 'In'}clusive='{high!r}' "
-        return made + ("rangeAppliesToCalibrated='false'" if raw else "")
+        attributes = "" if low is None else f"min{'Ex' if low_open else 'In'}clusive='{low!r}' "
+        attributes += "" if high is None else f"max{'Ex' if high_open else 'In'}clusive='{high!r}' "
+        return attributes + ("rangeAppliesToCalibrated='false'" if raw else "")
 
     def level(self, raw, value, last):
         """last: the raw value and the value before, or None."""
@@ -158,19 +158,19 @@ def test_limits_of_random_alarms_with_contexts_and_persistence_are_those_of_a_fe
         default = r.random() < 0.9
         xml = f"<DefaultAlarm minViolations='{alarm.violations}'>{alarm.inside_xml}</DefaultAlarm>" * default
         xml += "<ContextAlarmList>" + "".join(
-            f"<ContextAlarm minViolations='{one.violations}'>{one.inside_xml}<ContextMatch><Comparison "
+            f"<ContextAlarm minViolations='{context.violations}'>{context.inside_xml}<ContextMatch><Comparison "
             f"parameterRef='mode' value='{i}'/></ContextMatch></ContextAlarm>"
-            for i, one in enumerate(contexts)) + "</ContextAlarmList>"
+            for i, context in enumerate(contexts)) + "</ContextAlarmList>"
         types = f"<{kind}ParameterType name='x'>{encoding}{xml}</{kind}ParameterType>" + integer("u8")
         monitor = _ground.Monitor(read(tmp_path, spacecraft(types, {"mode": "u8", "x": "x"})))
         slot, levels, concern, last = monitor.slot("x"), [], 0, None
         for t in range(150):
             mode, raw = r.choice([0, 0, 1, 2]), r.randint(-90, 90) if r.random() < 0.3 else \
                 (last or [0])[0] + r.randint(-3, 3)
-            found = contexts[mode] if mode < len(contexts) else alarm if default else None
+            active = contexts[mode] if mode < len(contexts) else alarm if default else None
             value = calibrate(raw)
-            levels.append(found.level(raw, value, last) if found else 0)
-            n = found.violations if found else 1
+            levels.append(active.level(raw, value, last) if active else 0)
+            n = active.violations if active else 1
             now = min(levels[-n:]) if len(levels) >= n else 0
             assert monitor.take([(t, 0, struct.pack(">Bh", mode, raw))]) == \
                 ([("concern", slot, t, concern, now)] if now != concern else []), f"seed {seed}, packet {t}"
@@ -192,7 +192,7 @@ def test_labels_texts_and_numbers_that_are_none_have_their_concern(tmp_path):
         "<FloatParameterType name='f'><FloatDataEncoding sizeInBits='32'/><DefaultAlarm><StaticAlarmRanges>" \
         "<SevereRange minInclusive='-1' maxInclusive='1'/></StaticAlarmRanges></DefaultAlarm></FloatParameterType>"
     monitor = _ground.Monitor(read(tmp_path, spacecraft(types, {"e": "e", "s": "s", "f": "f"})))
-    assert [(one["name"], one["kind"], one["labels"], one["limits"]) for one in monitor.slots()] == [
+    assert [(row["name"], row["kind"], row["labels"], row["limits"]) for row in monitor.slots()] == [
         ("e", "label", ["OFF", "ON", "SAFE"], {}), ("s", "text", [], {}), ("f", "real", [], {"severe": [-1, 1]})]
     for e, s, f, expected in [(1, b"BAAA", 1.0, (0, 0, 0)), (0, b"AAAB", -1.0, (1, 2, 0)),
                               (2, b"xA\xFF\0", 1.5, (4, 0, 5)), (7, b"\0\0\0\0", float("nan"), (1, 0, 5))]:
@@ -225,9 +225,9 @@ def test_an_administrator_sets_limits_and_they_count_at_once(tmp_path):
     assert monitor.take([(5, 0, b"\x50")]) == []
     assert monitor.slots()[0]["replaced"] == {} and monitor.set_limits(0, None) == []
     assert monitor.slots()[0]["replaced"] is None and monitor.set_limits(0, None) == []
-    for limits, said in [({"warning": [3, 2]}, "from the lower to the higher number; found 3.0* to 2"),
-                         ({"warning": [float("nan"), 2]}, "found nan"), ({"loud": [1, 2]}, "found loud")]:
-        with pytest.raises(SetupError, match=said):
+    for limits, why in [({"warning": [3, 2]}, "from the lower to the higher number; found 3.0* to 2"),
+                        ({"warning": [float("nan"), 2]}, "found nan"), ({"loud": [1, 2]}, "found loud")]:
+        with pytest.raises(SetupError, match=why):
             monitor.set_limits(0, limits)
     with pytest.raises(SetupError, match="no slot 7; there are 1"):
         monitor.set_limits(7, {})
@@ -268,19 +268,19 @@ def test_derived_parameters_come_from_rows_of_their_inputs_in_the_order_of_packe
     assert monitor.put(product, t[:8], struct.pack("<d", float("nan"))) == []
     assert monitor.newest(product)[3:6] == (None, "uncalibrated", 2)
     assert len(monitor.rows(twice)) == 16 * 4
-    for bad, said in [(lambda: monitor.put(x, t, values), "x comes in packets"),
-                      (lambda: monitor.put(product, t, values[:8]), "found 3 and 1"),
-                      (lambda: monitor.put(product, b"123", b""), "8 bytes each; found 3"),
-                      (lambda: monitor.derive("x"), "there is a parameter x already"),
-                      (lambda: monitor.trigger([99]), "no slot 99"), (lambda: monitor.rows(9), "no trigger 9"),
-                      (lambda: monitor.changes(0, struct.pack("<I", 99)), "no slot 99"),
-                      (lambda: monitor.slot("prodct"), "no parameter prodct; near it: product"),
-                      (lambda: monitor.watch(["Z"]), "no container Z")]:
-        with pytest.raises(SetupError, match=said):
+    for bad, why in [(lambda: monitor.put(x, t, values), "x comes in packets"),
+                     (lambda: monitor.put(product, t, values[:8]), "found 3 and 1"),
+                     (lambda: monitor.put(product, b"123", b""), "8 bytes each; found 3"),
+                     (lambda: monitor.derive("x"), "there is a parameter x already"),
+                     (lambda: monitor.trigger([99]), "no slot 99"), (lambda: monitor.rows(9), "no trigger 9"),
+                     (lambda: monitor.changes(0, struct.pack("<I", 99)), "no slot 99"),
+                     (lambda: monitor.slot("prodct"), "no parameter prodct; near it: product"),
+                     (lambda: monitor.watch(["Z"]), "no container Z")]:
+        with pytest.raises(SetupError, match=why):
             bad()
 
 
-def test_packets_of_watched_containers_and_of_their_heirs_are_noted(tmp_path):
+def test_packets_of_watched_containers_and_of_their_heirs_get_a_note(tmp_path):
     heir = "<SequenceContainer name='H'><EntryList/><BaseContainer containerRef='P'><RestrictionCriteria><Comparison " \
         "parameterRef='x' value='1'/></RestrictionCriteria></BaseContainer></SequenceContainer>"
     monitor = _ground.Monitor(read(tmp_path, spacecraft(integer("u8"), {"x": "u8"}, heir)))
@@ -296,23 +296,23 @@ def test_packets_of_watched_containers_and_of_their_heirs_are_noted(tmp_path):
 def test_an_inspection_says_where_values_lie_and_which_comparison_failed(tmp_path):
     rows = stopped = 0
     for seed in range(CASES // 50):
-        made = Random(seed)
-        database = read(tmp_path, made.text)
+        random = Random(seed)
+        database = read(tmp_path, random.text)
         monitor = _ground.Monitor(database, "Root")
         for _ in range(20):
-            packet = made.packet()
-            found, plain = monitor.inspect(packet), database.decode(packet, "Root")
-            assert (found["container"], found["nearest"], found["reason"]) == \
+            packet = random.packet()
+            inspected, plain = monitor.inspect(packet), database.decode(packet, "Root")
+            assert (inspected["container"], inspected["nearest"], inspected["reason"]) == \
                 (plain.container, plain.nearest, plain.reason)
-            assert len(found["rows"]) == len(plain.rows) and (found["bit"] is None or found["reason"])
+            assert len(inspected["rows"]) == len(plain.rows) and (inspected["bit"] is None or inspected["reason"])
             bits = int.from_bytes(packet, "big")
-            for (name, raw, value, status, at, n), (wanted, raw_too, value_too) in zip(found["rows"], plain.rows):
+            for (name, raw, value, status, at, n), (wanted, raw_too, value_too) in zip(inspected["rows"], plain.rows):
                 assert name == wanted and same(raw, raw_too) and same(value, value_too)
                 assert at + n <= 8 * len(packet)
                 if isinstance(raw, bytes):
                     assert int.from_bytes(raw, "big") == bits >> 8 * len(packet) - at - n & (1 << n) - 1
                 rows += 1
-            stopped += found["bit"] is not None
+            stopped += inspected["bit"] is not None
     assert rows > CASES and stopped > CASES / 50
     text = spacecraft(integer("u8") + integer("u4", 4), {"a": "u4", "b": "u4", "c": "u8"}).replace(
         "name='P'", "name='P' abstract='true'").replace("</ContainerSet>", "".join(
@@ -321,8 +321,8 @@ def test_an_inspection_says_where_values_lie_and_which_comparison_failed(tmp_pat
             f"value='{i}'/><Comparison parameterRef='b' value='3'/></ComparisonList></RestrictionCriteria>"
             "</BaseContainer></SequenceContainer>" for i in range(2)) + "</ContainerSet>")
     monitor = _ground.Monitor(read(tmp_path, text))
-    found = monitor.inspect(b"\x14\x99")
-    assert (found["nearest"], found["bit"]) == ("/S/H1", 4) and "b == 3 (found 4)" in found["reason"]
+    inspected = monitor.inspect(b"\x14\x99")
+    assert (inspected["nearest"], inspected["bit"]) == ("/S/H1", 4) and "b == 3 (found 4)" in inspected["reason"]
     assert monitor.inspect(b"\x73\x99")["bit"] == 0
     short = monitor.inspect(b"\x13\x05")
     assert short["bit"] == 16 and "ends within c" in short["reason"] and short["rows"][1][4:] == (4, 4)
@@ -337,9 +337,9 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
             version = 0
             while not over.is_set() or version < taken:
                 version, frame = monitor.changes(version)
-                found = {value for _, _, _, value in values_of(monitor, frame)[2].values()}
-                if len(found) > 1 or found - {(version & 0xFFFFFF) * 10 + 9}:
-                    problems.append((version, found))
+                seen_values = {value for _, _, _, value in values_of(monitor, frame)[2].values()}
+                if len(seen_values) > 1 or seen_values - {(version & 0xFFFFFF) * 10 + 9}:
+                    problems.append((version, seen_values))
                 monitor.newest(7), monitor.version, monitor.inspect(bytes(200))
         except Exception as error:              # it is the main thread's to tell
             problems.append(error)
@@ -355,7 +355,7 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
     assert problems == []
 
 
-def test_strange_batches_and_packets_are_refused_or_noted(tmp_path):
+def test_strange_batches_and_packets_are_refused_or_get_a_note(tmp_path):
     types = integer("u8") + "<ArrayParameterType name='l' arrayTypeRef='u8'><DimensionList><Dimension><StartingIndex>" \
         "<FixedValue>0</FixedValue></StartingIndex><EndingIndex><DynamicValue><ParameterInstanceRef " \
         "parameterRef='n'/></DynamicValue></EndingIndex></Dimension></DimensionList></ArrayParameterType>" \

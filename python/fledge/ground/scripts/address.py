@@ -117,7 +117,7 @@ def _listening(address: str, text: str) -> tuple[str, int]:
     return host.strip("[]") or LOOPBACK, _whole(address, "a port", port, 65535)
 
 
-def _whole(address: str, what: str, text: str, most: int) -> int:
+def _whole(address: str, name: str, text: str, most: int) -> int:
     if not text.isascii() or not text.isdigit() or not 0 < int(text) <= most:
-        raise SetupError(f"{address}: {what} is a whole number from 1 to {most}; found '{text}'")
+        raise SetupError(f"{address}: {name} is a whole number from 1 to {most}; found '{text}'")
     return int(text)

@@ -175,8 +175,8 @@ def test_a_command_of_the_console_goes_by_radio(place):
             for _ in range(3):      # a wrong bit may cost one of them
                 ask("crafts/passing/send", {"name": "flight.noop", "arguments": {}})
             ask("crafts/passing/run", {"action": "go", "speed": 10})
-            wait_for(lambda: any(stage["stage"] == "completed" for one in ask("crafts/passing/sent")
-                                 for stage in one["stages"]), run)
+            wait_for(lambda: any(stage["stage"] == "completed" for row in ask("crafts/passing/sent")
+                                 for stage in row["stages"]), run)
         finally:
             run.send_signal(signal.SIGINT)
             run.wait()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fledge.ground.scripts.files import Files, Transfer
 
 _MAKERS = {"numbered", "packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
-HEARD = 10_000                                  # events that are known again
+EVENTS = 10_000                                  # events that are known again
 SHOWN = 8                                       # names of outputs in an error
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
 
@@ -64,30 +64,30 @@ class Newest:
 
     def selected(self, place: int) -> dict[str, Any]:
         """The numbers of a report of housekeeping by their paths. Raises SetupError if what it has is not known."""
-        found: Selected = self._content(f"selected {place}")
-        if found.values is None:
+        report: Selected = self._content(f"selected {place}")
+        if report.values is None:
             raise SetupError(f"another ground has defined the report {place} of {self._dictionary.name}: let "
                              "dictionary.learn() have what flight reads back of it")
-        return dict(found.values)
+        return dict(report.values)
 
     def __getitem__(self, path: str) -> Any:
         """An output's fields as a dict, or one field."""
         if path.endswith(".mode") and f"{path.removesuffix('mode')}housekeeping" in self._states:
             return self.mode
         known = [*self._outputs, *self._states]
-        output = next((one for one in known if path == one or path.startswith(f"{one}.")), None)
+        output = next((start for start in known if path == start or path.startswith(f"{start}.")), None)
         if output is None:
             raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, known)} "
                              f"it has {listed(known, SHOWN)}")
-        found = self._content(output) if output in self._outputs else self.housekeeping | (
+        value = self._content(output) if output in self._outputs else self.housekeeping | (
             {"mode": self.mode} if self._dictionary.modes else {})
         for name in path[len(output) + 1:].split(".") if path != output else []:
-            if not isinstance(found, dict) or name not in found:
-                known = list(found) if isinstance(found, dict) else []
+            if not isinstance(value, dict) or name not in value:
+                known = list(value) if isinstance(value, dict) else []
                 raise SetupError(f"{path}: there is no field '{name}'{did_you_mean(name, known)} it has "
                                  + listed(known, none="none"))
-            found = found[name]
-        return found
+            value = value[name]
+        return value
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -110,8 +110,8 @@ class _Path:
         path = f"{self._path}.{name}"
         if path in self._newest._beginnings:
             return _Path(self._newest, path)
-        found = self._newest[path]
-        return _Fields(found) if isinstance(found, dict) else found
+        value = self._newest[path]
+        return _Fields(value) if isinstance(value, dict) else value
 
 
 class _Fields(dict[str, Any]):
@@ -181,7 +181,7 @@ class Sent:
         """Whether a report is about one of these packets, and new."""
         if not any(sequence_of(packet) == report.sequence and packet[6] == report.code
                    for packet in self.packets) or any(
-                one[1:6] == report[1:6] for one in self.reports):
+                known[1:6] == report[1:6] for known in self.reports):
             return False
         self.reports.append(report)
         return True
@@ -238,7 +238,7 @@ class Craft:
         self.sent: list[Sent] = []
         self._packets = Packets(dictionary, sequence)
         self._sequences: dict[int, int] = {}        # the last of each stream
-        self._heard: dict[tuple[int, int, str], None] = {}  # number, time and output of the newest events
+        self._event_keys: dict[tuple[int, int, str], None] = {}  # number, time and output of the newest events
         self.in_step = link.numbers     #: flight has accepted a command from here
         self._files: Files | None = None
 
@@ -250,21 +250,21 @@ class Craft:
             self._files.close()
         self.link.close()
 
-    def command(self, what: str, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
+    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
         """Send a command, one that fledge.commands.Packets makes: command("mode", "science"), command("noop"),
         command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2). confirmed: it is
         meant, which a server of a control room asks for hazardous ones. Raises SetupError for what the mission does not
         have."""
-        made = self.made(what, *arguments, **values)
+        packets = self.packets(name, *arguments, **values)
         self.link.confirmed = confirmed
         try:
-            return self.send(made)
+            return self.send(packets)
         finally:
             self.link.confirmed = False
 
-    def made(self, what: str, *arguments: Any, **values: Any) -> list[bytes]:
+    def packets(self, name: str, /, *arguments: Any, **values: Any) -> list[bytes]:
         """The packets of such a command, for send()."""
-        return packets(self._packets, what, *arguments, **values)
+        return packets(self._packets, name, *arguments, **values)
 
     def numbered(self, packet: bytes) -> bytes:
         """A command that was made elsewhere, with the sequence that is next here, its length and its checksum."""
@@ -272,14 +272,14 @@ class Craft:
 
     def send(self, packets: Sequence[bytes]) -> Sent:
         """Send packets as they are, one change."""
-        one = Sent(self, packets)
-        self.sent.append(one)
-        self._leaves(one)
-        for place, packet in enumerate(one.packets):
-            one.packets[place] = self.link.send(packet) or packet
-        return one
+        sent = Sent(self, packets)
+        self.sent.append(sent)
+        self._before_send(sent)
+        for place, packet in enumerate(sent.packets):
+            sent.packets[place] = self.link.send(packet) or packet
+        return sent
 
-    def _leaves(self, one: Sent) -> None:
+    def _before_send(self, sent: Sent) -> None:
         """A command is about to be sent."""
 
     # --- files ---
@@ -309,14 +309,14 @@ class Craft:
         """Send a file. to: its name on board; None: the same. within: wait until it is there; None: go on, and send
         while the script waits for anything. class1: without acknowledgements. progress: is called as it goes.
         Raises SetupError, and NoAnswer if it does not arrive."""
-        one = self.files.put(local, to, class1, progress)
-        return one if within is None else one.completed(within)
+        transfer = self.files.put(local, to, class1, progress)
+        return transfer if within is None else transfer.completed(within)
 
     def fetch(self, name: str, to: str | os.PathLike[str] | None = None, *, within: Any = None, class1: bool = False,
               progress: Callable[[Transfer], Any] | None = None) -> Transfer:
         """Ask for a file on board. to: where it shall be, whole; None: under its name here. The others: as of put()."""
-        one = self.files.fetch(name, to, class1, progress)
-        return one if within is None else one.completed(within)
+        transfer = self.files.fetch(name, to, class1, progress)
+        return transfer if within is None else transfer.completed(within)
 
     def directory(self, name: str = "", within: Any = 6 * WITHIN) -> list[str]:
         """The names in a directory on board; those of directories end with /. Raises NoAnswer."""
@@ -342,8 +342,8 @@ class Craft:
                     self.take(arrived.popleft().packet)
                     absent = self._holds(condition)
             finally:
-                for one in arrived:
-                    self.take(one.packet)
+                for unit in arrived:
+                    self.take(unit.packet)
         if absent is not None:
             raise NoAnswer(self._missing(absent, otherwise, f" within {(end - begin) / 1e9:g} s"))
         return self.telemetry
@@ -359,47 +359,48 @@ class Craft:
     def receive(self, until: int) -> list[Timed]:
         """The link's `receive`, for callers that decode the packets themselves. File transfers go on meanwhile, so it
         may return [] earlier than `until`; and commands learn from the link what has arrived."""
-        found = self.link.receive(min(until, self._files.work()) if self._files else until)
-        self._hear()
-        return found
+        packets = self.link.receive(min(until, self._files.work()) if self._files else until)
+        self._poll_link()
+        return packets
 
     def take(self, packet: bytes) -> Telemetry | None:
         """A packet has come. None: the dictionary does not know it, and it is counted."""
         try:
-            found = decoded(self.dictionary, packet)
+            telemetry = decoded(self.dictionary, packet)
         except SetupError:
             self.refused += 1
             return None
         stream = int.from_bytes(packet[:2], "big")
-        gap = (found.sequence - self._sequences.get(stream, found.sequence - 1) - 1) % 0x4000
+        gap = (telemetry.sequence - self._sequences.get(stream, telemetry.sequence - 1) - 1) % 0x4000
         if gap < 0x2000:        # else it was overtaken, or comes again
             self.missed += gap
-            self._sequences[stream] = found.sequence
-            self.telemetry.put(found)
-        if isinstance(found.content, Report):
-            self._report(found.content)
-        elif isinstance(found.content, Text):
-            self.texts.append(found.content)
-        elif found.path == "files":
-            self.files.take(found.content)
-        elif isinstance(found.content, Event):
-            if (one := (found.content.number, found.content.t, found.content.output)) not in self._heard:
-                self._heard[one] = None
-                if len(self._heard) > HEARD:
-                    del self._heard[next(iter(self._heard))]
-                self.events.append(found.content)
-        return found
+            self._sequences[stream] = telemetry.sequence
+            self.telemetry.put(telemetry)
+        if isinstance(telemetry.content, Report):
+            self._report(telemetry.content)
+        elif isinstance(telemetry.content, Text):
+            self.texts.append(telemetry.content)
+        elif telemetry.path == "files":
+            self.files.take(telemetry.content)
+        elif isinstance(telemetry.content, Event):
+            key = (telemetry.content.number, telemetry.content.t, telemetry.content.output)
+            if key not in self._event_keys:
+                self._event_keys[key] = None
+                if len(self._event_keys) > EVENTS:
+                    del self._event_keys[next(iter(self._event_keys))]
+                self.events.append(telemetry.content)
+        return telemetry
 
-    def _hear(self) -> None:
+    def _poll_link(self) -> None:
         """What the link has learned of packets."""
         for packet, good in self.link.answers():
-            next((one for one in reversed(self.sent) if one.answered(packet, good)), None)
+            next((sent for sent in reversed(self.sent) if sent.answered(packet, good)), None)
 
     def _report(self, report: Report) -> None:
         if report.own:
             return
         if report.reason == Reason.SEQUENCE and not self.in_step and report.stage == Stage.ACCEPTED:
-            behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
+            behind = [sent for sent in self.sent if any(sequence_of(p) == report.sequence for p in sent.packets)]
             if behind and report.code in Code._value2member_map_:
                 self._count_on(report.detail + 1)
             return
@@ -407,7 +408,7 @@ class Craft:
             if report.reason == Reason.ABSENT and self._files:
                 self._files.absent()
             return
-        ours = next((one for one in reversed(self.sent) if one.take(report)), None)
+        ours = next((sent for sent in reversed(self.sent) if sent.take(report)), None)
         self.in_step = self.in_step or (report.good and ours is not None)      # other grounds' reports come here, too
 
     def _count_on(self, sequence: int) -> None:
@@ -418,9 +419,9 @@ class Craft:
             sequence = self._packets.sequence
         by = sequence - sequence_of(self.sent[0].packets[0])
         self._packets.sequence += by
-        for one in self.sent:
-            one.moved(by)
-            for packet in one.packets:
+        for sent in self.sent:
+            sent.moved(by)
+            for packet in sent.packets:
                 self.link.send(packet)
 
     def _holds(self, condition: Callable[[Newest], Any]) -> str | None:
@@ -441,24 +442,24 @@ class Craft:
         return f"the condition was not fulfilled{within}"
 
 
-def packets(maker: Packets, what: str, *arguments: Any, **values: Any) -> list[bytes]:
+def packets(maker: Packets, command: str, /, *arguments: Any, **values: Any) -> list[bytes]:
     """The packets of a command by its name and arguments. Raises SetupError."""
     known = [name for name in vars(Packets) if not name.startswith("_") and name not in _MAKERS]
-    if what not in known:
-        raise SetupError(f"there is no command '{what}'{did_you_mean(what, known)} there are {listed(known)}")
-    make = getattr(maker, what)
+    if command not in known:
+        raise SetupError(f"there is no command '{command}'{did_you_mean(command, known)} there are {listed(known)}")
+    make = getattr(maker, command)
     try:
         bound = signature(make).bind(*arguments, **values)
     except TypeError as error:
-        raise SetupError(f"{what} takes {', '.join(signature(make).parameters) or 'nothing'}: {error}") from None
-    if what == "write":
+        raise SetupError(f"{command} takes {', '.join(signature(make).parameters) or 'nothing'}: {error}") from None
+    if command == "write":
         _, block = maker.dictionary.block(bound.arguments["module"])
         units = {f.name: f.unit for f in block.fields}
         values = {name: _plain(value, f"{block.path}.{name}", units.get(name, "-")) for name, value in values.items()}
-    made = make(*arguments, **values)
-    if not made:
-        raise SetupError(f"{what}: give parameters and their values, as in K=3")
-    return [made] if isinstance(made, bytes) else list(made)
+    result = make(*arguments, **values)
+    if not result:
+        raise SetupError(f"{command}: give parameters and their values, as in K=3")
+    return [result] if isinstance(result, bytes) else list(result)
 
 
 def _plain(value: Any, path: str, unit: str) -> Any:

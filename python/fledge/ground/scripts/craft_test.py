@@ -14,8 +14,8 @@ from fledge.units import N, kg, m, minute, s
 
 @pytest.fixture()
 def craft():
-    with ground.connect(fledge.load("nadir_spin")) as one:
-        yield one
+    with ground.connect(fledge.load("nadir_spin")) as opened:
+        yield opened
 
 
 def test_commands_are_followed_to_their_execution_in_simulated_time(craft):
@@ -209,13 +209,13 @@ def test_a_ground_that_begins_anew_learns_what_was_chosen(served, tmp_path):
 
 
 def test_what_cannot_be_chosen_is_refused(served, craft):
-    packets, kept = served.flight.commands.packets, "flight.log.state.kept"
+    packets, number = served.flight.commands.packets, "flight.log.state.kept"
     for call, says in (
-            (lambda: packets.housekeeping(8, [kept]), "flight.chosen has the reports 0 to 7; found 8"),
-            (lambda: packets.housekeeping(0, 17 * [kept]), "up to 16 numbers or fields; found 17"),
+            (lambda: packets.housekeeping(8, [number]), "flight.chosen has the reports 0 to 7; found 8"),
+            (lambda: packets.housekeeping(0, 17 * [number]), "up to 16 numbers or fields; found 17"),
             (lambda: packets.housekeeping(0, ["flight.log.state"]), "flight.log.state is no number of an output"),
             (lambda: packets.filter_events(0, "flight.log.state", least="grave"), "no severity 'grave'"),
-            (lambda: craft.command("housekeeping", 0, [kept]), "has no module Housekeeping"),
+            (lambda: craft.command("housekeeping", 0, [number]), "has no module Housekeeping"),
     ):
         with pytest.raises(SetupError, match=says):
             call()
@@ -235,11 +235,11 @@ class Damaged(Link):
         self.link.send(packet)
 
     def receive(self, until):
-        found = []
+        packets = []
         for t, packet in self.link.receive(until):
-            found += [Timed(t, packet)] * (self.n not in self.losses) + [Timed(t, packet)] * (self.n in self.repeats)
+            packets += [Timed(t, packet)] * (self.n not in self.losses) + [Timed(t, packet)] * (self.n in self.repeats)
             self.n += 1
-        return found + ([Timed(until, b"\x08\x80no packet")] if self.n in self.losses else [])
+        return packets + ([Timed(until, b"\x08\x80no packet")] if self.n in self.losses else [])
 
 
 def test_lost_repeated_and_strange_packets_are_counted():

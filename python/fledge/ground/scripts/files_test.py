@@ -52,8 +52,8 @@ class Board(Link):
         self.carry(True, packet[8:])
 
     def receive(self, until):
-        found = []
-        while self.now < until and not found:
+        arrived = []
+        while self.now < until and not arrived:
             self.now = min(until, self.now + STEP)
             self.entity.time(self.now)
             while self.flying and self.flying[0][0] <= self.now:
@@ -61,11 +61,11 @@ class Board(Link):
                 if up:
                     self.entity.take(data)
                 else:
-                    found.append(Timed(self.now, data))
+                    arrived.append(Timed(self.now, data))
             if pdu := self.entity.next():
                 self.carry(False, struct.pack(">3H10x", self.dictionary.texts + 1 + SERVICES.index("files"), 0xC000,
                                               9 + len(pdu)) + pdu)
-        return found
+        return arrived
 
 
 DICTIONARY = ground.dictionary_of("nadir_spin")
@@ -91,7 +91,7 @@ def test_files_go_both_ways_at_the_rate_of_the_link(connected, tmp_path):
     plan, board = some(tmp_path / "plan", 30_000), tmp_path / "board"
     with connected() as craft:
         seen = []
-        sent = craft.put(plan, to="next", progress=lambda one: seen.append(one.done))
+        sent = craft.put(plan, to="next", progress=lambda transfer: seen.append(transfer.done))
         assert sent.completed(within=1 * minute) is sent and sent.ended and repr(sent) == \
             "<send plan as next: complete>"
         assert (board / "next").read_bytes() == plan.read_bytes()
@@ -120,8 +120,8 @@ def test_a_link_that_loses_repeats_and_delays_loses_no_byte(connected, tmp_path,
     with connected(loss=0.1, twice=0.05, seed=seed) as craft:
         some(board / "science", 20_000)
         both = [craft.put(plan), craft.fetch("science", to=tmp_path / "got")]
-        for one in both:
-            one.completed(within=10 * minute)
+        for transfer in both:
+            transfer.completed(within=10 * minute)
         assert craft.directory("", within=1 * minute) == ["plan", "science"]
     assert (board / "plan").read_bytes() == plan.read_bytes()
     assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
@@ -161,23 +161,23 @@ def test_cancel_suspend_and_resume(connected, tmp_path):
     with connected() as craft:
         some(board / "science", 300_000)
         for begin in [lambda: craft.put(plan, to="next"), lambda: craft.fetch("science", to=tmp_path / "got")]:
-            one = begin()
+            transfer = begin()
             craft.listen(2 * s)
-            one.suspend()
+            transfer.suspend()
             craft.listen(5 * s)
-            done = one.done
+            done = transfer.done
             craft.listen(100 * s)       # longer than the inactivity of the board
-            assert 0 < done == one.done and not one.ended and not one.problem
-            one.resume()
-            one.completed(within=1 * minute)
+            assert 0 < done == transfer.done and not transfer.ended and not transfer.problem
+            transfer.resume()
+            transfer.completed(within=1 * minute)
         assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
         for begin in [lambda: craft.put(plan, to="other"), lambda: craft.fetch("science", to=tmp_path / "more")]:
             for after in (1e-3, 2.0):
-                one = begin()
+                transfer = begin()
                 craft.listen(after)
-                one.cancel()
+                transfer.cancel()
                 with pytest.raises(ground.NoAnswer, match="it was cancelled"):
-                    one.completed(within=1 * minute)
+                    transfer.completed(within=1 * minute)
         craft.listen(10 * s)
         assert not craft.files.entity.busy and not craft.link.entity.busy
     assert {path.name for path in board.iterdir()} == {"next", "science"} and not (tmp_path / "more").exists()
@@ -215,16 +215,16 @@ def test_no_file_that_comes_replaces_another_one_and_hidden_names_are_refused(co
         assert craft.directory("") == [f"of{place}" for place in range(4)]
     assert [name for name, _ in craft.files.failed] == refused
     assert all(why == "the file store refused it" for _, why in craft.files.failed)
-    kept = {path.name: path.read_bytes() for path in down.iterdir()}
+    files = {path.name: path.read_bytes() for path in down.iterdir()}
     ours = [(board / f"of{place}").read_bytes() for place in (0, 1, 2, 3, 1)]
-    assert kept == dict(zip(["log", "log.2", "log.3", "log.4", "log.5"], ours)) | dict(
+    assert files == dict(zip(["log", "log.2", "log.3", "log.4", "log.5"], ours)) | dict(
         zip(["log.bin", "log.2.bin", "log.3.bin", "log.4.bin"], ours))
-    assert {one.name for one in craft.files.received} == kept.keys() - {"log.5"}
+    assert {received.name for received in craft.files.received} == files.keys() - {"log.5"}
 
 
 def test_files_that_come_are_whole_or_not_there_after_kill_9(connected, tmp_path):
     """FLEDGE_CASES: at how many instants. The other process tells of each file that has come."""
-    board, down, chance, told = tmp_path / "board", tmp_path / "down", Random(7), 0
+    board, down, chance, reported = tmp_path / "board", tmp_path / "down", Random(7), 0
     board.mkdir()
     down.mkdir()
     content = some(board / "of", 60_000).read_bytes()
@@ -245,13 +245,13 @@ def test_files_that_come_are_whole_or_not_there_after_kill_9(connected, tmp_path
         time.sleep(chance.uniform(0, 0.2))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        told += 1
+        reported += 1
         while more := os.read(ours, 100):
-            told += len(more)
+            reported += len(more)
         os.close(ours)
-        kept = [path for path in down.iterdir() if not path.name.startswith(".")]
-        assert len(kept) >= told and all(one.read_bytes() == content for one in kept)
-    print(f"{told} files told, {len(kept)} found")
+        files = [path for path in down.iterdir() if not path.name.startswith(".")]
+        assert len(files) >= reported and all(path.read_bytes() == content for path in files)
+    print(f"{reported} files reported, {len(files)} there")
 
 
 def test_by_hand(tmp_path, monkeypatch, capsys):
@@ -286,8 +286,8 @@ class Hostile(Board):
         if not up:
             self.old.append(data)
             for _ in range(3):
-                one = self.forged(data[16:])
-                super().carry(False, data[:4] + (9 + len(one)).to_bytes(2, "big") + data[6:16] + one)
+                pdu = self.forged(data[16:])
+                super().carry(False, data[:4] + (9 + len(pdu)).to_bytes(2, "big") + data[6:16] + pdu)
 
     def pdu(self, directive, body, sequence, large=0, to_sender=0, source=CRAFT):
         kind = 0x10 if directive is None else 0
@@ -326,8 +326,8 @@ def test_forged_pdus_bring_nothing_down_and_honest_files_arrive(tmp_path, seed):
         craft.files = Files(craft, down, timeout=2 * s)
         some(board / "science", 20_000, 2)
         both = [craft.put(plan, to="next"), craft.fetch("science", to=tmp_path / "got")]
-        for one in both:
-            one.completed(within=5 * minute)
+        for transfer in both:
+            transfer.completed(within=5 * minute)
         assert craft.directory("", within=1 * minute) == ["next", "science"]
         assert len(craft.files._messages) < 300 and len(craft.files.received) < 300
     assert (board / "next").read_bytes() == plan.read_bytes()

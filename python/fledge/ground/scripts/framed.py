@@ -32,7 +32,7 @@ class Framed(Link):
             raise SetupError("a secured link needs its file of keys: keys=\"link.keys\"")
         if frames.secured and not (0 <= role < len(frames.keys) - 1 and frames.keys[role]):
             raise SetupError(f"role {role} has no key; the mission gives keys to the roles "
-                             + ", ".join(str(i) for i, one in enumerate(frames.keys[:-1]) if one))
+                             + ", ".join(str(i) for i, key in enumerate(frames.keys[:-1]) if key))
         session = link.origin % 2**29
         self._association = (str(keys), role, session)
         self._end = _ground.SpaceLink(
@@ -75,8 +75,8 @@ class Framed(Link):
 
     def answers(self) -> list[tuple[bytes, bool]]:
         with self._lock:
-            found, self._answers = self._answers, []
-        return found
+            answers, self._answers = self._answers, []
+        return answers
 
     def receive(self, until: int) -> list[Timed]:
         while True:
@@ -84,15 +84,15 @@ class Framed(Link):
                 self._work()
                 due = self._end.due
             arrived = self.link.receive(min(until, max(due, self.t + 1)))
-            found: list[Timed] = []
+            packets: list[Timed] = []
             with self._lock:
-                for one in arrived:
-                    found += (Timed(one.t, packet) for packet in self._end.take(one.packet))
+                for unit in arrived:
+                    packets += (Timed(unit.t, packet) for packet in self._end.take(unit.packet))
                 self._work()
                 answered = bool(self._answers)
             self.skipped, self.dropped = self.link.skipped + self._end.counts["skipped"], self.link.dropped
-            if found or answered or self.t >= until or not arrived and self.link.wait is not None:
-                return found
+            if packets or answered or self.t >= until or not arrived and self.link.wait is not None:
+                return packets
 
     def close(self) -> None:
         self.link.close()

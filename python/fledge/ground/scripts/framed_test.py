@@ -29,14 +29,14 @@ FULL = ", command_channel=1, cop1=1, cltu=1, segments=1, idle=2"
 
 @pytest.fixture
 def load(tmp_path):
-    def made(more=FULL, flight=FLIGHT):
+    def mission(more=FULL, flight=FLIGHT):
         folder = tmp_path / "plays"
         folder.mkdir(exist_ok=True)
         (folder / "flight.py").write_text(flight + LINK.format(more=more))
         (folder / "world.py").write_text(WORLD)
         return fledge.load(folder)
 
-    return made
+    return mission
 
 
 def test_a_command_is_confirmed_by_the_link_and_executed(load):
@@ -121,14 +121,14 @@ def test_the_dictionary_says_which_frames_a_mission_speaks(load, tmp_path):
     sim = load()
     mission = read(sim)
     paths = write(mission, tmp_path / "out", emit_commands(mission))
-    found = Dictionary.load(next(path for path in paths if path.suffix == ".json"))
-    assert found.frames == Frames(68, 1, 0, cop1=1, cltu=1, segments=1) and found.uplink == 1186
-    assert found.downlink == 1024
-    made = link_of("udp://127.0.0.1:1?listen=2&timer=2&limit=3", None, found.frames)
-    assert made.__closure__
+    dictionary = Dictionary.load(next(path for path in paths if path.suffix == ".json"))
+    assert dictionary.frames == Frames(68, 1, 0, cop1=1, cltu=1, segments=1) and dictionary.uplink == 1186
+    assert dictionary.downlink == 1024
+    opener = link_of("udp://127.0.0.1:1?listen=2&timer=2&limit=3", None, dictionary.frames)
+    assert opener.__closure__
     there, here = 20123, 20124
-    with open_link(f"udp://127.0.0.1:{here}?listen={there}", None, found.frames) as link:
-        assert isinstance(link, ground.Framed) and link.frames == found.frames
+    with open_link(f"udp://127.0.0.1:{here}?listen={there}", None, dictionary.frames) as link:
+        assert isinstance(link, ground.Framed) and link.frames == dictionary.frames
     with open_link(f"udp://127.0.0.1:{here}?listen={there}&frames=68") as link:
         assert isinstance(link, ground.Framed) and link.frames == Frames()
 
@@ -173,26 +173,26 @@ class Lossy(ground.Link):
     """Loses 20 % of the units both ways, and now and then replays any that it has heard."""
 
     def __init__(self, link):
-        self.link, self.random, self.heard = link, random.Random(2), ([], [])
+        self.link, self.random, self.received = link, random.Random(2), ([], [])
 
     @property
     def t(self):
         return self.link.t
 
-    def _passed(self, heard, units):
+    def _passed(self, received, units):
         for unit in units:
-            heard.append(unit)
+            received.append(unit)
             if self.random.random() > 0.2:
                 yield unit
             if self.random.random() < 0.3:
-                yield self.random.choice(heard)
+                yield self.random.choice(received)
 
     def send(self, unit):
-        for one in self._passed(self.heard[0], [unit]):
-            self.link.send(one)
+        for passed in self._passed(self.received[0], [unit]):
+            self.link.send(passed)
 
     def receive(self, until):
-        return list(self._passed(self.heard[1], self.link.receive(until)))
+        return list(self._passed(self.received[1], self.link.receive(until)))
 
 
 class Forging(Lossy):
@@ -202,20 +202,20 @@ class Forging(Lossy):
     forged = 3
 
     def receive(self, until):
-        found = []
-        for one in self.link.receive(until):
-            self.heard[1].append(one)
+        units = []
+        for unit in self.link.receive(until):
+            self.received[1].append(unit)
             for _ in range(self.forged):
-                old = bytearray(self.random.choice(self.heard[1]).packet)
+                old = bytearray(self.random.choice(self.received[1]).packet)
                 for _ in range(self.random.randrange(3)):
                     place = self.random.choice([self.random.randrange(6, len(old)), self.random.randrange(4),
                                                 len(old) - 3 - self.random.randrange(4)])
                     old[place] ^= 1 << self.random.randrange(8)
                 if self.random.random() < 0.8:
                     old[-2:] = binascii.crc_hqx(bytes(old[:-2]), 0xFFFF).to_bytes(2, "big")
-                found.append(one._replace(packet=bytes(old)))
-            found.append(one)
-        return found
+                units.append(unit._replace(packet=bytes(old)))
+            units.append(unit)
+        return units
 
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FLEDGE_CASES", "2"))))
@@ -238,7 +238,7 @@ def test_no_forged_frame_is_authentic_and_commands_go_on(secured, seed):
     counts = craft.link.counts
     assert counts["tag"] + counts["replay"] > 5
     alone = ground.Framed(forging.link, craft.dictionary.frames, sim.mission.folder / "link.keys")
-    sent = {packet for unit in forging.heard[1] for packet in alone._end.take(unit.packet)}
+    sent = {packet for unit in forging.received[1] for packet in alone._end.take(unit.packet)}
     assert taken and taken <= sent, "only what flight has sent"
 
 
@@ -251,7 +251,7 @@ SECURED = """
 
 @pytest.fixture
 def secured(tmp_path):
-    def made(at=(0,), cop1=1):
+    def secure(at=(0,), cop1=1):
         folder = tmp_path / f"resets{cop1}"
         folder = reset_test.mission(folder, at, 3.0)
         file = folder / "flight.py"
@@ -260,7 +260,7 @@ def secured(tmp_path):
             assert cli.main(["keys", "link", str(folder / "link.keys")]) == 0
         return fledge.load(folder)
 
-    return made
+    return secure
 
 
 @pytest.mark.parametrize("cop1", [0, 1])
@@ -279,7 +279,7 @@ def test_resets_of_the_computer_let_nothing_old_pass_and_lock_no_ground_out(secu
         except ground.NoAnswer:
             failed += 1
         if len(craft.sent) % 10 == 0:                       # all that was heard comes once more
-            for unit in list(link.heard[0]):
+            for unit in list(link.received[0]):
                 link.link.send(unit)
     assert len(sim.flight.outages) == 2 and len(craft.sent) > 40
     order = [report.sequence for report in commands.reports if report.executed == 1 and report.good]
@@ -328,8 +328,8 @@ def test_frames_pass_by_a_radio_with_wrong_bits():
     sim.run(9 * minute)
     craft = ground.connect(sim, radio=radio)
     sent = [craft.command("noop") for _ in range(60)]
-    for one in sent:
-        one.delivered(within=2 * minute)
+    for command in sent:
+        command.delivered(within=2 * minute)
     done = [report.sequence for report in f.commands.reports if report.executed]
     assert done == sorted(set(done)) and len(done) == 60
     assert radio.up_traffic.damaged > 10 and radio.down_traffic.damaged > 10

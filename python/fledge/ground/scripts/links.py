@@ -98,7 +98,7 @@ class Splitter:
     def feed(self, data: bytes) -> list[bytes]:
         """The packets that are whole now."""
         self._rest += data
-        at, found = 0, []
+        at, packets = 0, []
         while len(self._rest) - at >= PACKET_LEAST:
             header = bytes(self._rest[at:at + 6])
             if not self._accepts(header):
@@ -108,10 +108,10 @@ class Splitter:
             end = at + int.from_bytes(header[4:], "big") + PACKET_LEAST
             if end > len(self._rest):
                 break
-            found.append(bytes(self._rest[at:end]))
+            packets.append(bytes(self._rest[at:end]))
             at = end
         del self._rest[:at]
-        return found
+        return packets
 
 
 class Raw:
@@ -145,9 +145,9 @@ class _ByTheClock(Link):
             self._work(min(max(rest, 0), SLICE) / 1e9)
             if rest <= 0:
                 break
-        found = list(self._arrived)
+        packets = list(self._arrived)
         self._arrived.clear()
-        return found
+        return packets
 
     @abstractmethod
     def _work(self, wait: float) -> None:
@@ -179,7 +179,7 @@ class Udp(_ByTheClock):
                 for _ in range(AT_ONCE):
                     data = self._socket.recv(PACKET_MOST)
                     whole, rest = ([data], b"") if self.raw else split(data)
-                    self._arrived.extend(Timed(self.t, one) for one in whole)
+                    self._arrived.extend(Timed(self.t, packet) for packet in whole)
                     self.skipped += len(rest)
             except (BlockingIOError, ConnectionRefusedError):   # no more; an earlier datagram found no receiver
                 pass
@@ -324,45 +324,45 @@ class Streams(_ByTheClock):
     def _splitter(self) -> Splitter | Raw:
         return Raw() if self.raw else Splitter(self._accepts)
 
-    def _leave(self, one: _Stream, expected: bool = False) -> None:
-        if one in self._streams:
-            self._streams.remove(one)
-            self._gone += one.splitter.skipped
-            one.end.close()
+    def _leave(self, stream: _Stream, expected: bool = False) -> None:
+        if stream in self._streams:
+            self._streams.remove(stream)
+            self._gone += stream.splitter.skipped
+            stream.end.close()
         if not self._server and not expected:
             raise ConnectionError(GONE)
 
     def _work(self, wait: float) -> None:
-        for one in [stream for stream in self._streams if stream.broken]:
-            self._leave(one)
+        for stream in [stream for stream in self._streams if stream.broken]:
+            self._leave(stream)
         streams = {stream.end: stream for stream in self._streams}
         server = [self._server] if self._server else []
-        ready = _ready([*server, *streams], [end for end, one in streams.items() if one.waits], wait)
-        for end, what in ready:
+        ready = _ready([*server, *streams], [end for end, stream in streams.items() if stream.waits], wait)
+        for end, events in ready:
             if end is self._server:
                 self._accept(self._server)
                 continue
-            if what & select.POLLOUT:
+            if events & select.POLLOUT:
                 streams[end].flush()
-            if what & ~select.POLLOUT:
-                found = streams[end].take()
-                if found is None:
+            if events & ~select.POLLOUT:
+                packets = streams[end].take()
+                if packets is None:
                     self._leave(streams[end])
                 else:
-                    self._arrived.extend(Timed(self.t, packet) for packet in found)
+                    self._arrived.extend(Timed(self.t, packet) for packet in packets)
         self.skipped = self._gone + sum(stream.splitter.skipped for stream in self._streams)
 
 
 def split(data: bytes) -> tuple[list[bytes], bytes]:
     """(the whole packets that follow one another, the rest that is none)."""
-    found = []
+    packets = []
     while len(data) >= PACKET_LEAST:
         n = int.from_bytes(data[4:6], "big") + PACKET_LEAST
         if n > len(data):
             break
-        found.append(data[:n])
+        packets.append(data[:n])
         data = data[n:]
-    return found, data
+    return packets, data
 
 
 def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, int]]:
@@ -373,18 +373,18 @@ def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, 
         poll.register(number, select.POLLIN)
     for write in writes:
         poll.register(write, select.POLLIN | select.POLLOUT)
-    return [(ends[number], what) for number, what in poll.poll(max(0, 1000 * wait))]
+    return [(ends[number], events) for number, events in poll.poll(max(0, 1000 * wait))]
 
 
 def _socket(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
     """A socket that is bound to an address."""
     family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
-    made = socket.socket(family, kind)
+    bound = socket.socket(family, kind)
     if kind == socket.SOCK_STREAM:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        made.bind(where)
+        bound.bind(where)
     except OSError:
-        made.close()
+        bound.close()
         raise
-    return made
+    return bound

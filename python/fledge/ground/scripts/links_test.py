@@ -22,20 +22,20 @@ SECOND = 10**9
 def packets(n, seed=1):
     """Packets of all lengths that flight sends and takes, with any content."""
     draw = random.Random(seed)
-    made = []
+    batch = []
     for i in range(n):
         data = draw.randbytes(draw.choice([1, 2, 9, 100, 520]))
-        made.append((0x0880 + draw.randrange(9)).to_bytes(2, "big") + (0xC000 | i).to_bytes(2, "big")
-                    + (len(data) - 1).to_bytes(2, "big") + data)
-    return made
+        batch.append((0x0880 + draw.randrange(9)).to_bytes(2, "big") + (0xC000 | i).to_bytes(2, "big")
+                     + (len(data) - 1).to_bytes(2, "big") + data)
+    return batch
 
 
 def gathered(link, n, seconds=PATIENCE):
     """The next n packets, or as many as come in time."""
-    found, end = [], link.t + int(seconds * SECOND)
-    while len(found) < n and link.t < end:
-        found += [one.packet for one in link.receive(end)]
-    return found
+    packets, end = [], link.t + int(seconds * SECOND)
+    while len(packets) < n and link.t < end:
+        packets += [unit.packet for unit in link.receive(end)]
+    return packets
 
 
 def free(kind=socket.SOCK_STREAM):
@@ -49,8 +49,8 @@ def test_udp_carries_both_ways_and_takes_several_packets_in_a_datagram():
     with open_link(f"udp://127.0.0.1:{a}?listen={b}") as ground, \
             open_link(f"udp://127.0.0.1:{b}?listen=127.0.0.1:{a}") as craft:
         sent = packets(40)
-        for one in sent[:20]:
-            ground.send(one)
+        for packet in sent[:20]:
+            ground.send(packet)
         assert gathered(craft, 20) == sent[:20]
         craft.send(b"".join(sent[20:]) + b"\x08\x80\xc0\0\0\x09cut")
         assert gathered(ground, 20) == sent[20:]
@@ -68,22 +68,22 @@ def test_udp_outlives_that_no_program_listens():
 
 def test_a_server_sends_to_all_clients_and_takes_from_each():
     port = free()
-    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as one, \
-            open_link(f"tcp://localhost:{port}") as two:
+    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as first, \
+            open_link(f"tcp://localhost:{port}") as second:
         sent = packets(300)
         for packet in sent[:100]:
-            one.send(packet)
+            first.send(packet)
         for packet in sent[100:200]:
-            two.send(packet)
+            second.send(packet)
         got = gathered(server, 200)
         assert [p for p in got if p in sent[:100]] == sent[:100] and sorted(got) == sorted(sent[:200])
         for packet in sent[200:]:
             server.send(packet)
-        assert gathered(one, 100) == gathered(two, 100) == sent[200:]
-        two.close()
+        assert gathered(first, 100) == gathered(second, 100) == sent[200:]
+        second.close()
         server.receive(server.t + 100_000_000)
         server.send(sent[0])
-        assert gathered(one, 1) == [sent[0]]
+        assert gathered(first, 1) == [sent[0]]
 
 
 def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch):
@@ -98,13 +98,13 @@ def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch
 
         def read():
             while not stop.is_set():
-                got.extend(one.packet for one in quick.receive(quick.t + SECOND // 10))
+                got.extend(packet.packet for packet in quick.receive(quick.t + SECOND // 10))
         reader = threading.Thread(target=read)
         reader.start()
-        for i, one in enumerate(sent):
+        for i, packet in enumerate(sent):
             while i > len(got) + 50:    # the quick one keeps up
                 server.receive(server.t + SECOND // 1000)
-            server.send(one)
+            server.send(packet)
         assert server.dropped > 0
         while len(got) < len(sent):
             server.receive(server.t + SECOND // 1000)
@@ -123,7 +123,7 @@ def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch
         assert got == sent
 
 
-def test_a_server_has_few_clients_and_cuts_off_who_does_not_read(monkeypatch):
+def test_a_server_has_few_clients_and_cuts_off_one_that_does_not_read(monkeypatch):
     monkeypatch.setattr(links, "CLIENTS", 2)
     monkeypatch.setattr(links, "UNREAD", 3)
     port = free()
@@ -156,12 +156,12 @@ def test_descriptors_beyond_1023_work():
         a, b = free(socket.SOCK_DGRAM), free(socket.SOCK_DGRAM)
         port = free()
         with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as client, \
-                open_link(f"udp://127.0.0.1:{a}?listen={b}") as one, \
+                open_link(f"udp://127.0.0.1:{a}?listen={b}") as link, \
                 open_link(f"udp://127.0.0.1:{b}?listen={a}") as two:
             sent = packets(20)
             for packet in sent:
                 client.send(packet)
-                one.send(packet)
+                link.send(packet)
             assert gathered(server, 20) == gathered(two, 20) == sent
     finally:
         for number in held:
@@ -185,7 +185,7 @@ def test_two_threads_share_a_link():
         sent = packets(4000)
         got = []
         receiver = threading.Thread(target=lambda: got.extend(gathered(client, len(sent))))
-        echo = threading.Thread(target=lambda: [server.send(one) for one in sent])
+        echo = threading.Thread(target=lambda: [server.send(packet) for packet in sent])
         server.receive(server.t + 100_000_000)
         receiver.start()
         echo.start()
@@ -202,8 +202,8 @@ def test_a_serial_device_carries_packets():
         sent = packets(20)
         os.write(craft, b"\xff\xee" + b"".join(sent))
         assert gathered(link, 20) == sent and link.skipped == 2
-        for one in sent:
-            link.send(one)
+        for packet in sent:
+            link.send(packet)
         stream, got = Splitter(), []
         while len(got) < len(sent):
             got += stream.feed(os.read(craft, 4096))
@@ -230,7 +230,7 @@ def test_a_stream_is_found_again_after_damage():
             n = draw.randrange(1, 200)
             got += stream.feed(damaged[at:at + n])
             at += n
-        strange = [one for one in got if one not in sent]
+        strange = [packet for packet in got if packet not in sent]
         assert len(strange) <= 1        # the one that was hit
         assert got[-20:] == sent[-20:] and len(got) >= 56
 
@@ -267,16 +267,16 @@ def test_a_port_that_is_taken_is_refused():
 
 
 def test_commands_are_made_of_names_and_quantities():
-    from fledge.ground import packets as made
+    from fledge.ground import packets as packets_of
     from fledge.units import N, kg, m
 
     dictionary = fledge.load("nadir_spin").flight.commands.dictionary
     assert isinstance(dictionary, Dictionary)
-    assert made(Packets(dictionary), "write", "flight.control", K=3 * N * m) \
+    assert packets_of(Packets(dictionary), "write", "flight.control", K=3 * N * m) \
         == Packets(dictionary).write("flight.control", K=3.0)
     for words, says in [(("wirte", "flight.control"), "did you mean 'write'"), (("mode",), "mode takes mode: missing"),
                         (("write", "flight.control"), "give parameters")]:
         with pytest.raises(SetupError, match=says):
-            made(Packets(dictionary), *words)
+            packets_of(Packets(dictionary), *words)
     with pytest.raises(SetupError, match="flight.control.K: expected a quantity in N m"):
-        made(Packets(dictionary), "write", "flight.control", K=3 * kg)
+        packets_of(Packets(dictionary), "write", "flight.control", K=3 * kg)

@@ -63,13 +63,13 @@ class _Messages:
         data = bytes(message["bytes"][:message["n"]])
         if not self.radio:
             whole, rest = ([data], b"") if self.raw else split(data)
-            return [Timed(t, one) for one in [*whole, *([rest] if rest else [])]]
-        found, at = [], 0
+            return [Timed(t, unit) for unit in [*whole, *([rest] if rest else [])]]
+        timed, at = [], 0
         while at < len(data):
             arrived, n = UNIT.unpack_from(data, at)
             at += UNIT.size + n
-            found.append(Timed(arrived, data[at - n:at]))
-        return found
+            timed.append(Timed(arrived, data[at - n:at]))
+        return timed
 
 
 class Onlooker(Link):
@@ -79,9 +79,9 @@ class Onlooker(Link):
 
     def __init__(self, process: str, raw: bool = False, radio: str | None = None) -> None:
         self._messages = _Messages(raw, radio)
-        self._heard: int | None = None      # [ns] of the last message of telemetry
+        self._newest: int | None = None      # [ns] of the last message of telemetry
         self._gaps: list[tuple[int, int, str]] = []
-        self._hear: Callable[[Any], None] = lambda seen: None
+        self._receive: Callable[[Any], None] = lambda message: None
         bindings = _bindings()
         try:
             self._observer = bindings.Observer()
@@ -99,9 +99,9 @@ class Onlooker(Link):
         """All that the run shows to observers."""
         return self._observer.topics
 
-    def watch(self, topics: Iterable[str], hear: Callable[[Any], None]) -> None:
+    def watch(self, topics: Iterable[str], receive: Callable[[Any], None]) -> None:
         """Hear also the messages of these topics, as they come in receive()."""
-        self._hear = hear
+        self._receive = receive
         self._observer.subscribe(*topics)
 
     def send(self, packet: bytes) -> None:
@@ -112,45 +112,45 @@ class Onlooker(Link):
 
     def receive(self, until: int) -> list[Timed]:
         wait = PATIENCE if self.wait is None else self.wait
-        found: list[Timed] | None = []
-        while found is not None and not found and self.t < until:
-            found = self._next(wait)
+        packets: list[Timed] | None = []
+        while packets is not None and not packets and self.t < until:
+            packets = self._next(wait)
         # A turn of a program that waits no longer than that costs more than a message.
         end = monotonic() + TURN
-        while found and self.wait is not None and len(found) < BATCH and monotonic() < end:
+        while packets and self.wait is not None and len(packets) < BATCH and monotonic() < end:
             more = self._next(0.0)
             if more is None:
                 break
-            found += more
-        return found or []
+            packets += more
+        return packets or []
 
     def _next(self, wait: float) -> list[Timed] | None:
         """The packets of the next message; None: it has not come in time [s]."""
-        seen = self._observer.next(wait)
-        if seen is None:
+        message = self._observer.next(wait)
+        if message is None:
             if wait and (self.wait is None or self._observer.reason is not None):
                 raise ConnectionError("the run is over" if self._observer.reason is not None else
                                       f"the run has written nothing for {PATIENCE:g} s")
             return None     # the run is paused, or there is no more now
-        self._hear(seen)
-        if seen.topic != self._telemetry:
+        self._receive(message)
+        if message.topic != self._telemetry:
             return []
-        self._count(seen)
-        return self._messages.units(seen, seen.t) if seen["n"] else []
+        self._count(message)
+        return self._messages.units(message, message.t) if message["n"] else []
 
     def gaps(self) -> list[tuple[int, int, str]]:
-        made, self._gaps = self._gaps, []
-        return made
+        gaps, self._gaps = self._gaps, []
+        return gaps
 
-    def _count(self, seen: Any) -> None:
+    def _count(self, message: Any) -> None:
         """Note what went lost before a message of telemetry: of those before the first one, too, if this program came
         late."""
-        missed = seen.missed if self._heard is not None else max(seen.count - 1, 0)
-        self.dropped += seen.missed
+        missed = message.missed if self._newest is not None else max(message.count - 1, 0)
+        self.dropped += message.missed
         if missed:
-            self._gaps.append((-1, seen.t, f"{seen.topic} was not heard here") if self._heard is None else (
-                self._heard, seen.t, f"{missed} messages of {seen.topic} went lost on their way here"))
-        self._heard = seen.t
+            self._gaps.append((-1, message.t, f"{message.topic} was not heard here") if self._newest is None else (
+                self._newest, message.t, f"{missed} messages of {message.topic} went lost on their way here"))
+        self._newest = message.t
 
     def close(self) -> None:
         self._observer.close()
@@ -200,9 +200,9 @@ class Member(Link):
             if messages and messages[0].get("every", 0) not in (0, self._node.every):
                 raise Failure(f"{self._node.name}: what comes by radio comes every {messages[0]['every'] / 1e9:g} s, "
                               f"with flight's instants; write every={messages[0]['every'] / 1e9:g}", 1)
-            found = [unit for message in messages for unit in self._messages.units(message, self._t)]
-            if found:
-                return found
+            packets = [unit for message in messages for unit in self._messages.units(message, self._t)]
+            if packets:
+                return packets
         return []
 
     def close(self) -> None:
@@ -235,9 +235,9 @@ class Member(Link):
 
     def _advance(self) -> None:
         """Wait for the node's next instant."""
-        found = self._steps.get()
-        if isinstance(found, int):
-            self._t = found
+        step = self._steps.get()
+        if isinstance(step, int):
+            self._t = step
             return
         self._closed = True
-        raise Failure(f"the run ended early: {found}", 1) if found else ConnectionError("the run is over")
+        raise Failure(f"the run ended early: {step}", 1) if step else ConnectionError("the run is over")

@@ -81,11 +81,11 @@ def test_the_packets_of_a_target_that_flew_go_by_radio():
     _, take = sim.flight.commands.by(sim.world.radio)
     sim.flight.commands.telemetry("flight.hill.reference")      # of the desktop's, which is not sent
     other = sim.clone()
-    for one in (sim, other):
-        one.run(10 * minute)
+    for twin in (sim, other):
+        twin.run(10 * minute)
     came = take()
     assert sim.snapshot() == other.snapshot()
-    assert [one.packet for one in came] == [b"second", b"third"] and sim.world.radio.down_traffic.lost == 1
+    assert [unit.packet for unit in came] == [b"second", b"third"] and sim.world.radio.down_traffic.lost == 1
     assert 2e6 < came[0].t - at < 10e6 and came[1].t - came[0].t == 8 * 5 / 64e3 * 1e9
     assert sim.flight.commands.take_packets() == packets
 
@@ -151,13 +151,13 @@ def test_a_clone_and_a_snapshot_have_what_is_on_the_way():
     assert sim.world.radio.down_traffic.waiting > 1000
     send(sim.flight.commands.packets.mode("none") if sim.flight.modes else sim.flight.commands.packets.noop())
     take()
-    other, kept = sim.clone(), sim.snapshot()
+    other, snapshot = sim.clone(), sim.snapshot()
     _, take_other = other.flight.commands.by(other.world.radio)
-    for one in (sim, other):
-        one.run(60 * s)
+    for twin in (sim, other):
+        twin.run(60 * s)
     first = take()
     assert take_other() == first and len(first) > 10 and sim.snapshot() == other.snapshot()
-    sim.restore(kept)
+    sim.restore(snapshot)
     take()
     sim.run(60 * s)
     assert take() == first and sim.snapshot() == other.snapshot()
@@ -218,16 +218,16 @@ def test_elevation_occultation_and_light_time_are_those_of_other_libraries():
     sim.run(16 * 3600 * s)
 
     spk = SPK.open(str(kernel))
-    found = {(segment.center, segment.target): segment for segment in spk.segments}
+    segments = {(segment.center, segment.target): segment for segment in spk.segments}
 
     def place(body, jd, day):
         """[m] from the barycentre of the solar system."""
         if body == 0:
             return np.zeros(3)
-        center = next(c for c, target in found if target == body)
-        return 1e3 * found[center, body].compute(jd, day) + place(center, jd, day)
+        center = next(c for c, target in segments if target == body)
+        return 1e3 * segments[center, body].compute(jd, day) + place(center, jd, day)
 
-    mars = 499 if any(target == 499 for _, target in found) else 4
+    mars = 499 if any(target == 499 for _, target in segments) else 4
     days = {int(line.split()[3]): [float(x) for x in line.split()[4:7]] for line in eop.read_text().splitlines()
             if len(line.split()) > 10 and line.split()[0].isdigit()}
     lat, lon = np.radians([-35.4, 148.98])

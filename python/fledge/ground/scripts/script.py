@@ -56,8 +56,8 @@ class _Noting(Newest):
         self.seen: dict[str, Any] = {}
 
     def _content(self, path: str) -> Any:
-        self.seen[path] = found = super()._content(path)
-        return found
+        self.seen[path] = content = super()._content(path)
+        return content
 
 
 class Watched(Craft):
@@ -71,29 +71,29 @@ class Watched(Craft):
         self.events = self.telemetry.events
         self._words: dict[str, str] = {}
 
-    def command(self, what: str, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
-        self._words = {name: str(value) for name, value in values.items()}
+    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
+        self._words = {key: str(value) for key, value in values.items()}
         try:
-            return super().command(what, *arguments, confirmed=confirmed, **values)
+            return super().command(name, *arguments, confirmed=confirmed, **values)
         finally:
             self._words = {}
 
-    def _leaves(self, one: Sent) -> None:
-        self.script.sent(one, self._words)
+    def _before_send(self, sent: Sent) -> None:
+        self.script.sent(sent, self._words)
 
     def wait(self, condition: Callable[[Newest], Any], within: Any, otherwise: Callable[[], str] | None = None
              ) -> Newest:
         begin, self.telemetry.seen = self.link.t, {}
         why: str | None = "interrupted"
         try:
-            found = super().wait(condition, within, otherwise)
+            telemetry = super().wait(condition, within, otherwise)
             why = None
-            return found
+            return telemetry
         except Exception as error:
             why = str(error)
             raise
         finally:
-            self.script.heard()
+            self.script.note_stages()
             self.script.note("wait", within_ns=time_ns(within, "within"), took_ns=self.link.t - begin,
                              good=why is None, why=why or "", values=_plain(self.telemetry.seen))
 
@@ -143,7 +143,7 @@ class Script:
             why = _in_words(error)
             raise
         finally:
-            self.heard()
+            self.note_stages()
             self.note("step ends", good=not why, why=why)
             self._steps.pop()
 
@@ -163,7 +163,7 @@ class Script:
         try:
             self.craft.listen(duration)
         finally:
-            self.heard()
+            self.note_stages()
             self.note("hold", took_ns=self.craft.link.t - begin, within_ns=time_ns(duration, "hold"))
 
     def value(self, name: str, value: Any) -> None:
@@ -175,15 +175,15 @@ class Script:
         link: Any = self.craft.link
         link = getattr(link, "link", link)
         if isinstance(link, (Simulated, Member)):
-            good, who = self._ask(question)
+            good, operator = self._ask(question)
         else:
-            good, who = self._asked_in_real_time(question)
-        self.heard()
-        self.note("confirm", text=question, good=good, why=who)
+            good, operator = self._confirmed_in_real_time(question)
+        self.note_stages()
+        self.note("confirm", text=question, good=good, why=operator)
         if not good:
             raise CheckFailed(f"the operator said no: {question}")
 
-    def _asked_in_real_time(self, question: str) -> tuple[bool, str]:
+    def _confirmed_in_real_time(self, question: str) -> tuple[bool, str]:
         """Packets are taken, and frames sent again, while the operator thinks."""
         answers: list[tuple[bool, str] | BaseException] = []
 
@@ -197,42 +197,42 @@ class Script:
         thread.start()
         while thread.is_alive():
             self.craft.listen(SLICE)
-        if isinstance(found := answers[0], BaseException):
-            raise found
-        return found
+        if isinstance(answer := answers[0], BaseException):
+            raise answer
+        return answer
 
     # --- what is noted ---
 
-    def note(self, kind: str, **what: Any) -> None:
+    def note(self, kind: str, **content: Any) -> None:
         """Make an entry."""
         line, source = self._statement()
         self._write({"kind": kind, "t_ns": self.craft.link.t, "step": list(self._steps), "line": line,
-                     "source": source, **what})
+                     "source": source, **content})
 
-    def sent(self, one: Sent, values: dict[str, str]) -> None:
+    def sent(self, command: Sent, values: dict[str, str]) -> None:
         """A command is about to be sent."""
-        self.heard()
+        self.note_stages()
         self._commands += 1
-        self._sent.append((self._commands, one, list(one.packets), 0, 0))
-        self.note("command", id=self._commands, values=values, packets=[packet.hex() for packet in one.packets],
-                  text=", ".join(dict.fromkeys(map(self.craft.dictionary.command, one.packets))))
+        self._sent.append((self._commands, command, list(command.packets), 0, 0))
+        self.note("command", id=self._commands, values=values, packets=[packet.hex() for packet in command.packets],
+                  text=", ".join(dict.fromkeys(map(self.craft.dictionary.command, command.packets))))
 
-    def heard(self) -> None:
+    def note_stages(self) -> None:
         """Note what has come about the commands since the last time."""
-        for place, (number, one, packets, reports, arrived) in enumerate(self._sent):
-            if one.packets != packets:
+        for place, (number, sent, packets, reports, arrived) in enumerate(self._sent):
+            if sent.packets != packets:
                 self.note("stage", id=number, stage="numbered", good=True, text="anew, behind the commands of others",
-                          packets=[packet.hex() for packet in one.packets])
-            if len(one.arrived) > arrived:
+                          packets=[packet.hex() for packet in sent.packets])
+            if len(sent.arrived) > arrived:
                 self.note("stage", id=number, stage="delivered", good=True,
-                          text=f"the link knows that {len(one.arrived)} of {len(one.packets)} packets are there")
-            for report in one.reports[reports:]:
-                packet = next((p for p in one.packets if sequence_of(p) == report.sequence), one.packets[0])
+                          text=f"the link knows that {len(sent.arrived)} of {len(sent.packets)} packets are there")
+            for report in sent.reports[reports:]:
+                packet = next((p for p in sent.packets if sequence_of(p) == report.sequence), sent.packets[0])
                 self.note("stage", id=number, stage=report.stage_text if report.good else "refused", good=report.good,
                           on_board_ns=report.t,
                           text="" if report.good else self.craft.dictionary.refusal(report, packet),
                           data=report.data.hex())
-            self._sent[place] = (number, one, list(one.packets), len(one.reports), len(one.arrived))
+            self._sent[place] = (number, sent, list(sent.packets), len(sent.reports), len(sent.arrived))
         self._sent = [entry for entry in self._sent if not entry[1].over]
 
     def _statement(self) -> tuple[int, str]:
@@ -261,11 +261,11 @@ class Script:
                 if os.path.realpath(at.tb_frame.f_code.co_filename) == self._path:
                     line = at.tb_lineno
                 at = at.tb_next
-            self.heard()
+            self.note_stages()
             self._write({"kind": "exception", "t_ns": self.craft.link.t, "step": [], "line": line,
                          "source": self._statements.get(line, ""), "text": why})
             why = f"{Path(self._path).name}, line {line}: {why}" if line else why
-        self.heard()
+        self.note_stages()
         self._write({"kind": "end", "t_ns": self.craft.link.t, "step": [], "line": 0, "source": "",
                      "outcome": "passed" if not why else "interrupted" if code == INTERRUPTED else "failed",
                      "why": why, "missed": self.craft.missed, "refused": self.craft.refused})
@@ -307,7 +307,7 @@ def begin(path: Path, target: str, function: Callable[..., Any]) -> Entry:
 
 def _statements(source: str) -> dict[int, str]:
     """The statement without a body of its own, or the head of one with a body, by each of its lines."""
-    found: dict[int, str] = {}
+    statements: dict[int, str] = {}
     lines = source.splitlines()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.stmt):
@@ -315,23 +315,23 @@ def _statements(source: str) -> dict[int, str]:
             last = body[0].lineno - 1 if body else node.end_lineno or node.lineno
             text = "\n".join([lines[node.lineno - 1][node.col_offset:], *lines[node.lineno:last]])
             for line in range(node.lineno, max(last, node.lineno) + 1):
-                found[line] = text.strip()
-    return found
+                statements[line] = text.strip()
+    return statements
 
 
 def _in_words(error: BaseException) -> str:
     return str(error) if isinstance(error, (Failure, SetupError)) else f"{type(error).__name__}: {error}"
 
 
-def _plain(found: Any) -> Any:
+def _plain(value: Any) -> Any:
     """What JSON takes: dicts without the headers of messages, lists, numbers, texts."""
-    if isinstance(found, dict):
-        return {str(name): _plain(value) for name, value in found.items() if name != "head"}
-    if hasattr(found, "tolist"):
-        found = found.tolist()
-    if isinstance(found, (list, tuple)):
-        return [_plain(one) for one in found]
-    return found if isinstance(found, (bool, int, float, str)) or found is None else str(found)
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in value.items() if name != "head"}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, (bool, int, float, str)) or value is None else str(value)
 
 
 __all__ = ["CheckFailed", "NoAnswer", "Script", "Watched", "begin", "load"]

@@ -92,20 +92,20 @@ def test_a_run_leaves_each_thing_that_happened(place, capsys):
     (place / "script.py").write_text(SCRIPT)
     assert cli.main(["ground", "run", "script.py", "--to", "./plays", "--out", "out", "--yes"]) == 0
     assert "passed" in capsys.readouterr().out
-    said = entries(place / "out")
-    assert [one["kind"] for one in said if one["kind"] != "stage"] == [
+    log = entries(place / "out")
+    assert [entry["kind"] for entry in log if entry["kind"] != "stage"] == [
         "run", "step", "command", "wait", "step ends", "step", "confirm", "command", "wait", "wait", "value", "step",
         "command", "wait", "check", "step ends", "step ends", "hold", "command", "wait", "value", "end"]
-    stages = {number: [(one["stage"], one["good"]) for one in said if one["kind"] == "stage" and one["id"] == number]
-              for number in range(1, 5)}
+    stages = {number: [(entry["stage"], entry["good"]) for entry in log
+                       if entry["kind"] == "stage" and entry["id"] == number] for number in range(1, 5)}
     assert stages == {**{i: [("accepted", True), ("executed", True)] for i in (1, 2)},
                       3: [("accepted", True)] * 2 + [("executed", True)] * 2,     # two packets
                       4: [("accepted", True), ("refused", False)]}
-    wait = [one for one in said if one["kind"] == "wait"][2]
+    wait = [entry for entry in log if entry["kind"] == "wait"][2]
     assert wait["source"] == 'seen = craft.wait(lambda t: t.mode == "point",\n                          within=5 * s)'
     assert wait["line"] == 16 and wait["values"]["housekeeping"]["mode"] == 1
-    assert [one["step"] for one in said if one["kind"] == "check"] == [["point & wait", "gains"]]
-    assert said[-1]["outcome"] == "passed" and said[-1]["t_ns"] == max(one.get("t_ns", 0) for one in said)
+    assert [entry["step"] for entry in log if entry["kind"] == "check"] == [["point & wait", "gains"]]
+    assert log[-1]["outcome"] == "passed" and log[-1]["t_ns"] == max(entry.get("t_ns", 0) for entry in log)
     page = Page((place / "out/script.html").read_text(encoding="utf-8"))
     assert not {"script", "link", "iframe", "object"} & set(page.tags) and not re.search(r"https?:|url\(", page.source)
     for part in ("Point, with <b>other</b> gains.", "The second paragraph.", "passed", "go <now>?", "yes, by --yes",
@@ -126,7 +126,8 @@ def test_the_page_is_the_same_on_a_target(target, place, capfd):
     assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
     assert cli.main(["ground", "run", "script.py", "--to", "./plays", "--out", "here", "--yes"]) == 0
     assert entries(place / "here")[1:] == entries(place / "there")[1:]
-    here, there = ((place / one / "script.html").read_text().split("</header>") for one in ("here", "there"))
+    here, there = (
+        (place / folder / "script.html").read_text().split("</header>") for folder in ("here", "there"))
     assert here[1] == there[1] and "./plays" in here[0] and "cosim:flight?every=0.1" in there[0]
 
 
@@ -139,21 +140,21 @@ def test_the_page_is_the_same_on_a_target(target, place, capfd):
     ("craft.command('nop')", 1, "there is no command 'nop'"),
     ("craft.listen(1 * s)\nraise KeyboardInterrupt", 130, "interrupted")])
 def test_how_it_ends_is_on_the_page(body, code, why, place, capsys):
-    said, page = run(place, body, code=code)
-    assert said[-1]["kind"] == "end" and why in said[-1]["why"] and why in capsys.readouterr().err
-    assert said[-1]["outcome"] == ("interrupted" if code == 130 else "failed") and page.says(why)
+    log, page = run(place, body, code=code)
+    assert log[-1]["kind"] == "end" and why in log[-1]["why"] and why in capsys.readouterr().err
+    assert log[-1]["outcome"] == ("interrupted" if code == 130 else "failed") and page.says(why)
     if code == 1:
-        assert said[-2]["kind"] == "exception" and said[-2]["line"] > 4 and said[-2]["source"] in body
+        assert log[-2]["kind"] == "exception" and log[-2]["line"] > 4 and log[-2]["source"] in body
 
 
 def test_the_operator_decides(place, monkeypatch, capsys):
-    said, page = run(place, "script.confirm('go?')", code=1)
-    assert "no terminal; --yes answers it" in said[-1]["why"]
+    log, page = run(place, "script.confirm('go?')", code=1)
+    assert "no terminal; --yes answers it" in log[-1]["why"]
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
     for typed, code in (("y", 0), ("no", 1), ("", 1)):
         monkeypatch.setattr("builtins.input", lambda question, typed=typed: typed)
-        said, page = run(place, "script.confirm('go?')", code=code)
-        assert [one["good"] for one in said if one["kind"] == "confirm"] == [code == 0]
+        log, page = run(place, "script.confirm('go?')", code=code)
+        assert [entry["good"] for entry in log if entry["kind"] == "confirm"] == [code == 0]
         assert page.says("the operator said no: go?") == bool(code)
 
 

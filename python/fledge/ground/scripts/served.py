@@ -19,7 +19,7 @@ from fledge.ground.scripts.address import is_loopback
 from fledge.ground.scripts.links import Link
 
 PATIENCE = 60.0         # [s] for an answer of the server
-LOOK = 0.5              # [s] until it is asked again for the answer of an operator
+POLL = 0.5              # [s] until it is asked again for the answer of an operator
 TOKEN = "FLEDGE_TOKEN"  # of the environment: who the script is (`fledge ground token`)
 
 Answer = TypeVar("Answer")
@@ -61,26 +61,26 @@ class Served(Link):
     def receive(self, until: int) -> list[Timed]:
         while self.t < until:
             try:
-                found = self._queue.get(timeout=PATIENCE)
+                message = self._queue.get(timeout=PATIENCE)
             except Empty:
                 raise ConnectionError(f"the server has said nothing for {PATIENCE:g} s") from None
-            if found is None:
+            if message is None:
                 raise ConnectionError("the server has closed the connection")
-            if found["kind"] == "refused":
-                raise ConnectionError(f"the server refused: {found['error']}")
-            self.dropped = found["dropped"]
-            self._t = max(self._t, int(found["t_ns"]))
-            if found["packets"]:
-                return [Timed(int(t) - self._begin, bytes.fromhex(packet)) for t, packet in found["packets"]]
+            if message["kind"] == "refused":
+                raise ConnectionError(f"the server refused: {message['error']}")
+            self.dropped = message["dropped"]
+            self._t = max(self._t, int(message["t_ns"]))
+            if message["packets"]:
+                return [Timed(int(t) - self._begin, bytes.fromhex(packet)) for t, packet in message["packets"]]
         return []
 
     def ask(self, question: str) -> tuple[bool, str]:
         """Ask the operators of the server's console: (the answer, who gave it). Waits for it."""
         here = f"crafts/{self._name}/questions"
         number = self._call(self._post(here, text=question))["id"]
-        while (found := self._call(self._get(f"{here}/{number}")))["answer"] is None:
-            time.sleep(LOOK)
-        return found["answer"], f"by {found['by']}"
+        while (row := self._call(self._get(f"{here}/{number}")))["answer"] is None:
+            time.sleep(POLL)
+        return row["answer"], f"by {row['by']}"
 
     def close(self) -> None:
         if self._loop.is_closed():
@@ -95,11 +95,11 @@ class Served(Link):
 
     # --- in the thread of the connection ---
 
-    def _call(self, what: Awaitable[Answer]) -> Answer:
+    def _call(self, request: Awaitable[Answer]) -> Answer:
         from aiohttp import ClientError
 
         async def patiently() -> Answer:
-            return await asyncio.wait_for(what, PATIENCE)
+            return await asyncio.wait_for(request, PATIENCE)
 
         try:
             return asyncio.run_coroutine_threadsafe(patiently(), self._loop).result()
@@ -112,7 +112,7 @@ class Served(Link):
         self._session = ClientSession(headers={"Authorization": f"Bearer {self._token}"} if self._token else {},
                                       trust_env=False)
         self._csrf = (await self._get("session"))["csrf"]
-        crafts = {one["name"]: one for one in await self._get("crafts")}
+        crafts = {row["name"]: row for row in await self._get("crafts")}
         if self._name not in crafts:
             raise SetupError(f"{self._server} has no spacecraft '{self._name}'{did_you_mean(self._name, crafts)} "
                              f"it has {listed(list(crafts))}")
@@ -131,8 +131,9 @@ class Served(Link):
 
     async def _read(self) -> None:
         async for message in self._socket:
-            if isinstance(message.data, str) and (found := json.loads(message.data))["kind"] in ("packets", "refused"):
-                self._queue.put(found)
+            content = json.loads(message.data) if isinstance(message.data, str) else {"kind": ""}
+            if content["kind"] in ("packets", "refused"):
+                self._queue.put(content)
         self._queue.put(None)
 
     async def _get(self, path: str) -> Any:
@@ -147,14 +148,14 @@ class Served(Link):
     async def _answer(self, answer: Any) -> Any:
         text = await answer.text()
         try:
-            found = json.loads(text)
+            content = json.loads(text)
         except ValueError:
             raise SetupError(f"{self._server} is no server of a control room") from None
         if answer.status != 200:
-            why = found.get("error", "") if isinstance(found, dict) else ""
+            why = content.get("error", "") if isinstance(content, dict) else ""
             raise Failure(f"{self._server} refused: {why or answer.status}"
                           + f"; the variable {TOKEN} has a script's token" * (answer.status == 401), 1)
-        return found
+        return content
 
     async def _shut(self) -> None:
         if hasattr(self, "_reader"):

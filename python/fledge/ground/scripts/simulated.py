@@ -30,7 +30,7 @@ def flight_of(simulation: Simulation, name: str | None = None) -> Flight:
 
 def radio_of(simulation: Simulation, path: str) -> Any:
     """The model of a path, "world.radio". Raises SetupError."""
-    radios = [one for one, _ in simulation.kernel.carriers]
+    radios = [carrier for carrier, _ in simulation.kernel.carriers]
     if path not in radios:
         raise SetupError(f"{simulation.name} has no radio '{path}'{did_you_mean(path, radios)} it has "
                          + listed(radios, none="none"))
@@ -64,9 +64,9 @@ class Simulated(Link):
 
     def receive(self, until: int) -> list[Timed]:
         while True:
-            found = self._take()
-            if found or self.simulation.time_ns >= until:
-                return found
+            packets = self._take()
+            if packets or self.simulation.time_ns >= until:
+                return packets
             then = self._next_instant()
             self.simulation.run(until=(then if self._by_radio else min(until, then)) / 1e9, progress=False)
 

@@ -75,11 +75,11 @@ class Access:
     def read(cls, table: dict[str, Any], folder: Path) -> Access:
         """That of the server's file, whose other keys are not looked at. folder: where its paths begin.
         Raises SetupError."""
-        def given(name: str, kinds: type | tuple[type, ...], default: Any, what: str) -> Any:
-            found = table.get(name, default)
-            if name in table and (not isinstance(found, kinds) or isinstance(found, bool)):
-                raise SetupError(f"{name} is {what}; found {found!r}")
-            return found
+        def given(name: str, kinds: type | tuple[type, ...], default: Any, expected: str) -> Any:
+            value = table.get(name, default)
+            if name in table and (not isinstance(value, kinds) or isinstance(value, bool)):
+                raise SetupError(f"{name} is {expected}; found {value!r}")
+            return value
 
         host = given("host", str, NAMES[1], "an address of this machine, as \"127.0.0.1\"")
         port = given("port", int, PORT, "a number from 0 to 65535")
@@ -87,9 +87,9 @@ class Access:
             raise SetupError(f"port is a number from 0 to 65535; found {port}")
         times = [given(name, (int, float), default, "a number above 0")
                  for name, default in (("session_h", 12), ("idle_min", 30))]
-        for name, found in zip(("session_h", "idle_min"), times):
-            if not 0 < found < 1e5:
-                raise SetupError(f"{name} is a number above 0; found {found}")
+        for name, value in zip(("session_h", "idle_min"), times):
+            if not 0 < value < 1e5:
+                raise SetupError(f"{name} is a number above 0; found {value}")
         files = [given(name, str, None, "the path of a PEM file") for name in ("certificate", "key")]
         if (files[0] is None) != (files[1] is None):
             raise SetupError("certificate and key belong together; found one of them")
@@ -97,14 +97,14 @@ class Access:
         if plain not in (None, PLAIN) or plain and files[0]:
             raise SetupError(f"plain_http is \"{PLAIN}\", and instead of certificate and key; found {plain!r}"
                              + " beside them" * bool(files[0]))
-        users = {one.name: one for one in _people(given("user", list, [], "a table [[user]]"), "user")}
+        users = {user.name: user for user in _people(given("user", list, [], "a table [[user]]"), "user")}
         tokens: dict[str, User] = {}
-        for entry, one in zip(table.get("token", []), _people(given("token", list, [], "a table [[token]]"), "token")):
+        for entry, user in zip(table.get("token", []), _people(given("token", list, [], "a table [[token]]"), "token")):
             kind, _, digest = str(entry.get("hash")).partition(":")
             if kind != "sha256" or len(digest) != 64 or set(digest) - set("0123456789abcdef"):
-                raise SetupError(f"token {one.name}: hash is no line of `fledge ground token`, which begins with "
+                raise SetupError(f"token {user.name}: hash is no line of `fledge ground token`, which begins with "
                                  "\"sha256:")
-            tokens[digest] = one
+            tokens[digest] = user
         if not is_loopback(host) and not ((files[0] or plain) and (users or tokens)):
             lacks = [what for what, there in ((f"certificate and key, for TLS (or plain_http = \"{PLAIN}\")",
                                                files[0] or plain),
@@ -139,14 +139,14 @@ class Access:
 def own(path: Path, why: str) -> None:
     """Refuse a file of secrets that others may read. As ssh has it, a file of another owner, as root's, may be read by
     a group. Raises SetupError."""
-    found = path.stat()
-    if found.st_mode & (0o77 if found.st_uid == os.geteuid() else 0o37):
+    status = path.stat()
+    if status.st_mode & (0o77 if status.st_uid == os.geteuid() else 0o37):
         raise SetupError(f"others may read or change {path}: chmod 600 {path} keeps it its owner's, for {why}")
 
 
 def _people(entries: list[Any], kind: str) -> list[User]:
     known = {"name", "roles", "crafts", "password" if kind == "user" else "hash"}
-    found: list[User] = []
+    users: list[User] = []
     for place, entry in enumerate(entries, 1):
         name = entry.get("name") if isinstance(entry, dict) else None
         if not isinstance(name, str) or not 0 < len(name) <= 100 or not name.isprintable():
@@ -161,8 +161,8 @@ def _people(entries: list[Any], kind: str) -> list[User]:
             raise SetupError(f"{where}: roles is a list of {listed(ROLES)}; found {roles!r}")
         if crafts is not None and (not isinstance(crafts, list) or not all(isinstance(craft, str) for craft in crafts)):
             raise SetupError(f"{where}: crafts is a list of names; found {crafts!r}")
-        if any(one.name == name for one in found):
+        if any(user.name == name for user in users):
             raise SetupError(f"{where}: there are two of this name")
-        found.append(User(name, frozenset(roles), None if crafts is None else frozenset(crafts),
+        users.append(User(name, frozenset(roles), None if crafts is None else frozenset(crafts),
                           Password.read(entry.get("password"), where) if kind == "user" else None))
-    return found
+    return users

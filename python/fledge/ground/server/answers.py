@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the server says by HTTP and WebSocket: JSON, CSV, refusals in words."""
+"""Answers by HTTP and WebSocket: JSON, CSV, series in binary, refusals with their reason."""
 from __future__ import annotations
 
 import json
@@ -36,22 +36,22 @@ def _finite(content: Any) -> Any:
 
 
 def owner(craft: str) -> str:
-    """Whose roles count: those of a replay are of its spacecraft."""
+    """The spacecraft whose roles count: a replay has those of its source."""
     return craft.partition("@")[0]
 
 
 def _texts(kind: str, exact: list[Any]) -> list[str | None]:
-    """Values as texts, all digits: of a label its word, bytes in hex, times in seconds."""
+    """Values as texts with all digits: a label's word, bytes in hex, times in seconds."""
     if kind == "time":
-        return [None if one is None else f"{'-' * (one < 0)}{abs(one) // 10**9}.{abs(one) % 10**9:09}" for one in exact]
-    return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
+        return [None if v is None else f"{'-' * (v < 0)}{abs(v) // 10**9}.{abs(v) % 10**9:09}" for v in exact]
+    return [None if v is None else v.hex() if isinstance(v, bytes) else str(v) for v in exact]
 
 
-def in_json(found: dict[str, Series]) -> Iterator[bytes]:
-    """Series by their names, in parts: numbers, integers with all digits; `text` of those that a double or a browser
-    does not hold."""
+def in_json(all_series: dict[str, Series]) -> Iterator[bytes]:
+    """Series by their names, in parts: numbers, integers with all digits; those that a double or a browser cannot hold
+    have `text` too."""
     before = "{"
-    for name, series in found.items():
+    for name, series in all_series.items():
         yield f"{before}{dumps(name)}: ".encode()
         before, inner = ", ", "{"
         for key, column in _columns(series).items():
@@ -67,51 +67,51 @@ def in_json(found: dict[str, Series]) -> Iterator[bytes]:
 
 
 def _columns(series: Series) -> dict[str, Callable[[slice], list[Any]]]:
-    """The lists of a series, of which each makes a part."""
+    """The lists of a series; each function returns a part of one."""
     t, value, low, high, concern, worst, exact = series
     assert exact is not None
     kind, values = exact
     columns: dict[str, Callable[[slice], list[Any]]] = {
-        "t_ns": lambda part: [str(one) for one in t[part].tolist()], "concern": lambda part: concern[part].tolist(),
+        "t_ns": lambda part: list(map(str, t[part].tolist())), "concern": lambda part: concern[part].tolist(),
         "worst": lambda part: worst[part].tolist()}
     if kind in ("text", "binary"):
         return columns | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
-    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
+    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(n or 0) >= 2**53 for n in values):
         columns["text"] = lambda part: _texts(kind, values[part])
     whole = kind in ("natural", "integer", "boolean")
-    return columns | {"value": lambda part: [one if one is None else int(one) for one in values[part]] if whole else
+    return columns | {"value": lambda part: [n if n is None else int(n) for n in values[part]] if whole else
                       value[part].tolist(),
                       "low": lambda part: low[part].tolist(), "high": lambda part: high[part].tolist()}
 
 
-def in_csv(found: dict[str, Series]) -> Iterator[bytes]:
-    """Lines of series: a number as it is, else what `text` is."""
+def in_csv(all_series: dict[str, Series]) -> Iterator[bytes]:
+    """Series as lines: numbers as they are, other values as in `text`."""
     yield b"t_ns,name,value,state\n"
-    for name, (t, value, _, _, concern, _, values) in found.items():
+    for name, (t, value, _, _, concern, _, values) in all_series.items():
         assert values is not None
         name, (kind, exact) = field(name), values
         for at in range(0, len(t), PART):
             part = slice(at, at + PART)
             if kind == "real":
-                texts = [repr(one) for one in value[part].tolist()]
+                texts = list(map(repr, value[part].tolist()))
             elif kind == "boolean":
-                texts = ["" if one is None else str(int(one)) for one in exact[part]]
+                texts = ["" if flag is None else str(int(flag)) for flag in exact[part]]
             else:
                 texts = [text or "" for text in _texts(kind, exact[part])]
                 if kind in ("label", "text"):
                     texts = [field(text) for text in texts]
-            yield "".join(f"{at},{name},{one},{CONCERNS[state]}\n" for at, one, state in zip(
+            yield "".join(f"{at},{name},{text},{CONCERNS[state]}\n" for at, text, state in zip(
                 t[part].tolist(), texts, concern[part].tolist())).encode()
 
 
-def in_binary(found: dict[str, Series]) -> Iterator[bytes]:
+def in_binary(all_series: dict[str, Series]) -> Iterator[bytes]:
     """Series in the order of their names, each with its arrays (api.yaml)."""
-    yield struct.pack("<II", 0x32484C46, len(found))
-    for t, value, low, high, _, worst, _ in found.values():
+    yield struct.pack("<II", 0x32484C46, len(all_series))
+    for t, value, low, high, _, worst, _ in all_series.values():
         yield struct.pack("<II", len(t), 0)
-        for one in (t.astype("<i8"), *(one.astype("<f8") for one in (value, low, high)), worst):
-            if len(one):
-                yield one.tobytes()
+        for array in (t.astype("<i8"), *(real.astype("<f8") for real in (value, low, high)), worst):
+            if len(array):
+                yield array.tobytes()
         if len(t) % 8:
             yield bytes(-len(t) % 8)
 
@@ -122,12 +122,12 @@ def answer(content: Any) -> web.Response:
 
 
 def json_answer(content: Any) -> web.Response:
-    """One that may be long, for another thread: encoded already."""
+    """An answer that may be long: the calling thread, not the event loop, encodes it."""
     return web.Response(body=dumps(content).encode(), content_type="application/json")
 
 
 class Refusal(web.HTTPException):
-    """An answer with a sentence why. more: what its JSON has besides."""
+    """An answer with its reason in a sentence. more: further keys of its JSON."""
 
     def __init__(self, status: int, why: str, headers: dict[str, str] | None = None, **more: str) -> None:
         self.status_code = status

@@ -30,9 +30,9 @@ CRAFT = '[[craft]]\nname = "imager"\nmission = "earth_imager"\nspeed = 20\n'
 
 def thing(_must="", _known="", **properties):
     """An object with these fields alone; of those that are only known, the values are free."""
-    made = {"type": "object", "properties": {**{name: {} for name in _known.split()}, **properties},
-            "additionalProperties": False}
-    return {**made, "required": _must.split()} if _must else made
+    schema = {"type": "object", "properties": {**{name: {} for name in _known.split()}, **properties},
+              "additionalProperties": False}
+    return {**schema, "required": _must.split()} if _must else schema
 
 
 def many(kind, **more):
@@ -88,8 +88,8 @@ RULES = {
 def complaints(document):
     """What is wrong with a document of OpenAPI: its form, references that lead nowhere, parts that nothing uses, words
     of a path without a parameter, required properties that are not there."""
-    found = [f"{'/'.join(map(str, error.absolute_path))}: {error.message[:200]}"
-             for error in Draft4Validator(RULES).iter_errors(document)]
+    problems = [f"{'/'.join(map(str, error.absolute_path))}: {error.message[:200]}"
+                for error in Draft4Validator(RULES).iter_errors(document)]
     used = set()
 
     def walk(part):
@@ -97,30 +97,30 @@ def complaints(document):
             if isinstance(ref := part.get("$ref"), str):
                 used.add(ref)
                 if resolved(document, ref) is None:
-                    found.append(f"{ref} leads nowhere")
+                    problems.append(f"{ref} leads nowhere")
             elif part.get("type") == "object" and isinstance(part.get("required"), list) and \
                     part.get("additionalProperties") is False:
-                found.extend(f"{one} is required and no property" for one in part["required"]
-                             if one not in part["properties"])
-            for one in part.values():
-                walk(one)
+                problems.extend(f"{key} is required and no property" for key in part["required"]
+                                if key not in part["properties"])
+            for value in part.values():
+                walk(value)
         elif isinstance(part, list):
-            for one in part:
-                walk(one)
+            for value in part:
+                walk(value)
 
     walk(document)
     for group, parts in document.get("components", {}).items():
-        found += [f"{group}/{name} is not used" for name in parts if group != "securitySchemes"
-                  and f"#/components/{group}/{name}" not in used]
+        problems += [f"{group}/{name} is not used" for name in parts if group != "securitySchemes"
+                     and f"#/components/{group}/{name}" not in used]
     for path, item in document.get("paths", {}).items():
         for method in METHODS:
             if method in item:
-                given = [whole(document, one) or {} for one in
+                given = [whole(document, part) or {} for part in
                          [*item.get("parameters", []), *item[method].get("parameters", [])]]
-                names = [one.get("name") for one in given if one.get("in") == "path"]
+                names = [row.get("name") for row in given if row.get("in") == "path"]
                 if sorted(names) != sorted(re.findall(r"{(\w+)}", path)):
-                    found.append(f"{path} has the parameters {names}")
-    return found
+                    problems.append(f"{path} has the parameters {names}")
+    return problems
 
 
 def resolved(document, ref):
@@ -136,11 +136,11 @@ def whole(document, part):
 def as_json_schema(part):
     """A schema of OpenAPI 3.0 as one of JSON Schema: the same but for `nullable`."""
     if isinstance(part, list):
-        return [as_json_schema(one) for one in part]
+        return [as_json_schema(item) for item in part]
     if not isinstance(part, dict):
         return part
-    made = {key: as_json_schema(one) for key, one in part.items() if key != "nullable"}
-    return {"anyOf": [made, {"type": "null"}]} if part.get("nullable") is True else made
+    schema = {key: as_json_schema(item) for key, item in part.items() if key != "nullable"}
+    return {"anyOf": [schema, {"type": "null"}]} if part.get("nullable") is True else schema
 
 
 SCHEMAS = as_json_schema(API["components"])
@@ -199,9 +199,9 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
         await c.verified("imager", "flight.noop", {})
         await c.post("crafts/imager/preview", {"name": "flight.noop", "arguments": {}})
         await c.post("crafts/imager/run", {"action": "pause"})
-        found = await c.get("crafts/imager/packets?limit=1")
-        words = {"c": "imager", "id": found[0]["id"] if found else "", "name": "nothing"}
-        asked = set()
+        packets = await c.get("crafts/imager/packets?limit=1")
+        words = {"c": "imager", "id": packets[0]["id"] if packets else "", "name": "nothing"}
+        responses = set()
         for path, item in API["paths"].items():
             if "get" not in item:
                 continue
@@ -214,12 +214,12 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
                     content = await response.text(errors="replace")
                 if "{c}" in path and craft == "nobody":
                     assert response.status == 404, path
-                asked.add((path, response.status))
+                responses.add((path, response.status))
                 if response.content_type != "application/octet-stream" or "content" not in whole(
                         API, item["get"]["responses"]["200"]):
                     conforms(path, "get", response.status, content,
                              "application/yaml" if path.endswith("yaml") else response.content_type)
-        good = {path for path, status in asked if status == 200}
+        good = {path for path, status in responses if status == 200}
         assert {path for path, item in API["paths"].items() if "get" in item} - good <= {
             "/api/crafts/{c}/files/{name}", "/api/crafts/{c}/scene", "/api/crafts/{c}/questions/{id}"}
         served = yaml.safe_load(await c.get("openapi.yaml"))
@@ -229,7 +229,7 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
             for method in METHODS:
                 if operation := item.get(method):
                     row = of[method, path]
-                    assert [operation.pop(one, "") for one in ("x-role", "x-craft", "x-logged")] == [
+                    assert [operation.pop(key, "") for key in ("x-role", "x-craft", "x-logged")] == [
                         row.role, row.craft, row.logged]
                     assert (operation.pop("security", None) == []) == (row.role == "anyone")
         assert served == API
@@ -243,8 +243,8 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
                 ("questions/1", {"answer": True}, "post")):
             response = await getattr(c.client, method)(f"/api/crafts/imager/{path}", json=body,
                                                        headers={"X-Fledge-CSRF": c.csrf})
-            described = next(one for one in API["paths"] if re.fullmatch(
-                re.sub(r"{\w+}", "[^/]+", one), f"/api/crafts/imager/{path}") and method in API["paths"][one])
+            described = next(key for key in API["paths"] if re.fullmatch(
+                re.sub(r"{\w+}", "[^/]+", key), f"/api/crafts/imager/{path}") and method in API["paths"][key])
             conforms(described, method, response.status, await response.json())
 
 
@@ -298,9 +298,9 @@ async def test_the_plugin_for_open_mct_asks_a_flying_server_and_reads_its_frames
     (tmp_path / "run.mjs").write_text(STAND_IN)
     name = "flight.tracking.error.sigma_BR[1]"
     async with console(tmp_path, CRAFT) as c:
-        await c.until("crafts", lambda found: int(found[0]["t_ns"]) > 60 * 10**9)
+        await c.until("crafts", lambda output: int(output[0]["t_ns"]) > 60 * 10**9)
         await c.post("crafts/imager/run", {"action": "pause"})
-        slot = next(one for one in await c.get("crafts/imager/slots") if one["name"] == name)
+        slot = next(row for row in await c.get("crafts/imager/slots") if row["name"] == name)
         live = await c.client.ws_connect("/api/live")
         await live.send_json({"subscribe": {"craft": "imager", "slots": [slot["slot"]], "hz": 10}})
         while (message := await live.receive()).type != WSMsgType.BINARY:
@@ -308,12 +308,12 @@ async def test_the_plugin_for_open_mct_asks_a_flying_server_and_reads_its_frames
         node = await asyncio.create_subprocess_exec(
             "node", tmp_path / "run.mjs", f"http://{c.client.host}:{c.client.port}",
             base64.b64encode(message.data).decode(), name, stdout=asyncio.subprocess.PIPE)
-        found = json.loads((await node.communicate())[0])
+        output = json.loads((await node.communicate())[0])
         expected = (await c.get(f"crafts/imager/history?names={name}&points=50"))[name]
-    assert found["keys"] > 100 and found["parameter"]["telemetry"]["values"][1]["unit"] == slot["unit"]
-    assert [one["value"] for one in found["history"]] == expected["value"] and len(expected["value"]) > 10
-    assert [one["timestamp"] for one in found["history"]] == [int(t) // 10**6 for t in expected["t_ns"]]
+    assert output["keys"] > 100 and output["parameter"]["telemetry"]["values"][1]["unit"] == slot["unit"]
+    assert [row["value"] for row in output["history"]] == expected["value"] and len(expected["value"]) > 10
+    assert [row["timestamp"] for row in output["history"]] == [int(t) // 10**6 for t in expected["t_ns"]]
     t, value = struct.unpack_from("<qd", message.data, 32 + 8)
-    assert found["live"] == [{"timestamp": t // 10**6, "value": value}]
-    assert re.fullmatch("ws://.*/api/live", found["sent"][0]) and found["sent"][2] == "closed"
-    assert json.loads(found["sent"][1]) == {"subscribe": {"craft": "imager", "slots": [slot["slot"]], "hz": 10}}
+    assert output["live"] == [{"timestamp": t // 10**6, "value": value}]
+    assert re.fullmatch("ws://.*/api/live", output["sent"][0]) and output["sent"][2] == "closed"
+    assert json.loads(output["sent"][1]) == {"subscribe": {"craft": "imager", "slots": [slot["slot"]], "hz": 10}}

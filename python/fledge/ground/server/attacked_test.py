@@ -96,74 +96,75 @@ async def test_a_route_without_a_row_does_not_start(folder):
 
 def people(word):
     """Who asks, and the server's tables of them: roles None: no user; crafts None: all; csrf: with the word."""
-    tables, found = [], {"nobody": SimpleNamespace(roles=None, crafts=None, headers={}, csrf=True)}
+    tables, users = [], {"nobody": SimpleNamespace(roles=None, crafts=None, headers={}, csrf=True)}
     for name, roles, crafts in (("viewer", ROLES[:1], None), ("commander", ROLES[:2], None), ("all", ROLES, None),
                                 ("blind", ROLES[1:], None), ("own", ROLES, ["a"]), ("stranger", ROLES, ["b", "ghost"])):
-        made, digest = token()
+        token_word, digest = token()
         tables.append({"token": name, "hash": digest, "roles": list(roles), "crafts": crafts})
-        found[name] = SimpleNamespace(roles=roles, crafts=crafts, csrf=True,
-                                      headers={"Authorization": f"Bearer {made}"})
+        users[name] = SimpleNamespace(roles=roles, crafts=crafts, csrf=True,
+                                      headers={"Authorization": f"Bearer {token_word}"})
     tables.append({"user": "ada", "password": hashed(word, (16, 8, 1)), "roles": list(ROLES), "crafts": None})
     text = "".join(f"\n[[{kind}]]\nname = \"{table.pop(kind)}\"\n" + "".join(
         f"{key} = {json.dumps(value)}\n" for key, value in table.items() if value is not None)
         for table in tables for kind in [next(iter(table))])
-    return found, text
+    return users, text
 
 
-def right(row, craft, who, status, said, changes):
+def right(row, craft, user, status, reply, changes):
     """Whether an answer is as the row demands, from what it says to a person."""
     if row.role == "anyone":
         return status not in (401, 403)
-    if who.roles is None:
-        return status == 401 and "log in first" in said
-    if changes and not who.csrf:
-        return status == 403 and "X-Fledge-CSRF" in said
-    if "{c}" in row.path and (craft not in "ab" or who.crafts and craft not in who.crafts):
-        return status == 404 and "there is no spacecraft" in said
-    if row.role != "user" and row.role not in who.roles:
-        return status == 403 and "lacks the role" in said
-    return status < 500 and status not in (401, 403) and not ("{c}" in row.path and "there is no spacecraft" in said)
+    if user.roles is None:
+        return status == 401 and "log in first" in reply
+    if changes and not user.csrf:
+        return status == 403 and "X-Fledge-CSRF" in reply
+    if "{c}" in row.path and (craft not in "ab" or user.crafts and craft not in user.crafts):
+        return status == 404 and "there is no spacecraft" in reply
+    if row.role != "user" and row.role not in user.roles:
+        return status == 403 and "lacks the role" in reply
+    return status < 500 and status not in (401, 403) and not (
+        "{c}" in row.path and "there is no spacecraft" in reply)
 
 
 @flown
-async def test_every_row_asks_who_one_is_and_what_one_may(folder):
+async def test_every_row_checks_the_user_and_the_role(folder):
     """With each role, without a session, with ended ones, without the CSRF word, with the roles of another spacecraft;
     for a spacecraft, one that there is not, and a replay that has ended."""
-    who, text = people("correct horse")
+    users, text = people("correct horse")
     async with console(folder, FILE + text) as page:
         async def login(name):
             answer = await page.client.post("/api/login", json={"user": "ada", "password": "correct horse"})
             cookie = "; ".join(f"{cooky.key}={cooky.value}" for cooky in answer.cookies.values())
             page.client.session.cookie_jar.clear()
             csrf = {"X-Fledge-CSRF": (await answer.json())["csrf"]}
-            who[name] = SimpleNamespace(roles=ROLES, crafts=None, csrf=True, headers={"Cookie": cookie, **csrf})
+            users[name] = SimpleNamespace(roles=ROLES, crafts=None, csrf=True, headers={"Cookie": cookie, **csrf})
             return {"Cookie": cookie}, csrf
 
         cookie, csrf = await login("logged out")
         assert (await page.client.post("/api/logout", headers={**cookie, **csrf})).status == 200
         await login("idle")
         page.server.guard.sessions.clock = lambda: time.monotonic() + 31 * 60
-        assert (await page.client.get("/api/crafts", headers=who["idle"].headers)).status == 401
-        who["logged out"].roles = who["idle"].roles = None
-        who["without the word"] = SimpleNamespace(roles=ROLES, crafts=None, csrf=False)
-        who["without the word"].headers, _ = await login("session")
+        assert (await page.client.get("/api/crafts", headers=users["idle"].headers)).status == 401
+        users["logged out"].roles = users["idle"].roles = None
+        users["without the word"] = SimpleNamespace(roles=ROLES, crafts=None, csrf=False)
+        users["without the word"].headers, _ = await login("session")
 
-        requests, wrong, known = 0, [], {one: {} for one in who}
-        for row in sorted(ROWS, key=lambda one: one.path == "/api/logout"):
+        requests, wrong, known = 0, [], {user: {} for user in users}
+        for row in sorted(ROWS, key=lambda row: row.path == "/api/logout"):
             body = {"from_ns": "9" * 18} if row.path.endswith("/replay") else {}
             for craft in ("a", "b", "zz", "a@replay7") if "{c}" in row.path else ("",):
-                for name, one in who.items():
+                for name, user in users.items():
                     for method in (row.method, "HEAD")[:1 + (row.method == "GET" and name in ("nobody", "stranger"))]:
-                        answer = await page.client.request(method, filled(row.path, craft), headers=one.headers,
+                        answer = await page.client.request(method, filled(row.path, craft), headers=user.headers,
                                                            json=None if row.method == "GET" else body)
-                        said = (await answer.content.read(500)).decode(errors="replace")
+                        reply = (await answer.content.read(500)).decode(errors="replace")
                         page.client.session.cookie_jar.clear()
                         requests += 1
                         if not (answer.status == known[name][row.path, craft][0] if method == "HEAD" else
-                                right(row, craft, one, answer.status, said, row.method != "GET")):
-                            wrong.append((name, method, filled(row.path, craft), answer.status, said))
+                                right(row, craft, user, answer.status, reply, row.method != "GET")):
+                            wrong.append((name, method, filled(row.path, craft), answer.status, reply))
                         if method != "HEAD":
-                            known[name][row.path, craft] = answer.status, said.replace(f"'{craft}'", "?"), {
+                            known[name][row.path, craft] = answer.status, reply.replace(f"'{craft}'", "?"), {
                                 **answer.headers, "Date": "", "Content-Length": ""}
         print(f"{requests} requests, {requests - len(wrong)} right")
         assert not wrong, wrong[:10]
@@ -172,55 +173,55 @@ async def test_every_row_asks_who_one_is_and_what_one_may(folder):
         assert len(there) > 30 and all(     # as if it were not there
             known["stranger"][path, "a"] == known["stranger"][path, "zz"] for path in there)
         log = page.room.journal.rows("log", limit=500)
-        assert not [one for one in log if one["action"] != "refused" and one["user"] == "viewer" and
-                    "replay" not in one["action"]]
+        assert not [user for user in log if user["action"] != "refused" and user["user"] == "viewer" and
+                    "replay" not in user["action"]]
 
 
 @flown
-async def test_every_message_asks_what_one_may(folder):
-    who, text = people("correct horse")
+async def test_every_message_checks_the_role(folder):
+    users, text = people("correct horse")
     async with console(folder, FILE + text) as page:
-        messages, wrong, said_of = 0, [], {}
-        for name, one in who.items():
-            if not one.roles or "view" not in one.roles:
-                assert (await page.client.get("/api/live", headers=one.headers)).status == (403 if one.roles else 401)
+        messages, wrong, errors_of = 0, [], {}
+        for name, user in users.items():
+            if not user.roles or "view" not in user.roles:
+                assert (await page.client.get("/api/live", headers=user.headers)).status == (403 if user.roles else 401)
                 continue
-            live = await page.client.ws_connect("/api/live", headers=one.headers)
+            live = await page.client.ws_connect("/api/live", headers=user.headers)
             for key, (row, _) in MESSAGES.items():
                 for craft in ("a", "b", "zz", "a@replay7"):
                     await live.send_json({key: {"craft": craft, "slots": []} if key == "subscribe" else craft})
                     await live.send_str("{")
-                    found = []
-                    while not found or "JSON" not in found[-1]:
+                    errors = []
+                    while not errors or "JSON" not in errors[-1]:
                         message = await live.receive(PATIENCE)
                         if message.type == WSMsgType.TEXT and message.json()["kind"] == "refused":
-                            found.append(message.json()["error"])
+                            errors.append(message.json()["error"])
                     messages += 1
-                    hidden = row.craft and (craft not in "ab" or one.crafts and craft not in one.crafts)
-                    said_of[name, key, craft] = [one.replace(f"'{craft}'", "?") for one in found[:-1]]
-                    if len(found) != 1 + bool(hidden) or hidden and "there is no spacecraft" not in found[0]:
-                        wrong.append((name, key, craft, found))
+                    hidden = row.craft and (craft not in "ab" or user.crafts and craft not in user.crafts)
+                    errors_of[name, key, craft] = [user.replace(f"'{craft}'", "?") for user in errors[:-1]]
+                    if len(errors) != 1 + bool(hidden) or hidden and "there is no spacecraft" not in errors[0]:
+                        wrong.append((name, key, craft, errors))
             await live.close()
         print(f"{messages} messages, {messages - len(wrong)} right")
         assert not wrong and messages >= 5 * 3 * 4, wrong
-        assert all(said_of["stranger", key, "a"] == said_of["stranger", key, "zz"] for key in MESSAGES)
-        assert "there is b" in said_of["stranger", "subscribe", "a"][0]
+        assert all(errors_of["stranger", key, "a"] == errors_of["stranger", key, "zz"] for key in MESSAGES)
+        assert "there is b" in errors_of["stranger", "subscribe", "a"][0]
 
 
 @flown
-async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
+async def test_a_user_without_a_role_for_a_spacecraft_receives_nothing_of_it(folder):
     """By the log, old and live; by the list; of what others do, and of a run that several spacecraft share."""
-    who, text = people("correct horse")
+    users, text = people("correct horse")
     async with console(folder, FILE + text) as page:
         async def ask(name, method, path, status=200, **given):
-            answer = await page.client.request(method, f"/api/{path}", headers=who[name].headers, **given)
-            said = await answer.text()
-            assert answer.status == status, said
-            return json.loads(said)
+            answer = await page.client.request(method, f"/api/{path}", headers=users[name].headers, **given)
+            reply = await answer.text()
+            assert answer.status == status, reply
+            return json.loads(reply)
 
-        heard = {}
+        sockets = {}
         for name in ("stranger", "all"):
-            heard[name] = await page.client.ws_connect("/api/live", headers=who[name].headers)
+            sockets[name] = await page.client.ws_connect("/api/live", headers=users[name].headers)
         while not all(craft.control and craft.connection.craft for craft in page.room.crafts.values()):
             await asyncio.sleep(0.05)
         await ask("all", "POST", "crafts/a/send", json={"name": "flight.noop", "arguments": {}})
@@ -230,20 +231,20 @@ async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
         await ask("stranger", "POST", "crafts/a/send", 404, json={})
         await ask("stranger", "POST", "crafts/b/send", json={"name": "flight.noop", "arguments": {}})
         page.room.report("b", "info", "test", "the end")
-        texts = {name: [] for name in heard}
-        for name, live in heard.items():
+        texts = {name: [] for name in sockets}
+        for name, live in sockets.items():
             while not texts[name] or texts[name][-1].get("text") != "the end":
                 if (message := await live.receive(PATIENCE)).type == WSMsgType.TEXT:
                     texts[name].append(message.json())
-        assert {"log", "sent", "question", "slots"} <= {one["kind"] for one in texts["all"] if one.get("craft") == "a"}
-        assert not [one for one in texts["stranger"] if one.get("craft") not in ("b", None, "")]
-        assert {one["user"] for one in texts["stranger"] if one["kind"] == "log"} == {"stranger"}
+        assert {"log", "sent", "question", "slots"} <= {row["kind"] for row in texts["all"] if row.get("craft") == "a"}
+        assert not [row for row in texts["stranger"] if row.get("craft") not in ("b", None, "")]
+        assert {row["user"] for row in texts["stranger"] if row["kind"] == "log"} == {"stranger"}
         log = await ask("stranger", "GET", "log")
-        assert {one["user"] for one in log} == {"stranger"}
-        assert [one["craft"] for one in log] == ["b", None]     # the other one was refused
-        assert {one["user"] for one in await ask("all", "GET", "log")} >= {"all", "viewer", "stranger"}
-        assert [one["name"] for one in await ask("stranger", "GET", "crafts")] == ["b"]
-        assert {one["craft"] for one in await ask("own", "GET", "log")} == {"a"}
+        assert {row["user"] for row in log} == {"stranger"}
+        assert [row["craft"] for row in log] == ["b", None]     # the other one was refused
+        assert {row["user"] for row in await ask("all", "GET", "log")} >= {"all", "viewer", "stranger"}
+        assert [row["name"] for row in await ask("stranger", "GET", "crafts")] == ["b"]
+        assert {row["craft"] for row in await ask("own", "GET", "log")} == {"a"}
         crafts = page.room.crafts
         crafts["b"].control = crafts["a"].control       # as of one co-simulation
         for name, status in (("stranger", 403), ("own", 403), ("viewer", 403), ("commander", 200)):
@@ -283,10 +284,10 @@ async def test_texts_and_numbers_that_are_none_are_refused(folder):
             for body in WRONG:
                 answer = await page.client.request(row.method, filled(row.path, "a"), data=body,
                                                    headers={"X-Fledge-CSRF": page.csrf})
-                said = await answer.json()
+                reply = await answer.json()
                 # Some take no body, or say first what else is wrong.
                 assert answer.status in (400, 404, 409), (row, body, answer.status)
-                assert answer.status != 400 or len(said["error"]) > 10
+                assert answer.status != 400 or len(reply["error"]) > 10
         live = await page.client.ws_connect("/api/live")
         for body in WRONG:
             if not {b"\xff"[0], b"\xed"[0]} & set(body):
@@ -301,9 +302,9 @@ async def test_texts_and_numbers_that_are_none_are_refused(folder):
                 reader, writer = await asyncio.open_connection("127.0.0.1", page.client.server.port)
                 writer.write(method + b" " + target + b" HTTP/1.1\r\nHost: localhost\r\nX-Fledge-CSRF: \xff\r\n"
                              b"Connection: close\r\nContent-Length: 2\r\n\r\n{}")
-                assert b" 400 " in (said := await reader.read())[:20] and b"UTF-8" in said, (target, said)
+                assert b" 400 " in (reply := await reader.read())[:20] and b"UTF-8" in reply, (target, reply)
                 writer.close()
-        assert not [one for one in page.room.journal.rows("log") if "made an error" in one["text"]]
+        assert not [entry for entry in page.room.journal.rows("log") if "made an error" in entry["text"]]
         emoji = await page.client.post("/api/crafts/a/questions", data=b'{"text": "\\ud83d\\ude00?"}',
                                        headers={"X-Fledge-CSRF": page.csrf})
         assert (await emoji.json())["text"] == "\U0001f600?"
@@ -320,17 +321,17 @@ def content(draw, depth=0):
 
 
 async def fuzzed(folder):
-    draw, begun, asked, sent = random.Random(SEED), time.monotonic(), 0, 0
-    routes = [one for one in ROWS if one.path != "/api/live"]
+    draw, begun, requests, sent = random.Random(SEED), time.monotonic(), 0, 0
+    routes = [entry for entry in ROWS if entry.path != "/api/live"]
     async with console(folder, FILES, 1.0) as page:      # of spacecraft that stand still
         for bound in ("changes of a user", "messages"):
             page.room.bounds[bound] = 1e9
         live = await page.client.ws_connect("/api/live")
-        while asked < CASES or time.monotonic() < UNTIL:
-            asked += 1
+        while requests < CASES or time.monotonic() < UNTIL:
+            requests += 1
             row = draw.choice(routes)
             word = draw.choice(WORDS[:-1]).encode(errors="surrogatepass").hex()
-            path = filled(row.path, draw.choice("aaabbbx"), "".join(f"%{one}" for one in re.findall("..", word))
+            path = filled(row.path, draw.choice("aaabbbx"), "".join(f"%{entry}" for entry in re.findall("..", word))
                           if 0 < len(word) < 200 and draw.random() < 0.5 else
                           draw.choice(["0", "3", "flight.control", "x"]))
             query = {key: draw.choice(WORDS[:9]).encode(errors="replace").decode() for key in
@@ -341,18 +342,18 @@ async def fuzzed(folder):
                 data=None if row.method == "GET" else data, headers={
                     "X-Fledge-CSRF": page.csrf,     # aiohttp's client does not send the rest of a body that is refused
                     "Connection": "close" if len(data) > 200_000 else "keep-alive"})
-            said = await answer.text(errors="replace")
-            assert answer.status < 500, (row, path, query, data, said)
-            assert answer.status == 200 or json.loads(said)["error"], (row, path, said)
+            reply = await answer.text(errors="replace")
+            assert answer.status < 500, (row, path, query, data, reply)
+            assert answer.status == 200 or json.loads(reply)["error"], (row, path, reply)
             assert "html" not in answer.content_type or row.path == "/"
             text = json.dumps(content(draw) if draw.random() < 0.3 else {
                 draw.choice([*MESSAGES]): draw.choice([content(draw), "b", {"craft": "b", **dict.fromkeys(
                     draw.sample(["slots", "hz", "truth"], 2), content(draw))}])})
             with suppress(ConnectionError):     # it has ended, as the answers say
                 await (live.send_bytes(draw.randbytes(30)) if draw.random() < 0.2 else live.send_str(text))
-                await live.send_str("{" if asked % 100 == 0 else "")
+                await live.send_str("{" if requests % 100 == 0 else "")
                 sent += 1
-            while asked % 100 == 0:     # the answers come in order, this one last
+            while requests % 100 == 0:     # the answers come in order, this one last
                 message = await live.receive(PATIENCE)
                 if message.type in (WSMsgType.CLOSE, WSMsgType.CLOSED):
                     assert live.close_code in (1008, 1009), (live.close_code, message)  # too many, or too large
@@ -361,7 +362,7 @@ async def fuzzed(folder):
                 assert message.type in (WSMsgType.TEXT, WSMsgType.BINARY), message
                 if message.type == WSMsgType.TEXT and "a message is JSON" in message.data:
                     break
-        print(f"{asked} requests, {sent} messages in {time.monotonic() - begun:.0f} s, seed {SEED}")
+        print(f"{requests} requests, {sent} messages in {time.monotonic() - begun:.0f} s, seed {SEED}")
         with patch("fledge.ground.server.handlers.common.PATIENCE", PATIENCE):
             await page.client.post("/api/crafts/b/run", json={"action": "go", "speed": 1},
                                    headers={"X-Fledge-CSRF": page.csrf})

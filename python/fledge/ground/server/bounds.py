@@ -90,11 +90,11 @@ class Bounds:
 
     def over(self, name: str, wanted: float) -> bool:
         """Whether so much is too much, which counts as a refusal."""
-        one = self.all[name]
-        if wanted > one.most:
-            one.refused += 1
+        bound = self.all[name]
+        if wanted > bound.most:
+            bound.refused += 1
             return True
-        one.peak = max(one.peak, wanted)
+        bound.peak = max(bound.peak, wanted)
         return False
 
     def refuses(self, name: str) -> str:
@@ -108,13 +108,13 @@ class Bounds:
 
     def says(self, name: str) -> str:
         """The sentence of a refusal."""
-        one = self.all[name]
-        return one.refusal.format(most=f"{one.most:,.10g}")
+        bound = self.all[name]
+        return bound.refusal.format(most=f"{bound.most:,.10g}")
 
     def describe(self) -> list[dict[str, Any]]:
         """For the page."""
-        return [{"name": one.name, "most": one.most, "unit": one.unit, "used": one.used() if one.used else None,
-                 "peak": one.peak, "refused": one.refused, "refusal": self.says(one.name)} for one in self.all.values()]
+        return [{"name": b.name, "most": b.most, "unit": b.unit, "used": b.used() if b.used else None,
+                 "peak": b.peak, "refused": b.refused, "refusal": self.says(b.name)} for b in self.all.values()]
 
 
 class Recent:
@@ -153,7 +153,7 @@ class LoopWatch:
 
     def __init__(self, slow: Callable[[float], Any]) -> None:
         self.longest = 0.0          #: since the start
-        self._slow, self._told = slow, -60.0
+        self._slow, self._reported = slow, -60.0
         self._blocks: deque[tuple[float, float]] = deque()      # (when, how long), each shorter than those before it
         self._busy: deque[tuple[float, float]] = deque()        # the same of what it computed
 
@@ -163,19 +163,19 @@ class LoopWatch:
         while True:
             due, used = loop.time() + TICK, time.thread_time()
             await asyncio.sleep(TICK)
-            self.saw(loop.time(), loop.time() - due, time.thread_time() - used)
+            self.tick(loop.time(), loop.time() - due, time.thread_time() - used)
 
-    def saw(self, now: float, late: float, computed: float = 0.0) -> None:
+    def tick(self, now: float, late: float, computed: float = 0.0) -> None:
         """A tick."""
         self.longest = max(self.longest, late)
-        for kept, value in ((self._blocks, late), (self._busy, computed)):
-            while kept and kept[-1][1] <= value:
-                kept.pop()
-            kept.append((now, value))
-            while kept[0][0] < now - 60:
-                kept.popleft()
-        if late > SLOW and now - self._told >= 60:
-            self._told = now
+        for window, value in ((self._blocks, late), (self._busy, computed)):
+            while window and window[-1][1] <= value:
+                window.pop()
+            window.append((now, value))
+            while window[0][0] < now - 60:
+                window.popleft()
+        if late > SLOW and now - self._reported >= 60:
+            self._reported = now
             self._slow(late)
 
     @property

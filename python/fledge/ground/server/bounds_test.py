@@ -19,7 +19,7 @@ FILE = '[[craft]]\nname = "craft"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0
 def take(room, packets):
     """Packets as they arrive, in the spacecraft's thread."""
     craft = room.craft("craft")
-    return asyncio.wrap_future(craft.call(lambda: craft.take([(t, t, one) for t, one in packets])))
+    return asyncio.wrap_future(craft.call(lambda: craft.take([(t, t, packet) for t, packet in packets])))
 
 
 def served(folder):
@@ -29,20 +29,20 @@ def served(folder):
 
 async def refusal(live):
     """The next one that a WebSocket tells."""
-    while (found := (await live.receive(PATIENCE)).json())["kind"] != "refused":
+    while (message := (await live.receive(PATIENCE)).json())["kind"] != "refused":
         pass
-    return found["error"]
+    return message["error"]
 
 
 def test_the_loop_finds_what_blocks_it():
-    told = []
+    reported = []
 
     async def blocks():
-        watch = LoopWatch(told.append)
+        watch = LoopWatch(reported.append)
         task = asyncio.create_task(watch.run())
         await asyncio.sleep(0)      # it waits for its first tick
         time.sleep(0.2)     # it computes nothing
-        while not told:
+        while not reported:
             await asyncio.sleep(0.01)
         slept, until = watch.computed, time.thread_time() + 0.2
         while time.thread_time() < until:
@@ -53,13 +53,13 @@ def test_the_loop_finds_what_blocks_it():
         return watch, slept
 
     watch, slept = asyncio.run(blocks())
-    assert 0.15 < told[0] <= watch.longest and slept < 0.1
-    watch.longest, at = told[0], time.monotonic()
+    assert 0.15 < reported[0] <= watch.longest and slept < 0.1
+    watch.longest, at = reported[0], time.monotonic()
     for late in (0.1, 0.3, 0.2):    # once a minute at most
-        watch.saw(at + 61, late, late / 2)
-    assert told[1:] == [0.1] and watch.recent == 0.3 > SLOW and watch.computed == 0.15
-    watch.saw(at + 130, 0.01)
-    assert watch.recent == 0.01 and watch.computed == 0 and watch.longest == max(0.3, told[0])
+        watch.tick(at + 61, late, late / 2)
+    assert reported[1:] == [0.1] and watch.recent == 0.3 > SLOW and watch.computed == 0.15
+    watch.tick(at + 130, 0.01)
+    assert watch.recent == 0.01 and watch.computed == 0 and watch.longest == max(0.3, reported[0])
 
 
 def test_each_limit_has_one_name_a_figure_and_a_sentence():
@@ -69,8 +69,8 @@ def test_each_limit_has_one_name_a_figure_and_a_sentence():
     for name in names:
         assert bounds[name] > 0 and "{" not in bounds.says(name) and f"{bounds[name]:,.10g}" in bounds.says(name)
     assert not bounds.over("message", bounds["message"]) and bounds.over("message", bounds["message"] + 1)
-    told = next(one for one in bounds.describe() if one["name"] == "message")
-    assert (told["peak"], told["refused"], told["used"]) == (bounds["message"], 1, None)
+    row = next(row for row in bounds.describe() if row["name"] == "message")
+    assert (row["peak"], row["refused"], row["used"]) == (bounds["message"], 1, None)
 
 
 @flown
@@ -107,14 +107,14 @@ async def test_a_history_in_parts_is_the_one_as_a_whole(folder):
         at_once, goes_on, series = int(page.room.bounds["queries"]), Event(), craft.past.series
         craft.past.series = lambda *given: goes_on.wait() and series(*given)
         try:
-            asked = [asyncio.create_task(page.client.get(f"/api/{path}")) for _ in range(12)]
-            while sum(one.done() for one in asked) < 12 - at_once:
+            tasks = [asyncio.create_task(page.client.get(f"/api/{path}")) for _ in range(12)]
+            while sum(task.done() for task in tasks) < 12 - at_once:
                 await asyncio.sleep(0.01)
-            refused = [await one.result().json() for one in asked if one.done()]
+            refused = [await task.result().json() for task in tasks if task.done()]
         finally:
             goes_on.set()
         assert "wait already" in refused[0]["error"]
-        assert [one.status for one in await asyncio.gather(*asked)].count(200) == at_once
+        assert [task.status for task in await asyncio.gather(*tasks)].count(200) == at_once
 
 
 @flown
@@ -126,9 +126,9 @@ async def test_numbers_that_there_are_not_and_replays_that_have_ended_are_refuse
         for session in (2**63, 10**39, -2):
             assert "of the list of sessions" in (await page.post("crafts/craft/replay", {"session": session}, 400)
                                                  )["error"]
-        made = await page.post("crafts/craft/replay", {})
+        replay = await page.post("crafts/craft/replay", {})
         codes = [answer.status for answer in await asyncio.gather(*(page.client.delete(
-            f"/api/crafts/{made['name']}/replay", headers={"X-Fledge-CSRF": page.csrf}) for _ in range(8)))]
+            f"/api/crafts/{replay['name']}/replay", headers={"X-Fledge-CSRF": page.csrf}) for _ in range(8)))]
         assert codes.count(200) == 1 and set(codes) <= {200, 400, 404}, codes
 
 
@@ -150,10 +150,10 @@ async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_mu
         got = dropped = 0
         while got + dropped < 8000:
             message = await deaf.receive(PATIENCE)
-            found = message.json() if message.type == WSMsgType.TEXT and message.data.startswith("{") else {}
-            if found.get("kind") == "packets":
-                got, dropped = got + len(found["packets"]), found["dropped"]
-        assert got >= 2000 and dropped >= 4000 and all(one["peak"] <= one["most"] for one in bounds.describe())
+            content = message.json() if message.type == WSMsgType.TEXT and message.data.startswith("{") else {}
+            if content.get("kind") == "packets":
+                got, dropped = got + len(content["packets"]), content["dropped"]
+        assert got >= 2000 and dropped >= 4000 and all(row["peak"] <= row["most"] for row in bounds.describe())
 
         live = await page.client.ws_connect("/api/live")
         await live.send_json({"subscribe": {"craft": "craft", "slots": list(range(70_000))}})
@@ -202,9 +202,9 @@ async def test_empty_frames_are_bounded_and_delay_no_client(folder):
 @flown
 async def test_an_administrator_sees_the_limits_and_what_is_in_use(folder):
     async with served(folder) as page:
-        found = await page.get("server")
-        limits = {limit["name"]: limit for limit in found["limits"]}
+        state = await page.get("server")
+        limits = {limit["name"]: limit for limit in state["limits"]}
         assert [*limits] == [name for name, _, _, _ in TABLE]
         assert limits["disk that stays free"]["used"] > 0 and limits["replays"]["used"] == 0
-        assert found["memory"] > 1 << 20 and found["loop"]["longest_ms"] >= found["loop"]["recent_ms"] >= 0
-        assert found["journal"]["bytes"] > 0 and found["descriptors"] < found["descriptors_most"]
+        assert state["memory"] > 1 << 20 and state["loop"]["longest_ms"] >= state["loop"]["recent_ms"] >= 0
+        assert state["journal"]["bytes"] > 0 and state["descriptors"] < state["descriptors_most"]

@@ -50,9 +50,9 @@ class Clock:
         """Packets with their times. link_t: [ns] now by the clock of their link."""
         received = time.time_ns()
         if self.simulated:
-            return [(max(one.t, 0), received, one.packet) for one in arrived]
+            return [(max(arrival.t, 0), received, arrival.packet) for arrival in arrived]
         offset = received - link_t
-        packets = [(one.t + offset, one.t + offset, one.packet) for one in arrived]
+        packets = [(arrival.t + offset, arrival.t + offset, arrival.packet) for arrival in arrived]
         if packets and 0 < self.now - packets[0][0] <= BACK:
             packets = [(max(t, self.now), received, packet) for t, received, packet in packets]
         return packets

@@ -14,9 +14,9 @@ UTC = 1_700_000_000 * 10**9
 @pytest.fixture
 def machine(monkeypatch):
     """The machine's clocks [ns]: steady, utc."""
-    made = SimpleNamespace(steady=0, utc=UTC)
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: made.steady, time_ns=lambda: made.utc))
-    return made
+    clock = SimpleNamespace(steady=0, utc=UTC)
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: clock.steady, time_ns=lambda: clock.utc))
+    return clock
 
 
 def test_utc_goes_on_and_a_clock_that_is_set_is_a_step(machine):

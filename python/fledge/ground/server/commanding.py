@@ -53,8 +53,7 @@ class Commanding:
             if dictionary else DatabaseUplink(settings, connection, telemetry, clock, reporter, self._stages)
         self.load()
         #: those that had not ended when the last server did
-        self.left = [one for one in reporter.all("sent", is_open=True)
-                     if isinstance(one.get("open"), dict)]
+        self.left = [row for row in reporter.all("sent", is_open=True) if isinstance(row.get("open"), dict)]
 
     def restore(self) -> None:
         """Go on with the commands of the last server: flight may report them yet. What it said meanwhile is missing."""
@@ -73,7 +72,7 @@ class Commanding:
 
     def load(self) -> None:
         """Take the forms of the database."""
-        self._forms: dict[str, Form] = {one["name"]: one for one in self._telemetry.database.forms()}
+        self._forms: dict[str, Form] = {form["name"]: form for form in self._telemetry.database.forms()}
         for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
             counts = {argument["counted_by"] for argument in form["arguments"]}
             form["arguments"] = [argument for argument in form["arguments"] if argument["name"] not in counts]
@@ -92,16 +91,16 @@ class Commanding:
         whole, fields = int.from_bytes(packet, "big"), []
         for field, is_argument, bit, bits in self._telemetry.database.places(form["path"], **given):
             raw = whole >> 8 * len(packet) - bit - bits & (1 << bits) - 1
-            one = known.get(field) if is_argument else None
-            digits = f"{raw:0{-(-bits // 4)}x}" if one and one["type"] not in NUMBERS else str(raw)
-            fields.append({"name": field, "value": arguments.get(field, one["initial"]) if one else str(raw),
-                           "unit": one["unit"] if one else "", "bit": bit, "bits": bits, "argument": bool(one),
-                           "raw": digits})
+            argument = known.get(field) if is_argument else None
+            digits = f"{raw:0{-(-bits // 4)}x}" if argument and argument["type"] not in NUMBERS else str(raw)
+            fields.append({"name": field, "value": arguments.get(field, argument["initial"]) if argument else str(raw),
+                           "unit": argument["unit"] if argument else "", "bit": bit, "bits": bits,
+                           "argument": bool(argument), "raw": digits})
         return {"hex": packet.hex(), "fields": fields, "hazardous": form["hazardous"]}
 
     def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> dict[str, Any]:
         """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
-        packet = self.made(name, arguments, confirmed)
+        packet = self.packet_of(name, arguments, confirmed)
         return self.release(user, name, arguments, [packet], form=self._forms[name])
 
     def hazard_of(self, *names: str) -> str:
@@ -117,7 +116,7 @@ class Commanding:
         return next((why for command in self._uplink.commands_in(packet) for name, path, why in hazardous
                      if command in (name, path) or name.startswith(f"{command}.from_")), "")
 
-    def made(self, name: str, arguments: dict[str, Any], confirmed: bool) -> bytes:
+    def packet_of(self, name: str, arguments: dict[str, Any], confirmed: bool) -> bytes:
         """The packet of a command, as it is sent or stored on board. Raises ArgumentError, Hazardous, SetupError."""
         form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
@@ -176,7 +175,7 @@ class Commanding:
         try:
             return form, given, self._telemetry.database.encode(form["path"], **given)
         except SetupError as error:
-            named = sorted((one for one in known if one in str(error)), key=len)
+            named = sorted((argument for argument in known if argument in str(error)), key=len)
             raise ArgumentError(str(error), named[-1] if named else "") from None
 
     @staticmethod

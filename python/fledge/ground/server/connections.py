@@ -61,8 +61,8 @@ class Connections:
         listener: list[asyncio.AbstractServer] = []
 
         async def close(_: web.Application) -> None:
-            for one in listener:
-                one.close()
+            for server in listener:
+                server.close()
             for transport in self.handshakes:
                 transport.abort()
 
@@ -79,11 +79,11 @@ class Connections:
             await runner.cleanup()
             raise SetupError(f"{access.host}, port {access.port}: {error.strerror or error}") from None
         listener.append(server)
-        for one in server.sockets:      # of asyncio, the backlog is also how many are accepted at once; more may wait
-            with socket.fromfd(one.fileno(), one.family, one.type) as same:
+        for listening in server.sockets:    # asyncio accepts as many at once as its backlog has; more may wait
+            with socket.fromfd(listening.fileno(), listening.family, listening.type) as same:
                 same.listen(WAITING)
         self._sweeper = asyncio.create_task(self._sweep())
-        self.addresses = [one.getsockname() for one in server.sockets]
+        self.addresses = [listening.getsockname() for listening in server.sockets]
         return runner
 
     def take(self, access: Access) -> bool:

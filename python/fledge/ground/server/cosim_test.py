@@ -89,8 +89,8 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
         number = ask("crafts/nadir_spin/send", gain)["id"]
 
         def verified():
-            one, = [one for one in ask("crafts/nadir_spin/sent") if one["id"] == number]
-            stages = [stage["stage"] for stage in one["stages"]]
+            row, = [row for row in ask("crafts/nadir_spin/sent") if row["id"] == number]
+            stages = [stage["stage"] for stage in row["stages"]]
             return stages[-1] == "completed" and stages
 
         assert until(verified) == ["released", "accepted", "completed"]
@@ -98,11 +98,11 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
         run_control = "crafts/nadir_spin/run"
         ask(run_control, {"action": "pause"})
         assert f"the console is at {address}\n" in (tmp_path / "up.log").read_text()
-        paused = until(lambda: (found := ask(run_control))["state"] == "paused" and found)
+        paused = until(lambda: (state := ask(run_control))["state"] == "paused" and state)
         ask(run_control, {"action": "step", "seconds": 5})
         begin = int(paused["t_ns"])
-        later = until(lambda: (found := ask(run_control))["state"] == "paused" and int(found["t_ns"]) > begin
-                      and found)
+        later = until(lambda: (state := ask(run_control))["state"] == "paused" and int(state["t_ns"]) > begin
+                      and state)
         assert 4 * 10**9 <= int(later["t_ns"]) - begin <= 6 * 10**9
         ask(run_control, {"action": "go", "speed": 0})
         until(lambda: int(ask(run_control)["t_ns"]) > begin + 500 * 10**9)
@@ -126,26 +126,26 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
         number = until(sent)
         assert ask(run_control)["text"] == "" and t * 10**9 <= int(ask(run_control)["t_ns"])
         assert until(verified) == ["released", "accepted", "completed"]
-        assert [one["text"] for one in ask("crafts/nadir_spin/events") if one["source"] == "run"] == [
+        assert [row["text"] for row in ask("crafts/nadir_spin/events") if row["source"] == "run"] == [
             f"operator asked the run to go back to {t} s"]
-        ended = [one["ended"] for one in ask("crafts/nadir_spin/sessions")]
+        ended = [row["ended"] for row in ask("crafts/nadir_spin/sessions")]
         assert ended[:-1] == ["closed"], ended
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def results(tmp_path_factory):
     """What the browser found: check -> what went wrong."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port = one.getsockname()[1]
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port = listener.getsockname()[1]
     with Flown(tmp_path_factory.mktemp("flown"), "linux", port) as flown:
         return browse(SCRIPT, flown.address().rstrip("/"), flown.folder)
 
 
 @pytest.mark.long("a browser on a co-simulation: 25 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(results, check):
+    assert results[check] == "", results[check]
 
 
 def test_a_run_goes_back_only_where_it_may_and_takes_no_command_before_it_is_there():

@@ -32,18 +32,18 @@ PARTS = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Add, ast.Sub, 
          ast.Mod, ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq, ast.Load)
 
 
-def compiled(one: Derived, folder: Path) -> Callable[..., Array]:
+def compiled(parameter: Derived, folder: Path) -> Callable[..., Array]:
     """A function from arrays by name to the parameter's array. Raises SetupError."""
-    return _function(one, folder) if one.function else _expression(one)
+    return _function(parameter, folder) if parameter.function else _expression(parameter)
 
 
-def _expression(one: Derived) -> Callable[..., Array]:
-    where = f"{one.name}: the expression '{one.expression}'"
+def _expression(parameter: Derived) -> Callable[..., Array]:
+    where = f"{parameter.name}: the expression '{parameter.expression}'"
     try:
-        tree = ast.parse(one.expression, mode="eval")
+        tree = ast.parse(parameter.expression, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise SetupError(f"{where}: {getattr(error, 'msg', error)}") from None
-    known = [*one.of, *FUNCTIONS, *CONSTANTS]
+    known = [*parameter.of, *FUNCTIONS, *CONSTANTS]
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and node.id not in known:
             raise SetupError(f"{where} has the name '{node.id}'{did_you_mean(node.id, known)} `of` names its inputs")
@@ -65,20 +65,20 @@ def _expression(one: Derived) -> Callable[..., Array]:
     return compute
 
 
-def _function(one: Derived, folder: Path) -> Callable[..., Array]:
-    file, _, name = one.function.rpartition(":")
+def _function(parameter: Derived, folder: Path) -> Callable[..., Array]:
+    file, _, name = parameter.function.rpartition(":")
     path = folder / file
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if not file.endswith(".py") or not path.is_file() or spec is None or spec.loader is None:
-        raise SetupError(f"{one.name}: a function is FILE.py:NAME; found '{one.function}'")
+        raise SetupError(f"{parameter.name}: a function is FILE.py:NAME; found '{parameter.function}'")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise SetupError(f"{one.name}: {path}: {type(error).__name__}: {error}") from None
+        raise SetupError(f"{parameter.name}: {path}: {type(error).__name__}: {error}") from None
     function = getattr(module, name, None)
     if not callable(function):
-        raise SetupError(f"{one.name}: {path} has no function '{name}'")
+        raise SetupError(f"{parameter.name}: {path} has no function '{name}'")
     return function
 
 
@@ -95,9 +95,10 @@ class DerivedParameters:
         self._inputs = {name: self._of_packets(name, ()) for name in self._all}     # of packets, at last
         self._problems: set[str] = set()
         self._rows: list[tuple[str, int, int]] = []     # name, trigger, slot
-        for name, (one, _) in self._all.items():
+        for name, (parameter, _) in self._all.items():
             trigger = monitor.trigger([monitor.slot(path) for path in self._inputs[name]])
-            self._rows.append((name, trigger, monitor.derive(name, one.unit, one.description, one.limits)))
+            slot = monitor.derive(name, parameter.unit, parameter.description, parameter.limits)
+            self._rows.append((name, trigger, slot))
 
     def _of_packets(self, name: str, above: tuple[str, ...]) -> list[str]:
         """The parameters in packets that it comes from, and those that it is computed from."""
@@ -144,11 +145,11 @@ class DerivedParameters:
         return Series(t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first),
                       concern[last], np.maximum.reduceat(concern, first), ("real", values[last].tolist()))
 
-    def _concerns(self, one: Derived, t: Array, received: Array, values: Array) -> Array:
+    def _concerns(self, parameter: Derived, t: Array, received: Array, values: Array) -> Array:
         """By the limits in force when the packets were received, in a monitor of its own."""
         monitor = Database([]).monitor()
-        slot = monitor.derive(one.name, one.unit, one.description, one.limits)
-        limits = InForce([change for change in self._changes if change["name"] == one.name], monitor)
+        slot = monitor.derive(parameter.name, parameter.unit, parameter.description, parameter.limits)
+        limits = InForce([change for change in self._changes if change["name"] == parameter.name], monitor)
         concerns = np.zeros(len(t), np.uint8)
         at = 0
         for notes, rows in limits.parts([(i, int(when), b"") for i, when in enumerate(received)]):
@@ -164,8 +165,8 @@ class DerivedParameters:
 
         def values(name: str) -> Array:
             if name not in columns:
-                one, compute = self._all[name]
-                inputs = {key: values(path) for key, path in one.of.items()}
+                parameter, compute = self._all[name]
+                inputs = {key: values(path) for key, path in parameter.of.items()}
                 try:
                     column = np.asarray(compute(**inputs), float)
                     columns[name] = np.ascontiguousarray(np.broadcast_to(column, len(rows)))

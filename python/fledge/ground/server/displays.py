@@ -50,16 +50,16 @@ def displays(folders: Iterable[Path], slots: Sequence[Mapping[str, Any]], forms:
 
 
 def _display(file: Path, slots: Sequence[Mapping[str, Any]], forms: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    made: dict[str, Any] = {"name": file.stem, "title": file.stem, "problems": [], "panels": []}
+    display: dict[str, Any] = {"name": file.stem, "title": file.stem, "problems": [], "panels": []}
     try:
         text = text_of(file)
         whole, lines = parse(text, Path(shown(file)))
     except (OSError, TomlError) as error:
-        return made | {"problems": [str(error)]}
+        return display | {"problems": [str(error)]}
     reader = _Reader(str(shown(file)), lines, text, slots, forms)
-    made["panels"] = reader.read(whole)
-    made["title"] = reader.text(whole, (), "title", file.stem)
-    return made | {"problems": reader.complaints().splitlines()}
+    display["panels"] = reader.read(whole)
+    display["title"] = reader.text(whole, (), "title", file.stem)
+    return display | {"problems": reader.complaints().splitlines()}
 
 
 class _Reader(Tables):
@@ -87,12 +87,12 @@ class _Reader(Tables):
             minutes = 10.0
         items: list[dict[str, Any]] = []
         for given in self.value(table, at, kind, (list,), "an array", []) or []:
-            one = {("command" if kind == "commands" else "name"): given} if isinstance(given, str) else given
-            if not isinstance(one, dict):
+            entry = {("command" if kind == "commands" else "name"): given} if isinstance(given, str) else given
+            if not isinstance(entry, dict):
                 self.refuse((*at, kind), f"`{kind}` has names and tables", f"there is {given!r}",
                             "write a name in quotes")
             else:
-                items += self.button(one, (*at, kind)) if kind == "commands" else self.numbers(one, (*at, kind))
+                items += self.button(entry, (*at, kind)) if kind == "commands" else self.numbers(entry, (*at, kind))
         return {"kind": kind, "title": self.text(table, at, "title", ""), "minutes": minutes, "items": items,
                 "wide": bool(self.value(table, at, "wide", (bool,), "true or false", False))}
 
@@ -104,20 +104,20 @@ class _Reader(Tables):
         if digits is not None and not 0 <= digits <= 17:
             self.refuse((*at, "digits"), "`digits` is from 0 to 17", f"it is {digits}", "leave it out")
             digits = None
-        found = [self.slots[name]] if name in self.slots else [
-            one for path, one in self.slots.items() if path.startswith((f"{name}[", f"{name}."))]
-        if not name or not found or len(found) > MOST:
-            why = f"{len(found)} parameters begin with '{name}'; {MOST} are the most" if found and name else \
+        matches = [self.slots[name]] if name in self.slots else [
+            slot for path, slot in self.slots.items() if path.startswith((f"{name}[", f"{name}."))]
+        if not name or not matches or len(matches) > MOST:
+            why = f"{len(matches)} parameters begin with '{name}'; {MOST} are the most" if matches and name else \
                 f"there is no parameter '{name}'{did_you_mean(name, self.slots)}".rstrip(";")
             return [{"name": name, "label": label or name, "problem": f"{self.place(name, at)}: {why}"}]
-        return [{"name": one["name"], "slot": one["slot"], "digits": digits,
-                 "label": (label + str(one["name"])[len(name):] if label else one["name"])} for one in found]
+        return [{"name": slot["name"], "slot": slot["slot"], "digits": digits,
+                 "label": (label + str(slot["name"])[len(name):] if label else slot["name"])} for slot in matches]
 
     def button(self, given: dict[str, Any], at: tuple[Any, ...]) -> list[dict[str, Any]]:
         self.keys(given, at, ("command", "label", "arguments"))
         name = self.text(given, at, "command")
         arguments = self.table(given, at, "arguments")
-        made = {"command": name, "label": self.text(given, at, "label", "") or name, "arguments": arguments}
+        entry = {"command": name, "label": self.text(given, at, "label", "") or name, "arguments": arguments}
         why = ""
         if name not in self.forms:
             why = f"there is no command '{name}'{did_you_mean(name, self.forms)}".rstrip(";")
@@ -125,7 +125,7 @@ class _Reader(Tables):
             known = [str(argument["name"]) for argument in self.forms[name]["arguments"]]
             why = next((f"{name} has no argument '{argument}'{did_you_mean(argument, known)}".rstrip(";")
                         for argument in arguments if argument not in known), "")
-        return [made | ({"problem": f"{self.place(name, at)}: {why}"} if why else {})]
+        return [entry | ({"problem": f"{self.place(name, at)}: {why}"} if why else {})]
 
     def place(self, name: str, at: tuple[Any, ...]) -> str:
         """FILE:LINE of a name: of its line in the array, or of the array's."""

@@ -16,30 +16,30 @@ FORMS = [{"name": "craft.write.K", "arguments": [{"name": "K"}]}, {"name": "craf
 
 def read(folder: Path, text: str):
     (folder / "one.toml").write_text(text)
-    found, = displays([folder], SLOTS, FORMS)
-    return found
+    display, = displays([folder], SLOTS, FORMS)
+    return display
 
 
 def test_a_field_is_a_row_for_each_element(tmp_path):
-    one = read(tmp_path, 'title = "A"\n[[panel]]\nvalues = ["craft.attitude.sigma", "<b>odd</b>"]\n'
-                         '[[panel]]\nplot = [{ name = "craft.attitude.sigma", label = "error", digits = 3 }]\n'
-                         "wide = true\n")
-    values, plot = one["panels"]
-    assert one["title"] == "A" and not one["problems"]
+    display = read(tmp_path, 'title = "A"\n[[panel]]\nvalues = ["craft.attitude.sigma", "<b>odd</b>"]\n'
+                   '[[panel]]\nplot = [{ name = "craft.attitude.sigma", label = "error", digits = 3 }]\n'
+                   "wide = true\n")
+    values, plot = display["panels"]
+    assert display["title"] == "A" and not display["problems"]
     assert [(i["slot"], i["label"]) for i in values["items"]] == [(10, NAMES[0]), (11, NAMES[1]), (14, "<b>odd</b>")]
     assert [(i["slot"], i["label"], i["digits"]) for i in plot["items"]] == [(10, "error[0]", 3), (11, "error[1]", 3)]
     assert plot["wide"] and plot["minutes"] == 10 and plot["kind"] == "plot"
 
 
 def test_unknown_names_say_why_and_the_rest_works(tmp_path):
-    one = read(tmp_path, '[[panel]]\nvalues = [\n  "craft.battery",\n  "craft.batery",\n]\n'
-                         '[[panel]]\ncommands = ["craft.noop", "craft.nop",\n'
-                         '    { command = "craft.write.K", arguments = { K = 3, L = 4 } }]\n')
-    known, unknown = one["panels"][0]["items"]
+    display = read(tmp_path, '[[panel]]\nvalues = [\n  "craft.battery",\n  "craft.batery",\n]\n'
+                   '[[panel]]\ncommands = ["craft.noop", "craft.nop",\n'
+                   '    { command = "craft.write.K", arguments = { K = 3, L = 4 } }]\n')
+    known, unknown = display["panels"][0]["items"]
     assert known["slot"] == 13
     assert unknown["problem"].endswith(
         "one.toml:4: there is no parameter 'craft.batery'; did you mean 'craft.battery'?")
-    good, wrong, argument = one["panels"][1]["items"]
+    good, wrong, argument = display["panels"][1]["items"]
     assert "problem" not in good
     assert wrong["problem"].endswith("one.toml:7: there is no command 'craft.nop'; did you mean 'craft.noop'?")
     assert argument["problem"].endswith("one.toml:8: craft.write.K has no argument 'L'")
@@ -77,10 +77,10 @@ def test_the_first_folder_that_has_a_name_counts(tmp_path):
 
 
 def test_the_displays_of_missions_name_what_they_have():
-    found = list(ROOT.glob("missions/*/displays"))
-    assert found
-    for folder in found:
-        bases = [packets.database(one) for one in export.read_all(fledge.load(folder.parent.name))]
+    folders = list(ROOT.glob("missions/*/displays"))
+    assert folders
+    for folder in folders:
+        bases = [packets.database(flight) for flight in export.read_all(fledge.load(folder.parent.name))]
         slots = [{"slot": 0, "name": f"{packet.path}.{item.name}"}
                  for base in bases for packet in base.packets for item in packet.items]
         forms = [{"name": command.path, "arguments": [{"name": item.name} for item in command.items]}

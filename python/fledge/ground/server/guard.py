@@ -115,8 +115,8 @@ class Guard:
                 await self.log.refused(request, error.status, why)
             if isinstance(error, Refusal):
                 raise
-            kept = {name: error.headers[name] for name in ("Allow", "Retry-After") if name in error.headers}
-            raise Refusal(error.status, why, kept) from None
+            headers = {name: error.headers[name] for name in ("Allow", "Retry-After") if name in error.headers}
+            raise Refusal(error.status, why, headers) from None
         except ConnectionError:     # it has gone meanwhile
             raise
         except Exception:

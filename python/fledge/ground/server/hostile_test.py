@@ -47,7 +47,7 @@ def test_a_damaged_journal_gets_a_sentence(tmp_path, seed):
         for i in range(40):
             journal.save(kind, "one", {"text": "x" * 80, "t_ns": str(i), "state": "active"})
     journal.close()
-    whole, told = journal.path.read_bytes(), []
+    whole, errors = journal.path.read_bytes(), []
     for _ in range(CASES):
         for left in tmp_path.glob("journal.sqlite*"):
             left.unlink()
@@ -55,16 +55,17 @@ def test_a_damaged_journal_gets_a_sentence(tmp_path, seed):
         try:
             again = Journal(tmp_path)
         except SetupError as error:
-            told.append(str(error))
+            errors.append(str(error))
             continue
         for kind in LISTS:
             for read in (again.rows, again.all):
                 try:
-                    assert all(isinstance(one["id"], int) for one in read(kind, "one"))
+                    assert all(isinstance(row["id"], int) for row in read(kind, "one"))
                 except SetupError as error:
-                    told.append(str(error))
+                    errors.append(str(error))
         again.close()
-    assert told and all(one.startswith(f"{journal.path}") and one.isprintable() and len(one) < 400 for one in told)
+    assert errors and all(error.startswith(f"{journal.path}") and error.isprintable() and len(error) < 400
+                          for error in errors)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -74,21 +75,21 @@ def test_a_damaged_archive_is_read_as_far_as_it_is_good_and_written_on(tmp_path,
     database = Database.load(xml)
 
     def archive(first, n):
-        monitor, one = database.monitor("/S/P"), database.archive(folder, "one")
-        monitor.sink(one)
+        monitor, writer = database.monitor("/S/P"), database.archive(folder, "one")
+        monitor.sink(writer)
         for i in range(first, first + n):
             monitor.take([(i * 10**9, i * 10**9, packet(i, bytes([i % 250, 1])))])
-        one.close()
+        writer.close()
 
     archive(0, 300)
     archive(1000, 300)
     whole = {path: path.read_bytes() for path in folder.rglob("*.mcap")}
     assert len(whole) == 2
     for _ in range(CASES):
-        for one in folder.rglob("*.mcap"):
-            one.unlink()
-        for one, data in whole.items():
-            one.write_bytes(data)
+        for writer in folder.rglob("*.mcap"):
+            writer.unlink()
+        for writer, data in whole.items():
+            writer.write_bytes(data)
         file = r.choice(sorted(whole))
         file.write_bytes(damaged(whole[file], r))
         history = database.history(folder, "one", "/S/P")

@@ -62,8 +62,8 @@ class Journal:
 
     def save_all(self, rows: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
         """The same of (kind, craft, object) each."""
-        for (_, _, one), number in zip(rows, self._write(lambda: [self._put(*row) for row in rows])):
-            one["id"] = number
+        for (_, _, content), number in zip(rows, self._write(lambda: [self._put(*row) for row in rows])):
+            content["id"] = number
 
     def _put(self, kind: str, craft: str, content: dict[str, Any]) -> int | None:
         text = json.dumps({key: value for key, value in content.items() if key != "id"})
@@ -80,13 +80,13 @@ class Journal:
         this time of the spacecraft's clock (the log: UTC) at most; user: of this one; seen: of
         some spacecraft, or of a user."""
         if seen is not None:
-            parts = [self.rows(kind, one, before, limit, before_ns) for one in seen[0]]
-            found = {row["id"]: row for part in [*parts, self.rows(kind, None, before, limit, before_ns, user=seen[1])]
-                     for row in part}
-            return [found[number] for number in sorted(found, reverse=True)[:min(limit, MOST)]]
+            parts = [self.rows(kind, name, before, limit, before_ns) for name in seen[0]]
+            newest = {row["id"]: row for part in [*parts, self.rows(kind, None, before, limit, before_ns, user=seen[1])]
+                      for row in part}
+            return [newest[number] for number in sorted(newest, reverse=True)[:min(limit, MOST)]]
         where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
             before_ns is not None) + [f"{BY} = ?"] * (user is not None)
-        given = [one for one in (before, craft, before_ns, user) if one is not None]
+        given = [value for value in (before, craft, before_ns, user) if value is not None]
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         return self._read(text, (*given, min(limit, MOST)))
 
@@ -101,10 +101,10 @@ class Journal:
         try:
             with self._lock:
                 rows = self._db.execute(query, given).fetchall()
-            found = []
+            objects = []
             for number, content in rows:
-                found.append(dict(json.loads(content)) | {"id": number})
-            return found
+                objects.append(dict(json.loads(content)) | {"id": number})
+            return objects
         except (sqlite3.Error, ValueError, TypeError) as error:
             where = f" at row {number}" if number else ""
             raise SetupError(f"{self.path} is damaged{where}: {printable(str(error), lines=False)[:200]}") from None
@@ -113,12 +113,12 @@ class Journal:
         with self._lock:
             self._db.close()
 
-    def _write(self, what: Callable[[], Answer]) -> Answer:
+    def _write(self, action: Callable[[], Answer]) -> Answer:
         with self._lock:
             try:
                 self._db.execute("BEGIN IMMEDIATE")
                 try:
-                    found = what()
+                    result = action()
                     self._db.execute("COMMIT")
                 except BaseException:
                     if self._db.in_transaction:
@@ -128,4 +128,4 @@ class Journal:
                 self.problem = f"{self.path} cannot be written: {error}"
                 raise JournalError(self.problem) from None
             self.problem = ""
-            return found
+            return result

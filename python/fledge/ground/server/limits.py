@@ -128,7 +128,7 @@ class SetLimits:
             "limits": None if levels is None else now["limits"], "persistence": persistence, "user": user,
             "old": {"limits": before["limits"], "persistence": before["persistence"]},
             "database": before["limits"] if before["replaced"] is None else before["replaced"],
-            "time_ns": str(max([time.time_ns(), *(int(one["time_ns"]) for one in self.changes[-1:])])),
+            "time_ns": str(max([time.time_ns(), *(int(earlier["time_ns"]) for earlier in self.changes[-1:])])),
             "t_ns": str(self._clock.now)}
         try:
             self._reporter.log(user, "limits", f"{change['name']}: "

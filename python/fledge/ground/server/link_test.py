@@ -15,9 +15,9 @@ from fledge.ground.server.settings import CraftSettings
 @pytest.fixture
 def now(monkeypatch):
     """[s], which the test sets."""
-    made = SimpleNamespace(t=100.0)
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: made.t))
-    return made
+    clock = SimpleNamespace(t=100.0)
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock.t))
+    return clock
 
 
 def connection(link="", flown=False, control=None):
@@ -26,29 +26,29 @@ def connection(link="", flown=False, control=None):
 
 def test_a_link_that_breaks_is_opened_again_after_a_while(now):
     with socket.create_server(("127.0.0.1", 0)) as server:
-        one = connection(f"tcp://127.0.0.1:{server.getsockname()[1]}")
-        assert one.silent == "the link is down: not started" and one.due
-        assert one.open() is False and not one.due and not one.silent
-        assert one.describe().items() >= {"state": "up", "up": True, "skipped": 0, "dropped": 0}.items()
+        link = connection(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        assert link.silent == "the link is down: not started" and link.due
+        assert link.open() is False and not link.due and not link.silent
+        assert link.describe().items() >= {"state": "up", "up": True, "skipped": 0, "dropped": 0}.items()
         with pytest.raises(SetupError, match="craft is no mission of Fledge"):
-            one.reach()
-        assert one.broke("gone") and not one.broke("gone") and one.broke("still gone")
-        assert one.silent == "the link is down: still gone" and not one.due
+            link.reach()
+        assert link.broke("gone") and not link.broke("gone") and link.broke("still gone")
+        assert link.silent == "the link is down: still gone" and not link.due
         now.t += AGAIN
-        assert one.due
-        one.open()
-        one.close()
-        assert one.link is None
+        assert link.due
+        link.open()
+        link.close()
+        assert link.link is None
 
 
 def test_a_simulation_that_has_failed_is_not_flown_on(now):
-    one = connection(flown=True)
-    assert one.broke("an error")
+    link = connection(flown=True)
+    assert link.broke("an error")
     now.t += 1e9
-    assert not one.due
+    assert not link.due
 
 
 def test_nothing_is_sent_while_the_run_repeats_an_earlier_one(now):
-    one = connection(control=SimpleNamespace(repeats=lambda received: f"it repeats, at {received:g} s"))
-    one.link = SimpleNamespace()
-    assert one.silent == "it repeats, at 0 s"
+    link = connection(control=SimpleNamespace(repeats=lambda received: f"it repeats, at {received:g} s"))
+    link.link = SimpleNamespace()
+    assert link.silent == "it repeats, at 0 s"

@@ -47,10 +47,10 @@ class _Socket(web.WebSocketResponse):
         parse, feed = reader.parse_frame, reader.feed_data
 
         def counted(data: bytes) -> Any:
-            found = parse(data)
-            if self.bounds.over("frames", self._frames.count(len(found), time.monotonic())):
+            frames = parse(data)
+            if self.bounds.over("frames", self._frames.count(len(frames), time.monotonic())):
                 raise WebSocketError(1008, self.bounds.says("frames"))
-            return found
+            return frames
 
         def in_pieces(data: bytes) -> tuple[bool, bytes]:
             return next((over for at in range(0, len(data), PIECE) if (over := feed(data[at:at + PIECE]))[0]),
@@ -94,13 +94,13 @@ class Sender:
             while self._due:
                 end = loop.time() + SLICE
                 for _ in range(len(self._due)):
-                    one = self._due.popleft()
+                    browser = self._due.popleft()
                     try:
-                        one.turn(loop.time())
+                        browser.turn(loop.time())
                     except Exception:       # the others are served
                         logging.getLogger("fledge.ground.server").exception("a browser is not served any more")
-                        if one.request.transport:
-                            one.request.transport.abort()
+                        if browser.request.transport:
+                            browser.request.transport.abort()
                     if loop.time() >= end:
                         await asyncio.sleep(0)
                         end = loop.time() + SLICE
@@ -244,7 +244,7 @@ class Browser:
         while self._texts and not transport.get_write_buffer_size():
             self.waiting_texts -= len(frame := self._texts.popleft())
             transport.write(frame)
-        due = [one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()]
+        due = [source.due for source in self.wanted.values()] + [source.due for source in self._feeds.values()]
         if due or self._texts:
             wait = 0 if self._texts else min(due) - now
             self._timer = asyncio.get_running_loop().call_later(max(wait, self._pause), self.wake)
@@ -252,30 +252,30 @@ class Browser:
     def _values(self, now: float, transport: asyncio.Transport) -> None:
         frames = self.server.sender.frames
         key: tuple[Any, ...]
-        for name, one in list(self.wanted.items()):
-            if now < one.due:
+        for name, wanted in list(self.wanted.items()):
+            if now < wanted.due:
                 continue
             # Those of one rate are due together, and get the same frame.
-            one.due = one.period * ((now / one.period + 0.1) // 1 + 1)
-            if self.server.room.crafts.get(name) is not one.craft:
+            wanted.due = wanted.period * ((now / wanted.period + 0.1) // 1 + 1)
+            if self.server.room.crafts.get(name) is not wanted.craft:
                 self.wanted.pop(name, None)
                 continue
-            if one.truth and not transport.get_write_buffer_size():
-                key = one.craft.feed, one.number
+            if wanted.truth and not transport.get_write_buffer_size():
+                key = wanted.craft.feed, wanted.number
                 if key not in frames:
-                    number, texts = one.craft.feed.since(one.number)
+                    number, texts = wanted.craft.feed.since(wanted.number)
                     frames[key] = number, b"".join(framed(dumps(text)) for text in texts)
-                one.number, frame = frames[key]
+                wanted.number, frame = frames[key]
                 transport.write(frame)
-            monitor = one.craft.telemetry.monitor
-            if monitor is not one.monitor:      # another database: all anew
-                one.monitor, one.version = monitor, 0
+            monitor = wanted.craft.telemetry.monitor
+            if monitor is not wanted.monitor:      # another database: all anew
+                wanted.monitor, wanted.version = monitor, 0
             if transport.get_write_buffer_size():
-                self.skipped += monitor.version != one.version
+                self.skipped += monitor.version != wanted.version
                 continue
-            if (key := (one.craft, monitor, one.version, one.slots)) not in frames:
-                frames[key] = one.frame()
-            one.version, frame = frames[key]
+            if (key := (wanted.craft, monitor, wanted.version, wanted.slots)) not in frames:
+                frames[key] = wanted.frame()
+            wanted.version, frame = frames[key]
             transport.write(frame)
 
 

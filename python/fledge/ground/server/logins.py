@@ -37,7 +37,7 @@ class Logins:
     async def session(self, request: web.Request) -> web.Response:
         user, session = request["user"], request["session"]
         return answer({
-            "user": user.name if user else None, "roles": [one for one in ROLES if user and one in user.roles],
+            "user": user.name if user else None, "roles": [role for role in ROLES if user and role in user.roles],
             "crafts": sorted(user.crafts) if user and user.crafts is not None else None,
             "csrf": session.csrf if session else "", "version": __version__,
             "login": bool(self._sessions.access.users)})
@@ -63,11 +63,11 @@ class Logins:
         where = f"a browser of {name}" if known else network_of(request.remote)
         attempt = self._attempt(where, "" if known else name)
         # Unknown names take as long, so that the time does not tell which there are.
-        kept = (user or next(iter(access.users.values()))).password
-        assert kept
+        expected = (user or next(iter(access.users.values()))).password
+        assert expected
         self._waiting += 1
         try:
-            fits = await asyncio.get_running_loop().run_in_executor(self._checker, kept.fits, password)
+            fits = await asyncio.get_running_loop().run_in_executor(self._checker, expected.fits, password)
         finally:
             self._waiting -= 1
         # The file may have changed meanwhile.
@@ -75,7 +75,7 @@ class Logins:
             raise Refusal(401, "the name or the password is wrong")
         if old := request["session"]:
             self._sessions.end(old, f"{old.user.name} logged in again")
-        self._failed = [one for one in self._failed if one[1:] != attempt]
+        self._failed = [failed for failed in self._failed if failed[1:] != attempt]
         request["user"], request["session"] = user, self._sessions.begin(user, word := secrets.token_urlsafe(32))
         await self._log.write(user.name, "logged in", {"from": network_of(request.remote)})
         response = await self.session(request)
@@ -99,10 +99,10 @@ class Logins:
         and of a name that many guess. name: "" of a browser that was that user before: others must not lock it out, nor
         the server's own machine."""
         now = self._clock()
-        self._failed = [one for one in self._failed if one[0] > now - ATTEMPTS_S]
-        for most, times, text in ((ATTEMPTS, [one[0] for one in self._failed if one[1] == where], ""),
-                                  (NAMED, [one[0] for one in self._failed if name and one[2] == name
-                                           and not is_loopback(one[1]) and not is_loopback(where)],
+        self._failed = [failed for failed in self._failed if failed[0] > now - ATTEMPTS_S]
+        for most, times, text in ((ATTEMPTS, [failed[0] for failed in self._failed if failed[1] == where], ""),
+                                  (NAMED, [failed[0] for failed in self._failed if name and failed[2] == name
+                                           and not is_loopback(failed[1]) and not is_loopback(where)],
                                    f" as {name!r}; a browser that was this user before, or on the server's machine, "
                                    "does not wait")):
             if len(times) >= most:

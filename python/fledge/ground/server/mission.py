@@ -46,8 +46,8 @@ class LoadedMission:
                              f"{did_you_mean(settings.radio, sim.world.instances)} it has "
                              + listed(list(sim.world.instances)))
         folder = Path(sim.mission.folder) if sim.mission else None
-        own = [one for name, one in sys.modules.copy().items() if name.startswith(f"_mission_{sim.name}_")]
-        files = sorted({Path(path) for one in own if (path := getattr(one, "__file__", None))})
+        own = [module for name, module in sys.modules.copy().items() if name.startswith(f"_mission_{sim.name}_")]
+        files = sorted({Path(path) for module in own if (path := getattr(module, "__file__", None))})
         pictures = [folder / name for name in PICTURES] if folder else []
         return cls(sim, process.name, process.commands.dictionary, folder, files,
                    next((picture for picture in pictures if picture.is_file()), None), epoch_of(sim))
@@ -73,7 +73,7 @@ def epoch_of(sim: Simulation) -> int | None:
     from fledge.world.sky import Sky
 
     skies = (getattr(instance, "sky", None) for process in sim.processes for instance in process.instances.values())
-    sky = next((one for one in skies if isinstance(one, Sky)), None)
+    sky = next((sky for sky in skies if isinstance(sky, Sky)), None)
     if sky is None:
         return None
     date, _, rest = sky.utc().rstrip("Z").partition(".")

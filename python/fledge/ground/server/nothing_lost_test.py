@@ -92,9 +92,9 @@ class Craft:
 
 @pytest.fixture
 def craft():
-    made = Craft()
-    yield made
-    made.close()
+    craft = Craft()
+    yield craft
+    craft.close()
 
 
 class Server:
@@ -113,27 +113,27 @@ class Server:
         self.port = int(re.search(r":(\d+)/", line)[1])
 
     def get(self, path):
-        with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as made:
-            return json.load(made)
+        with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as response:
+            return json.load(response)
 
     def put(self, path, content, method="PUT"):
-        made = Request(f"http://127.0.0.1:{self.port}/api/{path}", json.dumps(content).encode(), method=method,
-                       headers={"X-Fledge-CSRF": self.get("session")["csrf"], "Content-Type": "application/json"})
-        with urlopen(made, timeout=PATIENCE) as answer:
+        request = Request(f"http://127.0.0.1:{self.port}/api/{path}", json.dumps(content).encode(), method=method,
+                          headers={"X-Fledge-CSRF": self.get("session")["csrf"], "Content-Type": "application/json"})
+        with urlopen(request, timeout=PATIENCE) as answer:
             return json.load(answer)
 
     def until(self, path, holds):
-        return wait_for(lambda: holds(found := self.get(path)) and [found], self.process,
+        return wait_for(lambda: holds(rows := self.get(path)) and [rows], self.process,
                         lambda: f"{path} is {self.get(path)}; {self.get('crafts')}")[0]
 
     def took(self, n):
         """Wait until so many packets have come."""
-        self.until("crafts", lambda found: found[0]["packets"] >= n)
+        self.until("crafts", lambda crafts: crafts[0]["packets"] >= n)
 
-    def found(self):
+    def numbers(self):
         """The numbers of the packets in the archive, in its order."""
-        stretches = [(one["first_ns"], one["last_ns"]) for one in self.get("crafts/craft/sessions")]
-        return [int(one) for begin, end in stretches for one in self.get(
+        stretches = [(session["first_ns"], session["last_ns"]) for session in self.get("crafts/craft/sessions")]
+        return [int(number) for begin, end in stretches for number in self.get(
             f"crafts/craft/history?names=number&points=0&from_ns={begin}&to_ns={end}")["number"]["value"]]
 
     def kill(self):
@@ -149,17 +149,17 @@ class Server:
 
 @contextmanager
 def serving(folder, craft, database=DATABASE):
-    made = Server(folder, craft.port, database)
+    server = Server(folder, craft.port, database)
     try:
         craft.connected()
-        yield made
+        yield server
     finally:
-        made.process.send_signal(signal.SIGTERM)
+        server.process.send_signal(signal.SIGTERM)
         try:
-            made.process.wait()
+            server.process.wait()
         finally:
-            made.process.kill()
-            made.process.stdout.close()
+            server.process.kill()
+            server.process.stdout.close()
 
 
 @pytest.mark.parametrize("seed", long_after(1, [1, 2, 3], "more draws"))
@@ -173,8 +173,8 @@ def test_what_anybody_has_seen_outlives_kill_9(tmp_path, craft, seed):
             before = newest = craft.sent
             craft.send(chance.randrange(1, 2000))
             while newest == before:         # as a browser does
-                for one in server.get("crafts/craft/packets?limit=1"):
-                    newest = max(newest, int.from_bytes(bytes.fromhex(one["hex"])[6:10], "big"))
+                for row in server.get("crafts/craft/packets?limit=1"):
+                    newest = max(newest, int.from_bytes(bytes.fromhex(row["hex"])[6:10], "big"))
         finally:
             server.kill()
         shown += range(before + 1, newest + 1)
@@ -182,11 +182,11 @@ def test_what_anybody_has_seen_outlives_kill_9(tmp_path, craft, seed):
     with serving(tmp_path, craft) as server:
         craft.send(100)
         server.took(100)
-        found = server.found()
-        ended = [one["ended"] for one in server.get("crafts/craft/sessions")]
-    print(f"{craft.sent} packets in, {len(shown)} shown before the ends, {len(found)} found")
-    assert set(shown) <= set(found) and len(found) == len(set(found))
-    assert found[-100:] == list(range(craft.sent - 99, craft.sent + 1))
+        numbers = server.numbers()
+        ended = [row["ended"] for row in server.get("crafts/craft/sessions")]
+    print(f"{craft.sent} packets in, {len(shown)} shown before the ends, {len(numbers)} found")
+    assert set(shown) <= set(numbers) and len(numbers) == len(set(numbers))
+    assert numbers[-100:] == list(range(craft.sent - 99, craft.sent + 1))
     assert ended == ["killed", "killed", ""]
 
 
@@ -196,16 +196,16 @@ class Desk(Thread):
 
     def __init__(self):
         super().__init__()
-        self.n, self.asked, self.answered, self.answers = 1, {}, {"limits": 1, "note": 0, "shelved": 0}, 0
+        self.n, self.requested, self.answered, self.answers = 1, {}, {"limits": 1, "note": 0, "shelved": 0}, 0
         self.newest, self.events = 0, set()
 
     def at(self, server):
         """The same user at the next server."""
-        made = Desk()
-        made.__dict__ |= {key: getattr(self, key) for key in ("n", "asked", "answered", "answers", "events")}
-        made.server = server
-        made.start()
-        return made
+        desk = Desk()
+        desk.__dict__ |= {key: getattr(self, key) for key in ("n", "requested", "answered", "answers", "events")}
+        desk.server = server
+        desk.start()
+        return desk
 
     def run(self):
         with suppress(OSError, HTTPException):
@@ -215,13 +215,13 @@ class Desk(Thread):
                         ("limits", "limits/3", "PUT", {"limits": {"warning": [None, 1 / self.n]}}),
                         ("note", "alarms/3", "POST", {"acknowledge": True, "note": str(self.n)}),
                         ("shelved", "alarms/3", "POST", {"shelve_s": self.n})):
-                    self.asked[what] = self.n
+                    self.requested[what] = self.n
                     self.server.put(f"crafts/craft/{path}", content, method)
                     self.answered[what] = self.n
                     self.answers += 1
-                for one in self.server.get("crafts/craft/packets?limit=1"):
-                    self.newest = max(self.newest, int.from_bytes(bytes.fromhex(one["hex"])[6:10], "big"))
-                self.events |= {one["id"] for one in self.server.get("crafts/craft/events") if one["id"]}
+                for row in self.server.get("crafts/craft/packets?limit=1"):
+                    self.newest = max(self.newest, int.from_bytes(bytes.fromhex(row["hex"])[6:10], "big"))
+                self.events |= {row["id"] for row in self.server.get("crafts/craft/events") if row["id"]}
 
 
 @pytest.mark.parametrize("cases", long_after(1, [int(os.environ.get("FLEDGE_CASES", "2")), 6], "more ends"))
@@ -235,13 +235,14 @@ def test_what_was_answered_outlives_kill_9_at_any_instant(tmp_path, craft, cases
             if case == 0:
                 server.put("crafts/craft/limits/3", {"limits": {"warning": [None, 1]}})
                 craft.send(2)
-                server.until("crafts/craft/alarms", lambda found: found)
+                server.until("crafts/craft/alarms", lambda counts: counts)
             else:
                 alarm, = server.get("crafts/craft/alarms")
-                found = {"note": int((alarm["acknowledged"] or {"note": 0})["note"])}
-                found["limits"] = round(1 / server.get("crafts/craft/slots")[3]["limits"]["warning"][1])
-                for what, n in found.items():
-                    assert desk.answered[what] <= n <= desk.asked.get(what, n), (what, n, desk.answered, desk.asked)
+                counts = {"note": int((alarm["acknowledged"] or {"note": 0})["note"])}
+                counts["limits"] = round(1 / server.get("crafts/craft/slots")[3]["limits"]["warning"][1])
+                for what, n in counts.items():
+                    assert desk.answered[what] <= n <= desk.requested.get(what, n), (
+                        what, n, desk.answered, desk.requested)
                 with sqlite3.connect(f"file:{tmp_path}/out/journal.sqlite?mode=ro", uri=True) as journal:
                     assert desk.events <= {number for number, in journal.execute("SELECT id FROM events")}
                 assert alarm["shelved_until_ns"] != "0" or not desk.answered["shelved"]
@@ -257,14 +258,14 @@ def test_what_was_answered_outlives_kill_9_at_any_instant(tmp_path, craft, cases
     with serving(tmp_path, craft) as server:
         craft.send(1)
         server.took(1)
-        found = server.found()
+        counts = server.numbers()
         craft.drop()
     print(f"{cases} ends, {desk.answers} requests answered, {len(shown)} packets and {len(desk.events)} events shown, "
-          f"{len(found)} packets found")
-    assert shown <= set(found) and len(found) == len(set(found)) and desk.answers
+          f"{len(counts)} packets found")
+    assert shown <= set(counts) and len(counts) == len(set(counts)) and desk.answers
 
 
-def kept(folder):
+def limits(folder):
     """The changes of limits that a second program finds in the journal."""
     with sqlite3.connect(f"file:{folder}/out/journal.sqlite?mode=ro", uri=True) as journal:
         return [json.loads(text) for text, in journal.execute("SELECT content FROM limits ORDER BY id")]
@@ -279,36 +280,36 @@ def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_pat
         craft.connected()
         craft.send(100)
         server.took(100)
-        made = server.put(path, {"limits": limits, "persistence": 2})
+        slot_state = server.put(path, {"limits": limits, "persistence": 2})
     finally:
         server.kill()
     craft.drop()
-    assert (made["name"], made["limits"], made["replaced"]) == ("number", limits, {})
-    one, = kept(tmp_path)
-    assert (one["limits"], one["persistence"], one["old"]["limits"], one["user"]) == (limits, 2, {}, "operator")
+    assert (slot_state["name"], slot_state["limits"], slot_state["replaced"]) == ("number", limits, {})
+    row, = limits_of(tmp_path)
+    assert (row["limits"], row["persistence"], row["old"]["limits"], row["user"]) == (limits, 2, {}, "operator")
 
     def state(server, n):
         """Of number after so many packets, by an alarm."""
         craft.send(n)
         server.took(n)
-        return {one["name"]: one["level"] for one in server.get("crafts/craft/alarms")}
+        return {row["name"]: row["level"] for row in server.get("crafts/craft/alarms")}
 
     def events(server):
-        return [one["text"] for one in server.get("crafts/craft/events") if one["source"] == "limits"]
+        return [row["text"] for row in server.get("crafts/craft/events") if row["source"] == "limits"]
 
     with serving(tmp_path, craft) as server:
-        found = server.get("crafts/craft/slots")[slot]
-        assert (found["limits"], found["persistence"], found["replaced"]) == (limits, 2, {})
+        row = server.get("crafts/craft/slots")[slot]
+        assert (row["limits"], row["persistence"], row["replaced"]) == (limits, 2, {})
         assert state(server, 50) == {} and not events(server)       # 101 to 150
         assert server.get("log")[0]["text"].startswith("number: none -> warning open to 150, critical -1 to 250, 2 in")
         craft.drop()
     unit = DATABASE.replace('name="u32" signed="false">', 'name="u32" signed="false"><UnitSet><Unit>s</Unit></UnitSet>')
-    for database, said, level in (
+    for database, text, level in (
             (DATABASE.replace('"number"', '"amount"'), "limits that were set for number wait", {}),
             (unit, "limits that operator set for number do not count: it was natural [], and is natural [s]", {}),
             (DATABASE, "", {"number": "warning"})):
         with serving(tmp_path, craft, database) as server:
-            assert said in "".join(events(server)[:1]), events(server)
+            assert text in "".join(events(server)[:1]), events(server)
             assert state(server, 5) == level
             craft.drop()
     with serving(tmp_path, craft) as server:
@@ -316,17 +317,17 @@ def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_pat
             <IntegerDataEncoding sizeInBits="32"/><DefaultAlarm><StaticAlarmRanges><WatchRange maxInclusive="1"/>
             </StaticAlarmRanges></DefaultAlarm>""")
         (tmp_path / "craft.xml").write_text(other)
-        server.until("crafts/craft/events", lambda found: "the database has other limits of number than before (watch "
-                     "open to 1); those that operator set still count" in found[0]["text"] + found[1]["text"])
+        server.until("crafts/craft/events", lambda rows: "the database has other limits of number than before (watch "
+                     "open to 1); those that operator set still count" in rows[0]["text"] + rows[1]["text"])
         assert state(server, 100)["number"] == "critical"           # 266 and more
-        made = server.put(path, {"limits": None})
-        assert made["limits"] == {"watch": [None, 1.0]} and made["replaced"] is None
+        slot_state = server.put(path, {"limits": None})
+        assert slot_state["limits"] == {"watch": [None, 1.0]} and slot_state["replaced"] is None
         assert server.get("crafts/craft/alarms")[0]["level"] == "watch"
         assert "critical -1 to 250, 2 in a row -> watch open to 1, as in the database" in server.get("log")[0]["text"]
         craft.drop()
     with serving(tmp_path, craft, other) as server:
         assert server.get("crafts/craft/slots")[slot]["limits"] == {"watch": [None, 1.0]}
-    assert [one["limits"] for one in kept(tmp_path)] == [limits, None]
+    assert [row["limits"] for row in limits_of(tmp_path)] == [limits, None]
 
 
 def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, craft):
@@ -337,7 +338,7 @@ def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, cr
         craft.connected()
         server.put(f"crafts/craft/limits/{slot}", {"limits": {"warning": [100, None]}})
         craft.send(10)
-        server.until(path, lambda found: found and found[0]["level"] == "warning")
+        server.until(path, lambda rows: rows and rows[0]["level"] == "warning")
         server.put(f"{path}/{slot}", {"acknowledge": True, "note": "seen"}, "POST")
     finally:
         server.kill()
@@ -348,9 +349,9 @@ def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, cr
             "name": "stream", "ended_ns": "1"})
         journal.executemany("INSERT INTO alarms (craft, t, content) VALUES ('craft', 0, ?)", [(ended,)] * 600)
     with serving(tmp_path, craft) as server:
-        assert [one["level"] for one in server.get(path)] == ["warning"]
+        assert [row["level"] for row in server.get(path)] == ["warning"]
         craft.send(1)
-        server.until(path, lambda found: not found)
+        server.until(path, lambda rows: not rows)
         craft.drop()
 
 
@@ -363,9 +364,9 @@ def test_a_full_disk_keeps_no_request_and_loses_no_alarm(tmp_path, craft):
         before = resource.prlimit(pid, resource.RLIMIT_FSIZE)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (1, before[1]))
         craft.send(200)
-        server.until(path, lambda found: found and found[0]["level"] == "warning")
+        server.until(path, lambda rows: rows and rows[0]["level"] == "warning")
         # Its thread has tried to write all of it, once it has answered the request that follows.
-        server.until("crafts", lambda found: found[0]["archive"])
+        server.until("crafts", lambda rows: rows[0]["archive"])
         for what, method in ((f"{path}/3", "POST"), ("crafts/craft/limits/3", "PUT")):
             with pytest.raises(HTTPError) as refused:
                 server.put(what, {"acknowledge": True} if method == "POST" else {"limits": None}, method)
@@ -373,7 +374,7 @@ def test_a_full_disk_keeps_no_request_and_loses_no_alarm(tmp_path, craft):
         assert server.get(path)[0]["acknowledged"] is None
         resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
         for what in ("the journal is written again", "the archive is written again: no packets are missing"):
-            server.until("crafts/craft/events", lambda found: any(one["text"] == what for one in found))
+            server.until("crafts/craft/events", lambda rows: any(row["text"] == what for row in rows))
         server.put(f"{path}/3", {"acknowledge": True, "note": "seen"}, "POST")
         shown = server.get(path), server.get("crafts/craft/events")
         server.kill()
@@ -381,12 +382,12 @@ def test_a_full_disk_keeps_no_request_and_loses_no_alarm(tmp_path, craft):
     with serving(tmp_path, craft) as server:
         assert server.get(path) == shown[0]
         assert server.get("crafts/craft/slots")[3]["limits"] == {"warning": [None, 100]}
-        events = {one["id"]: one for one in server.get("crafts/craft/events")}
-        assert all(events[one["id"]] == one for one in shown[1])
-        assert any("cannot be written" in one["text"] for one in shown[1])
+        events = {row["id"]: row for row in server.get("crafts/craft/events")}
+        assert all(events[row["id"]] == row for row in shown[1])
+        assert any("cannot be written" in row["text"] for row in shown[1])
         craft.send(1)
         server.took(1)
-        assert server.found() == list(range(1, 202))
+        assert server.numbers() == list(range(1, 202))
 
 
 def test_each_spacecraft_tells_that_its_journal_was_written_again(tmp_path):
@@ -415,12 +416,12 @@ def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, c
         for n in (1, 2, 3):
             craft.send(chance.randrange(1, 500))
             craft.drop()
-            server.until("crafts/craft/events", lambda found: n == sum("link is down" in one["text"] for one in found))
+            server.until("crafts/craft/events", lambda rows: n == sum("link is down" in row["text"] for row in rows))
             craft.connected()
         craft.send(10)
         server.took(craft.sent)
-        assert server.found() == list(range(1, craft.sent + 1))
-        texts = [one["text"] for one in server.get("crafts/craft/events")]
+        assert server.numbers() == list(range(1, craft.sent + 1))
+        texts = [row["text"] for row in server.get("crafts/craft/events")]
         assert sum("link is down" in text for text in texts) == 3 and sum("link is up" in text for text in texts) == 4
 
 
@@ -433,27 +434,27 @@ def test_a_full_disk_is_reported_and_what_came_meanwhile_is_written_when_there_i
         before = resource.prlimit(pid, resource.RLIMIT_FSIZE)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (50_000, before[1]))
         craft.send(2000)
-        server.until("crafts", lambda found: found[0]["archive"] and found[0]["packets"] == 2500)
+        server.until("crafts", lambda rows: rows[0]["archive"] and rows[0]["packets"] == 2500)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
         while server.get("crafts")[0]["archive"]:
             craft.send(1)
             time.sleep(0.1)
         server.took(craft.sent)
-        assert server.found() == list(range(1, craft.sent + 1))
+        assert server.numbers() == list(range(1, craft.sent + 1))
 
 
 def test_two_servers_of_one_spacecraft_have_all_packets_and_one_folder_has_one_server(tmp_path, craft):
     with serving(tmp_path / "north", craft) as north, serving(tmp_path / "south", craft) as south:
         craft.send(1000)
-        for one in (north, south):
-            one.took(1000)
-            assert one.found() == list(range(1, 1001))
+        for server in (north, south):
+            server.took(1000)
+            assert server.numbers() == list(range(1, 1001))
         again = subprocess.run([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", "ground.toml"],
                                cwd=tmp_path / "north", capture_output=True, text=True)
         assert again.returncode == 2 and "another program" in again.stderr, again
         craft.send(10)
         north.took(1010)
-        assert north.found() == list(range(1, 1011))
+        assert north.numbers() == list(range(1, 1011))
 
 
 def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
@@ -472,7 +473,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
     (tmp_path / "ground.toml").write_text(
         f'folder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n')
     room = Room(read(tmp_path / "ground.toml"))
-    one = room.crafts["craft"]
+    spacecraft = room.crafts["craft"]
     try:
         room.start()
         craft.connected()
@@ -481,13 +482,13 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
             stalls.append(5 * S)
             wait_for(lambda: not stalls)
             craft.send(200)
-            wait_for(lambda: one.telemetry.packets >= craft.sent)
-        sessions = one.telemetry.history.sessions()
-        found = [int.from_bytes(each[3][6:10], "big") for session in sessions
-                 for each in one.telemetry.history.packets(session=session["session"], limit=10_000)]
-        assert found == list(range(1, craft.sent + 1)) and len(sessions) == 2
-        told = [row["text"] for row in room.journal.rows("events", "craft") if "clock went" in row["text"]]
-        assert ["back by" in each for each in told] == [False, True, False]
+            wait_for(lambda: spacecraft.telemetry.packets >= craft.sent)
+        sessions = spacecraft.telemetry.history.sessions()
+        numbers = [int.from_bytes(each[3][6:10], "big") for session in sessions
+                   for each in spacecraft.telemetry.history.packets(session=session["session"], limit=10_000)]
+        assert numbers == list(range(1, craft.sent + 1)) and len(sessions) == 2
+        texts = [row["text"] for row in room.journal.rows("events", "craft") if "clock went" in row["text"]]
+        assert ["back by" in each for each in texts] == [False, True, False]
     finally:
         room.close()
 
@@ -502,7 +503,7 @@ def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft,
         f'[[craft]]\nname = "{name}"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n'
         for name in ("one", "two")))
     room, fails = Room(read(tmp_path / "ground.toml")), [1]
-    one, two = room.crafts.values()
+    first, second = room.crafts.values()
 
     def take(notes):
         if fails[0]:
@@ -513,30 +514,30 @@ def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft,
     def failed(why, wait):
         tell(why, wait)
         try:
-            one.commanding.release("test", "x", {}, [b"x"])
+            first.commanding.release("test", "x", {}, [b"x"])
         except SetupError as refused:
-            seen.append((one.failed, one.describe()["failed"], str(refused)))
+            seen.append((first.failed, first.describe()["failed"], str(refused)))
 
-    begin, one.alarms.take = one.alarms.take, take
-    seen, tell, one._fail = [], one._fail, failed
+    begin, first.alarms.take = first.alarms.take, take
+    seen, tell, first._fail = [], first._fail, failed
     try:
         room.start()
         craft.connected()
         craft.connected()
-        one.call(lambda: one.limits.change("test", 3, {"warning": [None, 100]}, 1)).result(PATIENCE)
+        first.call(lambda: first.limits.change("test", 3, {"warning": [None, 100]}, 1)).result(PATIENCE)
         craft.send(150)         # the alarm's note is lost with the error
         wait_for(lambda: seen)
-        (said, told, refused), = seen
-        assert f"the server failed here: {type(error).__name__}: {error}; it tries again after 0." in said == told
+        (shown, described, refused), = seen
+        assert f"the server failed here: {type(error).__name__}: {error}; it tries again after 0." in shown == described
         assert "link is down" in refused
         craft.connected()
-        wait_for(lambda: not one.failed and one.alarms.rows())
+        wait_for(lambda: not first.failed and first.alarms.rows())
         craft.send(10)
-        wait_for(lambda: two.telemetry.packets == 160)
+        wait_for(lambda: second.telemetry.packets == 160)
         wait_for(lambda: any("works here again" in row["text"] for row in room.journal.rows("events", "one")))
-        wait_for(lambda: one.telemetry.packets >= 10)
+        wait_for(lambda: first.telemetry.packets >= 10)
         assert [row["severity"] for row in room.journal.rows("events", "one")].count("critical") == 1
-        assert not two.failed and len(room.journal.rows("events", "two")) == 1      # its link is up
+        assert not second.failed and len(room.journal.rows("events", "two")) == 1      # its link is up
         assert "Traceback" in capsys.readouterr().err
     finally:
         room.close()
@@ -553,16 +554,17 @@ def test_stored_commands_that_are_known_outlive_the_server(tmp_path):
         clock.now = 100 * S
         return StoredLists("flight.stored", None, None, SimpleNamespace(slot_numbers={}), clock, reporter)
 
-    one = lists(False)
-    one._names[7] = "flight.noop"
-    one._keep(0, [Stored(200 * S, 1, 20, 7, 0), Stored(150 * S, 2, 20, 8, 0)], str(90 * S))
-    one._keep(3, [Stored(5 * S, 0, 20, 7, 0)])
-    one._begun[3], one._held[2] = 40 * S, 41 * S
+    stored = lists(False)
+    stored._names[7] = "flight.noop"
+    stored._keep(0, [Stored(200 * S, 1, 20, 7, 0), Stored(150 * S, 2, 20, 8, 0)], str(90 * S))
+    stored._keep(3, [Stored(5 * S, 0, 20, 7, 0)])
+    stored._begun[3], stored._held[2] = 40 * S, 41 * S
     for number in (0, 2, 3):
-        one._save(number)
+        stored._save(number)
     again = lists(False)
-    assert again.describe() == one.describe() and again.describe()["lists"][0]["commands"][1]["name"] == "flight.noop"
-    assert (again._begun, again._held, again._names[7]) == (one._begun, one._held, "flight.noop")
+    assert again.describe() == stored.describe()
+    assert again.describe()["lists"][0]["commands"][1]["name"] == "flight.noop"
+    assert (again._begun, again._held, again._names[7]) == (stored._begun, stored._held, "flight.noop")
     again._keep(0, [], str(95 * S))
     again._save(0)
     assert lists(False).describe() == again.describe() and len(journal.all("stored", "craft")) == 3
@@ -576,17 +578,18 @@ def test_memory_stays_as_it_is(tmp_path, craft, monkeypatch):
     # The address sanitizer would hold back 256 MB of what the server has freed, and its memory grow until then.
     monkeypatch.setenv("ASAN_OPTIONS", f"{os.environ.get('ASAN_OPTIONS', '')}:quarantine_size_mb=1")
     with serving(tmp_path, craft) as server:
-        begin, first, asked = time.monotonic(), 0.0, 0
-        while (spent := time.monotonic() - begin) < SOAK or asked < 600:
+        begin, first, requests = time.monotonic(), 0.0, 0
+        while (spent := time.monotonic() - begin) < SOAK or requests < 600:
             craft.send(100)
             for path in ("crafts", "crafts/craft/packets?limit=20", "crafts/craft/sessions", "crafts/craft/events",
                          "crafts/craft/history?names=number&points=100"):
                 server.get(path)
-                asked += 1
-            if not first and spent > SOAK / 3 and asked >= 200:
+                requests += 1
+            if not first and spent > SOAK / 3 and requests >= 200:
                 first = server.memory()
             time.sleep(0.02)
         server.took(craft.sent)
         last = server.memory()
-        print(f"{craft.sent} packets, {asked} requests in {spent:.0f} s: {first:.1f} MB after a third, {last:.1f} MB")
-        assert len(server.found()) == craft.sent and last < 1.1 * first + 8
+        print(f"{craft.sent} packets, {requests} requests in {spent:.0f} s: {first:.1f} MB after a third, "
+              f"{last:.1f} MB")
+        assert len(server.numbers()) == craft.sent and last < 1.1 * first + 8

@@ -29,8 +29,8 @@ def hashed(password: str, cost: tuple[int, int, int] = COST) -> str:
 
 def token() -> tuple[str, str]:
     """(a new token, its hash in the server's file)."""
-    made = f"fledge_{secrets.token_urlsafe(32)}"
-    return made, f"sha256:{digest(made)}"
+    word = f"fledge_{secrets.token_urlsafe(32)}"
+    return word, f"sha256:{digest(word)}"
 
 
 def digest(text: str) -> str:
@@ -61,10 +61,10 @@ class Password:
     def read(cls, text: Any, where: str) -> Password:
         try:
             kind, n, r, p, salt, key = text.split(":")
-            made = cls((int(n), int(r), int(p)), _bytes(salt), _bytes(key))
-            n, r, p = made.cost
-            if kind == "scrypt" and n & n - 1 == 0 and 1 < n <= 1 << 20 and 0 < r * p <= 64 and len(made.key) == 64:
-                return made
+            password = cls((int(n), int(r), int(p)), _bytes(salt), _bytes(key))
+            n, r, p = password.cost
+            if kind == "scrypt" and n & n - 1 == 0 and 1 < n <= 1 << 20 and 0 < r * p <= 64 and len(password.key) == 64:
+                return password
         except (AttributeError, ValueError, NotBase64):
             pass
         raise SetupError(f"{where}: password is no line of `fledge ground password`, which begins with \"scrypt:")

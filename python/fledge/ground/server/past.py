@@ -41,10 +41,10 @@ class Past:
         inspect = telemetry.monitor.inspect
         if telemetry.history is not None:
             with telemetry.reading:
-                kept = telemetry.history.packets(
+                archived = telemetry.history.packets(
                     0, before, "undecoded" if undecoded else container or None, limit, True, most_bytes=LISTED)
             rows += ((t, received, name, packet, inspect(packet)["reason"] if name is None else "")
-                     for t, received, name, packet in kept)
+                     for t, received, name, packet in archived)
         elif undecoded:
             rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(telemetry.bad)
                      if t <= before][:limit]
@@ -73,10 +73,10 @@ class Past:
         history, reading = self._telemetry.history, self._telemetry.reading
         assert history is not None
         with reading:
-            earlier = [one["session"] for one in history.sessions() if one["first"] <= t <= one["last"]]
-        for session in (-1, *reversed(earlier)):
+            numbers = [session["session"] for session in history.sessions() if session["first"] <= t <= session["last"]]
+        for number in (-1, *reversed(numbers)):
             with reading:
-                rows = history.packets(t, t, None, AT_ONCE, False, session)
+                rows = history.packets(t, t, None, AT_ONCE, False, number)
             yield from ((t, received, packet) for t, received, _, packet in rows)
 
     def sessions(self) -> list[dict[str, Any]]:

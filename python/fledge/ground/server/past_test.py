@@ -40,7 +40,7 @@ LABELS = {1: "OFF", 7: "ON"}
 LEVELS = ("normal", "watch", "warning", "distress", "critical", "severe")
 
 
-def made(chance):
+def drawn(chance):
     """Values of a packet."""
     return [chance.choice([2**64 - 1, 2**53 + 1, 5]), chance.choice([-2**63, 12, -2**53 - 1]),
             chance.choice([0.1, -0.7, 3.0, 0.4]), chance.choice([1, 7, 9]), chance.choice([b"=1+1", b'a,"b', b"Abcd"]),
@@ -51,58 +51,58 @@ def made(chance):
 async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
     (tmp_path / "craft.xml").write_text(DATABASE)
     port, chance = free_port(), random.Random(1)
-    values = [made(chance) for _ in range(60)]
-    packets = [struct.pack(">HHHB QqdB4s3s", 0x0801, 0xC000 + i, 32, 2, *one) for i, one in enumerate(values)]
+    values = [drawn(chance) for _ in range(60)]
+    packets = [struct.pack(">HHHB QqdB4s3s", 0x0801, 0xC000 + i, 32, 2, *item) for i, item in enumerate(values)]
     async with console(tmp_path, FILE.replace("PORT", str(port))) as c:
         names = ["natural", "integer", "real", "label", "text", "bytes", "last"]
         await sending(port, packets[:30])
-        slots = {one["name"]: one["slot"] for one in await c.until("crafts/craft/slots", lambda _: (
+        slots = {item["name"]: item["slot"] for item in await c.until("crafts/craft/slots", lambda _: (
             c.room.crafts["craft"].telemetry.packets == 30))}
         then = int((await c.get("crafts"))[0]["t_ns"])
         for name, limits in (("real", {"critical": [-0.5, 0.5]}), ("last", {"severe": [None, 1.5]})):
             await c.post(f"crafts/craft/limits/{slots[name]}", {"limits": limits}, method="put")
         await sending(port, packets[30:])
-        await c.until("crafts", lambda found: found[0]["packets"] == 60)
+        await c.until("crafts", lambda rows: rows[0]["packets"] == 60)
         path = f"crafts/craft/history?names={','.join(names)}&points=0"
-        found = json.loads(await (await c.client.get(f"/api/{path}")).text(), parse_int=Decimal)
+        series = json.loads(await (await c.client.get(f"/api/{path}")).text(), parse_int=Decimal)
         rows = list(csv.DictReader((await c.get(f"{path}&format=csv")).splitlines()))
         few = await c.get("crafts/craft/history?names=text,integer&points=1")
         data = await (await c.client.get(f"/api/{path.replace('text,bytes,', '')}&format=binary")).read()
         for begin, end, limits in ((0, then, {"warning": [-1, 1]}), (0, 2**63 - 1, {"critical": [-0.5, 0.5]}),
                                    (then + 1, 2**63 - 1, {"critical": [-0.5, 0.5]})):
             again = await c.post("crafts/craft/replay", {"from_ns": str(begin), "to_ns": str(end), "speed": 0})
-            await c.until("crafts", lambda found: found[-1]["link"]["state"] == "ended")
+            await c.until("crafts", lambda rows: rows[-1]["link"]["state"] == "ended")
             assert (await c.get(f"crafts/{again['name']}/slots"))[slots["real"]]["limits"] == limits
             await c.post(f"crafts/{again['name']}/replay", method="delete")
 
     last = [(label - 3) * real + real for _, _, real, label, _, _ in values]
-    assert [int(one) for one in found["natural"]["value"]] == [one[0] for one in values]
-    assert [int(one) for one in found["natural"]["text"]] == [one[0] for one in values]
-    assert [int(one) for one in found["integer"]["value"]] == [one[1] for one in values]
-    assert found["real"]["value"] == [one[2] for one in values] and "text" not in found["real"]
-    assert found["label"]["value"] == [one[3] for one in values]
-    assert found["label"]["text"] == [LABELS.get(one[3], "9") for one in values]
-    assert found["text"]["value"] == [one[4].decode() for one in values] and found["text"]["low"] == []
-    assert found["bytes"]["value"] == [one[5].hex() for one in values]
-    assert found["last"]["value"] == pytest.approx(last, rel=1e-15)
-    beyond = [abs(one[2]) > 1 for one in values]
+    assert [int(row) for row in series["natural"]["value"]] == [row[0] for row in values]
+    assert [int(row) for row in series["natural"]["text"]] == [row[0] for row in values]
+    assert [int(row) for row in series["integer"]["value"]] == [row[1] for row in values]
+    assert series["real"]["value"] == [row[2] for row in values] and "text" not in series["real"]
+    assert series["label"]["value"] == [row[3] for row in values]
+    assert series["label"]["text"] == [LABELS.get(row[3], "9") for row in values]
+    assert series["text"]["value"] == [row[4].decode() for row in values] and series["text"]["low"] == []
+    assert series["bytes"]["value"] == [row[5].hex() for row in values]
+    assert series["last"]["value"] == pytest.approx(last, rel=1e-15)
+    beyond = [abs(row[2]) > 1 for row in values]
     states = {
         "real": [2 * (beyond[i] and i > 0 and beyond[i - 1]) if i < 30 else 4 * (abs(values[i][2]) > 0.5)
                  for i in range(60)],
-        "label": [3 * (one[3] == 7) for one in values], "text": [2 * (one[4][:1] == b"A") for one in values],
-        "last": [2 * (abs(one) > 2) if i < 30 else 5 * (one > 1.5) for i, one in enumerate(last)],
+        "label": [3 * (item[3] == 7) for item in values], "text": [2 * (item[4][:1] == b"A") for item in values],
+        "last": [2 * (abs(item) > 2) if i < 30 else 5 * (item > 1.5) for i, item in enumerate(last)],
         "bytes": [0] * 60}
     for name, concern in states.items():
-        assert found[name]["concern"] == found[name]["worst"] == concern and (name == "bytes" or any(concern)), name
+        assert series[name]["concern"] == series[name]["worst"] == concern and (name == "bytes" or any(concern)), name
 
     texts = {name: [row["value"] for row in rows if row["name"] == name] for name in names}
-    assert [int(one) for one in texts["natural"]] == [one[0] for one in values]
-    assert [int(one) for one in texts["integer"]] == [one[1] for one in values]
-    assert [float(one) for one in texts["real"]] == [one[2] for one in values]
-    assert texts["label"] == found["label"]["text"] and texts["bytes"] == found["bytes"]["value"]
-    assert texts["text"] == [("'" * (one[4][:1] == b"=")) + one[4].decode() for one in values]   # a table's formula
+    assert [int(item) for item in texts["natural"]] == [item[0] for item in values]
+    assert [int(item) for item in texts["integer"]] == [item[1] for item in values]
+    assert [float(item) for item in texts["real"]] == [item[2] for item in values]
+    assert texts["label"] == series["label"]["text"] and texts["bytes"] == series["bytes"]["value"]
+    assert texts["text"] == [("'" * (item[4][:1] == b"=")) + item[4].decode() for item in values]   # a table's formula
     for name, concern in states.items():
-        assert [row["state"] for row in rows if row["name"] == name] == [LEVELS[one] for one in concern]
+        assert [row["state"] for row in rows if row["name"] == name] == [LEVELS[item] for item in concern]
 
     assert few["text"]["value"] == [values[-1][4].decode()] and few["integer"]["value"] == [values[-1][1]]
     assert few["text"]["concern"] == states["text"][-1:] and few["text"]["worst"] == [max(states["text"])]
@@ -112,8 +112,8 @@ async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
     for name in ("natural", "integer", "real", "label", "last"):
         assert struct.unpack_from("<II", data, at) == (60, 0)
         value = struct.unpack_from("<60d", data, at + 8 + 480)
-        assert value == pytest.approx([float(one) for one in found[name]["value"]], rel=1e-15)
-        assert list(data[at + 8 + 4 * 480:][:60]) == found[name]["worst"]
+        assert value == pytest.approx([float(item) for item in series[name]["value"]], rel=1e-15)
+        assert list(data[at + 8 + 4 * 480:][:60]) == series[name]["worst"]
         at += 8 + 4 * 480 + math.ceil(60 / 8) * 8
     assert at == len(data)
 

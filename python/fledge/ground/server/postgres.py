@@ -189,7 +189,7 @@ class Postgres:
 
     def _write(self, base: Connection, tail: Tail, rows: Rows) -> None:
         width = self.settings.partition // 1000
-        for place in {int(one) for one in np.unique(rows.t_us // width)} - self._partitions:
+        for place in {int(place) for place in np.unique(rows.t_us // width)} - self._partitions:
             self._partition(base, place)
             self._partitions.add(place)
         with base.transaction():

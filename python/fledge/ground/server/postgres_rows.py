@@ -88,12 +88,12 @@ class Tail:
                 on conflict (spacecraft, digest)
                 do update set first_server = least(fledge.parameter.first_server, excluded.first_server)
                 returning id""", [
-                (self.craft_id, one["name"], one["unit"] or "", one["kind"], list(one["labels"] or ()),
-                 one["description"] or "", self.server) for one in chosen], returning=True)
-            for one in chosen:
+                (self.craft_id, slot["name"], slot["unit"] or "", slot["kind"], list(slot["labels"] or ()),
+                 slot["description"] or "", self.server) for slot in chosen], returning=True)
+            for slot in chosen:
                 row = cursor.fetchone()
                 assert row
-                ids[one["slot"]] = row[0]
+                ids[slot["slot"]] = row[0]
                 cursor.nextset()
         self.ids = np.append(self.ids, np.array([ids.get(slot["slot"], 0) for slot in slots], ">i4"))
         self.kinds += [slot["kind"] for slot in slots]
@@ -102,7 +102,7 @@ class Tail:
 
     def rows(self) -> Iterator[Rows]:
         """What is new, in pieces of about MOST values."""
-        for session in sorted(one["session"] for one in self.history.sessions()):
+        for session in sorted(known["session"] for known in self.history.sessions()):
             number_, t, packets = self.position
             if session < number_:
                 continue
@@ -170,7 +170,7 @@ class Tail:
                 text = self._text(kind[i], int(word[i]), int(values["status"][i]), texts[of[i]])
                 out.append(row[i].tobytes() + b"\xff\xff\xff\xff" + len(text).to_bytes(4, "big") + text)
         self.position = position
-        return Rows([one for one in out if one], t // 1000, position)
+        return Rows([part for part in out if part], t // 1000, position)
 
     @staticmethod
     def _text(kind: str, word: int, status: int, texts: bytes) -> bytes:
@@ -190,7 +190,7 @@ def find(base: Connection, query: str, *values: Any) -> Any:
 
 def number_of(base: Connection, table: str, name: str) -> int:
     """The number of a name in a table, made if it is new. A sequence would skip one at each start."""
-    made = find(base, f"select id from fledge.{table} where name = %s", name)
-    if made is None:
-        made = find(base, f"insert into fledge.{table} (name) values (%s) returning id", name)
-    return int(made)
+    number = find(base, f"select id from fledge.{table} where name = %s", name)
+    if number is None:
+        number = find(base, f"insert into fledge.{table} (name) values (%s) returning id", name)
+    return int(number)

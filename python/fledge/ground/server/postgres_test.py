@@ -90,8 +90,8 @@ class Base:
         self.run("pg_ctl", "-D", self.folder / "data", "-w", "-m", "immediate", "stop")
 
     def rows(self, query, *values):
-        with psycopg.connect(self.url, autocommit=True) as made:
-            done = made.execute(query, values)
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            done = connection.execute(query, values)
             return done.fetchall() if done.description else []
 
 
@@ -101,10 +101,10 @@ def started():
         pytest.skip("there is no server of PostgreSQL")
     with tempfile.TemporaryDirectory(prefix="pg", dir="/tmp") as folder:    # the path of a socket is short
         os.chmod(folder, 0o755)
-        made = Base(Path(folder))
-        made.start()
-        yield made
-        made.stop()
+        base = Base(Path(folder))
+        base.start()
+        yield base
+        base.stop()
 
 
 @pytest.fixture
@@ -203,9 +203,9 @@ def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(t
         server.craft.limits.changes += changes[2:]
         server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i)) for i in range(30, 50)])
         wait_for(lambda: written(base) == 200)
-    found = base.rows("select concern::int from fledge.telemetry where parameter = 'voltage' order by t")
-    assert [one[0] for one in found] == [2 * (i > 1) if i < 10 or i >= 40 else 4 * (i > 20) if i < 30 else 0
-                                         for i in range(50)]
+    rows = base.rows("select concern::int from fledge.telemetry where parameter = 'voltage' order by t")
+    assert [row[0] for row in rows] == [2 * (i > 1) if i < 10 or i >= 40 else 4 * (i > 20) if i < 30 else 0
+                                        for i in range(50)]
 
 
 @pytest.mark.parametrize("seed", long_after(1, [1, 2], "more draws"))
@@ -249,16 +249,16 @@ def test_two_servers_of_one_spacecraft_are_distinguished_and_a_view_has_each_pac
     chance = random.Random(3)
     names = ["north", "south"]
     servers = [Server(folder_of(tmp_path, name), base, server=name, parameters=["c?unt", "volt*"]) for name in names]
-    heard = [[i for i in range(1, 300) if chance.random() < 0.7] for _ in servers]
-    for server, mine in zip(servers, heard):
+    received = [[i for i in range(1, 300) if chance.random() < 0.7] for _ in servers]
+    for server, mine in zip(servers, received):
         t = [T0 + i * S + chance.randrange(10**8) for i in mine]
         server.monitor.take([(at, at, power(i)) for at, i in zip(t, mine)])
     with servers[0], servers[1]:
-        wait_for(lambda: written(base) == 2 * sum(map(len, heard)))
-    found = base.rows("select value::int from fledge.telemetry where parameter = 'count' order by 1")
-    assert [one[0] for one in found] == sorted({*heard[0], *heard[1]})
+        wait_for(lambda: written(base) == 2 * sum(map(len, received)))
+    rows = base.rows("select value::int from fledge.telemetry where parameter = 'count' order by 1")
+    assert [row[0] for row in rows] == sorted({*received[0], *received[1]})
     assert base.rows("select s.name, count(*)::int from fledge.value v join fledge.server s on s.id = v.server "
-                     "group by 1 order by 1") == [(name, 2 * len(mine)) for name, mine in zip(names, heard)]
+                     "group by 1 order by 1") == [(name, 2 * len(mine)) for name, mine in zip(names, received)]
 
 
 def test_the_queries_of_the_document_run(tmp_path, base):

@@ -28,45 +28,46 @@ class Questions:
         self._withdraw()
         if not 0 < len(text) <= LONGEST:
             raise SetupError(f"a question has 1 to {LONGEST} characters; found {len(text)}")
-        if sum(one["answer"] is None for one, _ in self._all.values()) >= MOST:
+        if sum(question["answer"] is None for question, _ in self._all.values()) >= MOST:
             raise SetupError(f"{MOST} questions are open already: answer one")
         number = next(self._numbers)
-        one = {"id": number, "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
-        self._all[number] = one, time.monotonic()
-        self._publish("question", craft, one)
-        return one
+        question = {"id": number, "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
+        self._all[number] = question, time.monotonic()
+        self._publish("question", craft, question)
+        return question
 
     def open(self, craft: str) -> list[dict[str, Any]]:
         """The questions that wait for an answer."""
         self._withdraw()
-        return [one for one, _ in self._all.values() if one["craft"] == craft and one["answer"] is None]
+        return [question for question, _ in self._all.values()
+                if question["craft"] == craft and question["answer"] is None]
 
     def poll(self, craft: str, number: int) -> dict[str, Any]:
         """One question, for its script. Raises SetupError if it is gone."""
-        one = self._one(craft, number)
-        if one["answer"] is None:
-            self._all[number] = one, time.monotonic()
-        return one
+        question = self._of(craft, number)
+        if question["answer"] is None:
+            self._all[number] = question, time.monotonic()
+        return question
 
     def answer(self, craft: str, number: int, user: str, answer: bool) -> dict[str, Any]:
         """Raises SetupError if it is gone, or if it was answered."""
-        one = self._one(craft, number)
-        if one["answer"] is not None:
-            raise SetupError(f"{one['by']} has answered already")
-        one |= {"answer": answer, "by": user}
-        self._publish("question", craft, one)
-        return one
+        question = self._of(craft, number)
+        if question["answer"] is not None:
+            raise SetupError(f"{question['by']} has answered already")
+        question |= {"answer": answer, "by": user}
+        self._publish("question", craft, question)
+        return question
 
-    def _one(self, craft: str, number: int) -> dict[str, Any]:
+    def _of(self, craft: str, number: int) -> dict[str, Any]:
         self._withdraw()
-        one, _ = self._all.get(number, ({"craft": ""}, 0.0))
-        if one["craft"] != craft:
+        question, _ = self._all.get(number, ({"craft": ""}, 0.0))
+        if question["craft"] != craft:
             raise SetupError(f"there is no question {number}: it was answered, or its script has ended")
-        return one
+        return question
 
     def _withdraw(self) -> None:
-        for number, (one, polled) in list(self._all.items()):
+        for number, (question, polled) in list(self._all.items()):
             if time.monotonic() - polled > POLLED:
                 del self._all[number]
-                if one["answer"] is None:
-                    self._publish("question", one["craft"], one | {"answer": False, "by": "its script's end"})
+                if question["answer"] is None:
+                    self._publish("question", question["craft"], question | {"answer": False, "by": "its script's end"})

@@ -119,14 +119,14 @@ class Room:
         elif objects:
             with self._keeping:
                 waiting = self._unsaved.setdefault(craft, [])
-                for one in objects:
+                for content in objects:
                     if kind == "events" and len(waiting) >= UNSAVED:
                         self._left_out += 1
-                    elif not any(one is other for _, other in waiting):
-                        waiting.append((kind, one))
+                    elif not any(content is other for _, other in waiting):
+                        waiting.append((kind, content))
             self.flush(craft)
-        for one in objects:
-            self.publish(KINDS[kind], craft, shown({"id": None} | one))
+        for content in objects:
+            self.publish(KINDS[kind], craft, shown({"id": None} | content))
 
     def flush(self, craft: str) -> None:
         """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is an event,
@@ -136,7 +136,7 @@ class Room:
             if not waiting:
                 return
             try:
-                self.journal.save_all([(kind, craft, one) for kind, one in waiting])
+                self.journal.save_all([(kind, craft, content) for kind, content in waiting])
             except JournalError as error:
                 self._failed.add(craft)
                 if not failed:
@@ -168,5 +168,6 @@ class Room:
         not carry it out."""
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
                "good": good}
-        self.journal.save_all([*((kind, craft, one) for kind, one in also), ("log", craft.partition("@")[0], row)])
+        self.journal.save_all([*((kind, craft, content) for kind, content in also),
+                               ("log", craft.partition("@")[0], row)])
         self.publish("log", craft, row)

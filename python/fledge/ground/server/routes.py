@@ -63,11 +63,11 @@ def rows(holder: object) -> Iterator[tuple[Row, Any]]:
 def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, server: Server
           ) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """A handler of a module as the application calls it: of a server, and of the spacecraft that its path names."""
-    async def made(request: web.Request) -> web.StreamResponse:
+    async def handle(request: web.Request) -> web.StreamResponse:
         return await handler(server, request, *([request["craft"]] if row.craft else []))
 
-    setattr(made, "row", row)
-    return made
+    setattr(handle, "row", row)
+    return handle
 
 
 def add_routes(app: web.Application, holder: object, server: Server | None = None) -> None:
@@ -87,34 +87,34 @@ def row_of(request: web.Request) -> Row | None:
 
 async def whole(app: web.Application) -> None:
     """Raises SetupError for a route without a row; an application does not start with it."""
-    for one in app.router.routes():
-        found, path = getattr(one.handler, "row", None), one.resource.canonical if one.resource else ""
-        if not isinstance(found, Row) or one.method not in (found.method, "HEAD" if found.method == "GET" else ""):
-            raise SetupError(f"{one.method} {path} has no row that says who may ask it: give its handler @route")
+    for entry in app.router.routes():
+        row, path = getattr(entry.handler, "row", None), entry.resource.canonical if entry.resource else ""
+        if not isinstance(row, Row) or entry.method not in (row.method, "HEAD" if row.method == "GET" else ""):
+            raise SetupError(f"{entry.method} {path} has no row that says who may ask it: give its handler @route")
 
 
 def loads(text: str | bytes) -> Any:
     """JSON whose texts are Unicode and whose numbers are finite. Raises ValueError with a sentence."""
     def number(kind: Callable[[str], Any]) -> Callable[[str], Any]:
-        def made(digits: str) -> Any:
+        def parse(digits: str) -> Any:
             value = kind(digits) if len(digits) <= DIGITS else float("inf")
             if not isfinite(value):
                 raise OverflowError(f"a number is finite and has at most {DIGITS} digits; found {digits[:50]}")
             return value
-        return made
+        return parse
 
     try:
         text = text if isinstance(text, str) else text.decode()
-        found = json.loads(text, parse_float=number(float), parse_int=number(int), parse_constant=number(float))
+        content = json.loads(text, parse_float=number(float), parse_int=number(int), parse_constant=number(float))
         if re.search(r"\\ud[89a-f]", text, re.I):      # a half of a pair, or both
-            json.dumps(found, ensure_ascii=False).encode()
-        level, depth = [found], 0
-        while level := [inner for one in level if isinstance(one, (dict, list))
-                        for inner in (one.values() if isinstance(one, dict) else one)]:
+            json.dumps(content, ensure_ascii=False).encode()
+        level, depth = [content], 0
+        while level := [inner for value in level if isinstance(value, (dict, list))
+                        for inner in (value.values() if isinstance(value, dict) else value)]:
             depth += 1
             if depth > DEPTH:
                 raise OverflowError(f"JSON has at most {DEPTH} levels")
-        return found
+        return content
     except OverflowError as error:
         raise ValueError(str(error)) from None
     except UnicodeEncodeError:
@@ -125,13 +125,13 @@ def loads(text: str | bytes) -> Any:
 
 def described(text: str, known: dict[tuple[str, str], Row]) -> str:
     """The file of OpenAPI, with who may ask each operation. known: rows by method and path."""
-    made, path = [], ""
+    lines, path = [], ""
     for line in text.splitlines():
-        made.append(line)
-        if found := re.fullmatch(r"  (/\S+):", line):
-            path = found[1]
-        elif (found := re.fullmatch(r"    (get|put|post|delete):", line)) and (row := known.get(
-                (found[1].upper(), path))):
-            made += [f"      x-role: {row.role}", *[f"      x-craft: {row.craft}"] * bool(row.craft),
-                     f"      x-logged: {str(row.logged).lower()}", *["      security: []"] * (row.role == ANYONE)]
-    return "\n".join([*made, ""])
+        lines.append(line)
+        if match := re.fullmatch(r"  (/\S+):", line):
+            path = match[1]
+        elif (match := re.fullmatch(r"    (get|put|post|delete):", line)) and (row := known.get(
+                (match[1].upper(), path))):
+            lines += [f"      x-role: {row.role}", *[f"      x-craft: {row.craft}"] * bool(row.craft),
+                      f"      x-logged: {str(row.logged).lower()}", *["      security: []"] * (row.role == ANYONE)]
+    return "\n".join([*lines, ""])

@@ -108,15 +108,15 @@ class Pace(RunControl):
         from fledge.objects import struct
 
         return [{"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
-                 "value": _plain(getattr(one, field.name))}
+                 "value": _plain(getattr(instance, field.name))}
                 for process in self.sim.processes if process not in self.sim.flights
-                for name, one in process.instances.items() for field in struct(one).fields
+                for name, instance in process.instances.items() for field in struct(instance).fields
                 if field.group == "par" and not field.spare]
 
     def inject(self, path: str, value: Any) -> str:
         steps = re.findall(r"\w+|\[\d+\]", path)
         if "".join(steps) != path.replace(".", "") or len(steps) < 3 or any(
-                one.startswith("_") for one in steps):
+                step.startswith("_") for step in steps):
             raise SetupError(f"a fault is of a parameter by its path, as world.wheels.friction; found '{path}'")
         names = {process.name: process for process in self.sim.processes}
         if steps[0] not in names:

@@ -57,9 +57,9 @@ class Port:
 
     def __init__(self, name: str, struct: Any) -> None:
         self.name, self.type, self.dtype = name, struct.name, dtype_of(struct)
-        found = list(leaves(struct))
-        self.fields = {one: field for one, field, _ in found}
-        self.parts = {one: parts for one, _, parts in found}
+        rows = list(leaves(struct))
+        self.fields = {name: field for name, field, _ in rows}
+        self.parts = {name: parts for name, _, parts in rows}
         self.names = nested_names(self.fields)
 
     def packed(self, values: Mapping[str, Any]) -> bytes:
@@ -71,8 +71,8 @@ class Port:
         for name, value in values.items():
             at = row
             try:
-                for one, index in re.findall(r"(\w+)(?:\[(\d+)\])?", name):
-                    at = at[one][:, int(index)] if index else at[one]
+                for field, index in re.findall(r"(\w+)(?:\[(\d+)\])?", name):
+                    at = at[field][:, int(index)] if index else at[field]
             except (ValueError, IndexError):
                 continue
             if at.dtype.kind in "fiu":
@@ -93,28 +93,28 @@ class Window(Records):
 
         self._label = label
         self._all = list(ports.values())
-        self._found = {}
+        self._messages = {}
         self.single = len(samples) == 1
         ends = [max(t for t, _ in sample.values()) for sample in samples]
         for port in self._all:
             old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in OF_FLIGHT else inf
             rows: list[tuple[float, bytes]] = []
-            for end, one in zip(ends, samples):
-                t, message = one.get(port.name, (-inf, b""))
+            for end, sample in zip(ends, samples):
+                t, message = sample.get(port.name, (-inf, b""))
                 for at in (t, end) if end - t > old else (t,):
                     if at > (rows[-1][0] if rows else -inf) and message:    # telemetry says it until it says another
                         rows.append((at, message))
-            self._found[port.name] = (np.array([t for t, _ in rows], dtype=float),
-                                      np.frombuffer(b"".join(message for _, message in rows), port.dtype))
+            self._messages[port.name] = (np.array([t for t, _ in rows], dtype=float),
+                                         np.frombuffer(b"".join(message for _, message in rows), port.dtype))
 
     def _ports(self) -> list[Port]:
         return self._all
 
     def _time(self, port: Port) -> NDArray[Any]:
-        return self._found[port.name][0]
+        return self._messages[port.name][0]
 
     def _values(self, port: Port) -> NDArray[Any]:
-        return self._found[port.name][1]
+        return self._messages[port.name][1]
 
     def executives(self) -> list[Any]:
         return []
@@ -134,9 +134,9 @@ class Feed:
         self.craft, self._simulation, self._monitor, self._flown, self._link = craft, simulation, monitor, flown, link
         self._zero = zero
         self._lock = Lock()
-        self._kept: list[Sample] = []
+        self._samples: list[Sample] = []
         self._recent: deque[tuple[int, Sample]] = deque(maxlen=RECENT)
-        self._made: dict[int, dict[str, Any]] = {}      # number -> message
+        self._texts: dict[int, dict[str, Any]] = {}      # number -> message
         self._number = 0
         self._sources: list[Any] = []                   # of the tracks, by their numbers; [] before the first scene
         self._used: set[str] | None = None
@@ -177,27 +177,27 @@ class Feed:
             return
         self._next = now + PERIOD
         self._watch()
-        found = self._true() | self._from_telemetry()
+        sample = self._true() | self._from_telemetry()
         self._note_modes()
-        t = max((at for at, _ in found.values()), default=None)
+        t = max((at for at, _ in sample.values()), default=None)
         if t is None:
             return
         with self._lock:
-            last = max((at for at, _ in self._kept[-1].values()), default=t) if self._kept else None
+            last = max((at for at, _ in self._samples[-1].values()), default=t) if self._samples else None
             if last is not None and t < last:       # it was reset, or another session began
-                self._kept.clear()
+                self._samples.clear()
                 self._recent.clear()
-                self._made.clear()
+                self._texts.clear()
                 self._modes.clear()
                 self._number += 1
-                self._made[self._number] = {"kind": "truth", "craft": self.craft, "again": True}
+                self._texts[self._number] = {"kind": "truth", "craft": self.craft, "again": True}
                 self._recent.append((self._number, {}))
             elif last is not None and t == last:
                 return
             self._number += 1
-            self._kept.append(found)
-            self._recent.append((self._number, found))
-            if len(self._kept) > MOST:
+            self._samples.append(sample)
+            self._recent.append((self._number, sample))
+            if len(self._samples) > MOST:
                 self._thin()
 
     def _true(self) -> Sample:
@@ -221,9 +221,9 @@ class Feed:
         """The newest outputs of flight, each with its time."""
         import numpy as np
 
-        found: Sample = {}
+        sample: Sample = {}
         if self._monitor is None or not self.flight_ports:
-            return found
+            return sample
         if self._slots is None:
             self._slots = self._slots_of_ports()
         for name, fields in self._slots.items():
@@ -232,17 +232,17 @@ class Feed:
             row["head"]["quality"] = GOOD       # where telemetry has no head
             times = set()
             for field, slots in fields:
-                newest = [one for slot in slots if (one := self._monitor.newest(slot))]
+                newest = [value for slot in slots if (value := self._monitor.newest(slot))]
                 if len(newest) < len(slots):
                     break
-                times |= {one[0] for one in newest}
+                times |= {value[0] for value in newest}
                 at = part(row, field)
-                at[...] = np.array([one[2] for one in newest]).reshape(at.shape[1:])
+                at[...] = np.array([value[2] for value in newest]).reshape(at.shape[1:])
             else:
                 if len(times) == 1:     # else a packet came in between
                     row["head"]["t"] = t = times.pop() - self._zero     # flight sends what it writes, at once
-                    found[name] = (t / 1e9, row.tobytes())
-        return found
+                    sample[name] = (t / 1e9, row.tobytes())
+        return sample
 
     def _note_modes(self) -> None:
         """The modes of flight, when telemetry brings another one."""
@@ -262,7 +262,7 @@ class Feed:
             places.setdefault(slot["name"].partition("[")[0], []).append(slot["slot"])
         self._places = {process: places[f"{process}.housekeeping.mode"][0] for process in self._flights
                         if f"{process}.housekeeping.mode" in places}
-        found = {}
+        ports = {}
         for name, port in self.flight_ports.items():
             fields = []
             for field, about in port.fields.items():
@@ -270,8 +270,8 @@ class Feed:
                 if len(slots) == prod(about.shape):
                     fields.append((field, slots))
             if any(not field.startswith(HEAD) for field, _ in fields):
-                found[name] = fields
-        return found
+                ports[name] = fields
+        return ports
 
     def _watch(self) -> None:
         """Take the messages of a co-simulation."""
@@ -290,14 +290,14 @@ class Feed:
 
     def _thin(self) -> None:
         """Give all but the newest quarter of the samples an even spacing, of half as many."""
-        times = [max(t for t, _ in one.values()) for one in self._kept]
+        times = [max(t for t, _ in sample.values()) for sample in self._samples]
         newest = len(times) - MOST // 4
-        gap, last, kept = (times[newest] - times[0]) / (MOST // 2), float("-inf"), []
-        for i, (t, one) in enumerate(zip(times, self._kept)):
+        gap, last, samples = (times[newest] - times[0]) / (MOST // 2), float("-inf"), []
+        for i, (t, sample) in enumerate(zip(times, self._samples)):
             if i >= newest or t - last >= gap:
-                kept.append(one)
+                samples.append(sample)
                 last = t
-        self._kept = kept
+        self._samples = samples
 
     def newest(self, *types: str) -> dict[str, tuple[float, Any]]:
         """Output -> (t [s], message, a record of NumPy): the newest ones of some types, of the world and in telemetry;
@@ -305,11 +305,11 @@ class Feed:
         import numpy as np
 
         ports = {name: port for name, port in (self._truth | self.flight_ports).items() if port.type in types}
-        found = self._packed(ports) | self._from_telemetry()
+        sample = self._packed(ports) | self._from_telemetry()
         if self._flown and self._simulation and self._simulation.time_ns >= 0:
             t = float(self._simulation.state_time)
-            found |= {name: (t, objects.memory(self._outputs[name])) for name in ports if name in self._outputs}
-        return {name: (t, np.frombuffer(message, ports[name].dtype)[0]) for name, (t, message) in found.items()
+            sample |= {name: (t, objects.memory(self._outputs[name])) for name in ports if name in self._outputs}
+        return {name: (t, np.frombuffer(message, ports[name].dtype)[0]) for name, (t, message) in sample.items()
                 if name in ports}
 
     # --- all threads ---
@@ -317,11 +317,11 @@ class Feed:
     def pack(self) -> bytes:
         """The scene, with all that is known of its tracks, as the viewer reads it. Raises SetupError that says what is
         missing."""
-        found = self._derived()
-        data, tracks = page.pack_growing(found.scene)
+        derivation = self._derived()
+        data, tracks = page.pack_growing(derivation.scene)
         with self._lock:
             if not self._sources:
-                self._used, self._sources = found.used, [track.source for track in tracks]
+                self._used, self._sources = derivation.used, [track.source for track in tracks]
         return data
 
     def scene(self) -> Scene:
@@ -333,14 +333,14 @@ class Feed:
         with self._lock:
             if not self._sources:
                 return number, []
-            for old in set(self._made) - {n for n, _ in self._recent}:
-                del self._made[old]
+            for old in set(self._texts) - {n for n, _ in self._recent}:
+                del self._texts[old]
             news = []
             for n, sample in self._recent:
                 if n > number and (sample or number):       # an empty one: read the scene again; a new page just did
-                    if n not in self._made:
-                        self._made[n] = self._message(sample)
-                    news.append(self._made[n])
+                    if n not in self._texts:
+                        self._texts[n] = self._message(sample)
+                    news.append(self._texts[n])
             return self._number, news
 
     def _ports(self) -> dict[str, Port]:
@@ -352,23 +352,23 @@ class Feed:
             raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission; there is a "
                              "database alone")
         with self._lock:
-            samples = list(self._kept)
+            samples = list(self._samples)
         came = {name for sample in samples for name in sample}
         coming = came | set(self._slots or {}) | {name for name in self._truth if self._watched is not None
                                                   and topic_of(name) in self._watched.topics}
         ports = {name: port for name, port in self._ports().items() if name in coming}
         if not any(ports[name].type in ("CraftState", "NavAttitude") for name in came if name in ports):
             raise SetupError(self._missing())
-        found = Derivation(Window(self.craft, ports, samples, self.periods), self.facts, live=True)
-        found.add_flight()
-        found.add_plots()
-        scene = found.scene
+        derivation = Derivation(Window(self.craft, ports, samples, self.periods), self.facts, live=True)
+        derivation.add_flight()
+        derivation.add_plots()
+        scene = derivation.scene
         scene.modes = {process: list(began) for process, began in self._modes.items()}
         scene.end = max(t for sample in samples for t, _ in sample.values())
         self._explain(scene)
         if self.facts.folder is not None:
             add_of_mission(scene, self.facts.folder)
-        return found
+        return derivation
 
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
@@ -419,13 +419,13 @@ class Feed:
 
 def periods_of(simulation: Simulation) -> dict[str, float]:
     """[s] The periods of the instances that tasks run."""
-    found: dict[str, float] = {}
+    periods: dict[str, float] = {}
     for process in simulation.processes:
         for task in process.tasks:
             for name in task.run:
                 path = f"{process.name}.{name}"
-                found[path] = min(found.get(path, inf), task.period / 1e9)
-    return found
+                periods[path] = min(periods.get(path, inf), task.period / 1e9)
+    return periods
 
 
 def topic_of(name: str) -> str:

@@ -48,14 +48,14 @@ async def test_a_script_commands_by_the_server(folder):
         await page.verified("nadir_spin", "flight.write.control.K", {"K": 2})
         code = await asyncio.to_thread(cli.main, ["ground", "run", str(folder / "script.py"), "--to", address(page),
                                                   "--out", str(folder / "out")])
-        said = [json.loads(line) for line in (folder / "out/script.jsonl").read_text().splitlines()]
-        assert code == 1 and "flight refused write flight.control.K" in said[-1]["why"], said[-1]
-        assert [one["stage"] for one in said if one["kind"] == "stage" and one["id"] == 2 and
-                one["stage"] != "numbered"] == ["accepted", "executed"]
-        rows = [one for one in await page.get("crafts/nadir_spin/sent") if one["name"] == "write flight.control.K"]
+        log = [json.loads(line) for line in (folder / "out/script.jsonl").read_text().splitlines()]
+        assert code == 1 and "flight refused write flight.control.K" in log[-1]["why"], log[-1]
+        assert [entry["stage"] for entry in log if entry["kind"] == "stage" and entry["id"] == 2 and
+                entry["stage"] != "numbered"] == ["accepted", "executed"]
+        rows = [sent for sent in await page.get("crafts/nadir_spin/sent") if sent["name"] == "write flight.control.K"]
         assert [row["user"] for row in rows] == ["operator"] * 2
         assert [stage["stage"] for stage in (await page.row("nadir_spin", rows[1]["id"]))["stages"]][-1] == "completed"
-        assert [one["action"] for one in await page.get("log")].count("POST /api/crafts/nadir_spin/raw") == 3
+        assert [sent["action"] for sent in await page.get("log")].count("POST /api/crafts/nadir_spin/raw") == 3
         await page.verified("nadir_spin", "flight.write.control.K", {"K": 4})   # others go on behind it
 
 
@@ -68,8 +68,8 @@ async def test_two_scripts_and_an_operator_share_a_spacecraft(folder):
             return craft.sent
 
     async with console(folder, FILE) as page:
-        one, other = await asyncio.gather(asyncio.to_thread(commands), asyncio.to_thread(commands))
-        sequences = [sent.reports[0].sequence for sent in one + other]
+        first, second = await asyncio.gather(asyncio.to_thread(commands), asyncio.to_thread(commands))
+        sequences = [sent.reports[0].sequence for sent in first + second]
         assert len(set(sequences)) == 20
 
 
@@ -83,8 +83,8 @@ async def test_a_packet_that_comes_before_the_link_is_open_waits_for_it(folder):
 
     with patch.object(Spacecraft, "_open", late):
         async with console(folder, FILE) as page:
-            made = await page.post("crafts/nadir_spin/preview", {"name": "flight.noop"})
-            await page.post("crafts/nadir_spin/raw", {"hex": made["hex"]})
+            preview = await page.post("crafts/nadir_spin/preview", {"name": "flight.noop"})
+            await page.post("crafts/nadir_spin/raw", {"hex": preview["hex"]})
             assert page.room.crafts["nadir_spin"].connection.state == "up"
 
 
@@ -118,23 +118,24 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
         for answer in (True, False):
             run = asyncio.create_task(asyncio.to_thread(cli.main, [
                 "ground", "run", str(folder / "script.py"), "--to", address(page), "--out", str(folder / f"{answer}")]))
-            one = (await page.until(here, lambda rows: rows))[0]
-            assert (one["text"], one["user"], one["answer"]) == ("go <b>now</b>?", "operator", None)
-            await page.post(f"{here}/{one['id']}", {"answer": "yes"}, 400)
-            await page.get(f"{here}/{one['id']}")
-            assert (await page.post(f"{here}/{one['id']}", {"answer": answer}))["by"] == "operator"
-            assert await page.get(here) == [] and (await page.get(f"{here}/{one['id']}"))["answer"] is answer
+            question = (await page.until(here, lambda rows: rows))[0]
+            assert (question["text"], question["user"], question["answer"]) == ("go <b>now</b>?", "operator", None)
+            await page.post(f"{here}/{question['id']}", {"answer": "yes"}, 400)
+            await page.get(f"{here}/{question['id']}")
+            assert (await page.post(f"{here}/{question['id']}", {"answer": answer}))["by"] == "operator"
+            assert await page.get(here) == [] and (await page.get(f"{here}/{question['id']}"))["answer"] is answer
             assert await run == (0 if answer else 1)
-            said = [json.loads(line) for line in (folder / f"{answer}/script.jsonl").read_text().splitlines()]
-            assert [(one["good"], one["why"]) for one in said if one["kind"] == "confirm"] == [(answer, "by operator")]
-            await page.post(f"{here}/{one['id']}", {"answer": True}, 400)
-        told = []
-        while len(told) < 4:
+            log = [json.loads(line) for line in (folder / f"{answer}/script.jsonl").read_text().splitlines()]
+            assert [(entry["good"], entry["why"]) for entry in log if entry["kind"] == "confirm"] == [
+                (answer, "by operator")]
+            await page.post(f"{here}/{question['id']}", {"answer": True}, 400)
+        published = []
+        while len(published) < 4:
             message = (await live.receive()).data
-            found = json.loads(message) if isinstance(message, str) else {}
-            if found.get("kind") == "question":
-                told.append((found["craft"], found["answer"]))
-        assert told == [("nadir_spin", None), ("nadir_spin", True), ("nadir_spin", None), ("nadir_spin", False)]
+            content = json.loads(message) if isinstance(message, str) else {}
+            if content.get("kind") == "question":
+                published.append((content["craft"], content["answer"]))
+        assert published == [("nadir_spin", None), ("nadir_spin", True), ("nadir_spin", None), ("nadir_spin", False)]
         for text in ("", "x" * 1001):
             await page.post(here, {"text": text}, 400)
         await page.post(here, {"text": "left alone?"})
@@ -168,7 +169,7 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
                 with pytest.raises(Failure, match=f"hazardous: {why}; a script says confirmed=True"):
                     craft.command(*what, **given)
                 with pytest.raises(Failure, match=f"hazardous: {why}"):
-                    craft.command("store", 1, 0, 0, craft.made(*what, **given)[0])
+                    craft.command("store", 1, 0, 0, craft.packets(*what, **given)[0])
             craft.command("write", "flight.control", K_I=0.02 * N * m / s).completed(within=60 * minute)
             craft.command("write", "flight.control", K=3 * N * m, confirmed=True).completed(within=60 * minute)
             with pytest.raises(Failure, match="hazardous"):     # it was for the one command
@@ -186,30 +187,31 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         assert answer["hazardous"] == "the loop may oscillate"
         flight = page.room.crafts["plays"].simulation.flight
         assert (flight.control.K, flight.control.K_I) == (3, 0.02)
-        refused = [one for one in await page.get("log") if one["action"] == "refused"]
-        assert len(refused) == 7 and all("hazardous" in one["text"] for one in refused)
+        refused = [entry for entry in await page.get("log") if entry["action"] == "refused"]
+        assert len(refused) == 7 and all("hazardous" in entry["text"] for entry in refused)
         reset = (await page.post("crafts/plays/preview", {"name": "flight.reset_flight"}))["hex"]
         nested = (reset[:12] + "0f" + "00" * 17) * 2700 + reset     # stored by one that is stored by one ...
-        found = await page.post("crafts/plays/raw", {"hex": nested}, 409)
-        assert found["hazardous"].startswith("flight begins again")
+        refusal = await page.post("crafts/plays/raw", {"hex": nested}, 409)
+        assert refusal["hazardous"].startswith("flight begins again")
         packets = Packets(page.room.crafts["plays"].mission.dictionary)
         fields = {field.name: field for field in packets.dictionary.block("flight.vehicle")[1].fields}
         row, = packets.write_bytes("flight.vehicle", {fields["I_B"].offset + 24: bytes(24)})    # a part of it
-        found = await page.post("crafts/plays/raw", {"hex": row.hex()}, 409)
-        assert found["hazardous"].startswith("the body is another one")
-        names = [one["name"] for one in await page.get("crafts/plays/sent") if one["name"].startswith(("write", "res"))]
+        refusal = await page.post("crafts/plays/raw", {"hex": row.hex()}, 409)
+        assert refusal["hazardous"].startswith("the body is another one")
+        names = [sent["name"] for sent in await page.get("crafts/plays/sent")
+                 if sent["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]
 
 
 @flown
-async def test_whom_the_server_refuses(folder):
+async def test_scripts_without_the_role_are_refused(folder):
     word, kept = token()
     text = FILE + f'[[token]]\nname = "night"\nhash = "{kept}"\nroles = ["view"]\n'
     async with console(folder, text) as page:
         def connected(given, craft="nadir_spin"):
-            with ground.connect(address(page, craft), token=given) as one:
-                one.listen(1 * s)
-                return one.command("write", "flight.control", K=3 * N * m)
+            with ground.connect(address(page, craft), token=given) as client:
+                client.listen(1 * s)
+                return client.command("write", "flight.control", K=3 * N * m)
 
         for given, craft, error, says in (
                 (None, "nadir_spin", Failure, "log in first.*FLEDGE_TOKEN"),

@@ -59,7 +59,7 @@ class Sessions:
 
     def begin(self, user: User, word: str) -> Session:
         """A new one, of a cookie."""
-        own = [key for key, one in self._of_browsers.items() if one.user == user]
+        own = [key for key, session in self._of_browsers.items() if session.user == user]
         for key in own[:len(own) - SESSIONS + 1]:
             self._end(key, "the user began too many others")
         name, session = digest(word), Session(user, self.clock())
@@ -69,20 +69,20 @@ class Sessions:
         return session
 
     def end(self, session: Session, why: str) -> None:
-        for name in [key for key, one in self._of_browsers.items() if one is session]:
+        for name in [key for key, other in self._of_browsers.items() if other is session]:
             self._end(name, why)
 
     def take(self, access: Access) -> None:
         """End the sessions of those who are others now."""
         self.access = access
-        for name, one in list(self._of_browsers.items()):
-            if (now := access.users.get(one.user.name)) != one.user:
+        for name, session in list(self._of_browsers.items()):
+            if (now := access.users.get(session.user.name)) != session.user:
                 self._end(name, "its password, roles or spacecraft were changed" if now else "the user was removed")
-        for hashed, one in list(self._of_scripts.items()):
-            if (now := access.tokens.get(hashed)) != one.user:
+        for hashed, session in list(self._of_scripts.items()):
+            if (now := access.tokens.get(hashed)) != session.user:
                 del self._of_scripts[hashed]
-                one.cut()
-                self._log.later(one.user.name, "token ended", {
+                session.cut()
+                self._log.later(session.user.name, "token ended", {
                     "why": "its name, roles or spacecraft were changed" if now else "the token was removed"})
         if access.closed:
             self._without_users.cut()

@@ -72,8 +72,8 @@ class Settings:
             own(self.file, "it has passwords, or what they are checked by")
         if not self.access.closed or not self.folder.is_dir() or not self.folder.stat().st_mode & 0o77:
             return []
-        modes = {one: one.stat().st_mode for one in (self.folder, *self.folder.iterdir()) if one.exists()}
-        if open_ones := [one for one, mode in modes.items() if mode & 0o22]:
+        modes = {path: path.stat().st_mode for path in (self.folder, *self.folder.iterdir()) if path.exists()}
+        if open_ones := [path for path, mode in modes.items() if mode & 0o22]:
             raise SetupError(f"others may change {open_ones[0]}, where the server keeps what happened: "
                              f"chmod -R go-w {self.folder}")
         return [f"others may read {self.folder}: chmod -R go= {self.folder} keeps it its owner's"]
@@ -81,12 +81,12 @@ class Settings:
 
 def stamp(*files: Path) -> tuple[tuple[int, ...], ...]:
     """What differs once files or their modes were changed."""
-    def of(one: Path) -> tuple[int, ...]:
+    def of(file: Path) -> tuple[int, ...]:
         try:
-            found = one.stat()
+            status = file.stat()
         except OSError:
             return ()
-        return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+        return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
     return tuple(map(of, files))
 
@@ -101,10 +101,10 @@ def read(file: Path) -> Settings:
     except TomlError as error:
         raise SetupError(str(error)) from None
     reader = _Reader(file, lines)
-    found = replace(reader.read(data), stamp=when)
+    settings = replace(reader.read(data), stamp=when)
     if wrong := reader.complaints():
         raise SetupError(wrong)
-    return found
+    return settings
 
 
 class _Reader(Tables):
@@ -120,12 +120,12 @@ class _Reader(Tables):
         except SetupError as error:
             self.refuse((next((key for key in KEYS if key in data and str(error).startswith(key)), "host"),),
                         "users and addresses are as docs/control-room.md says", str(error), "mend it")
-        crafts = [self.craft(one, ("craft", i)) for i, one in enumerate(self.tables(data, (), "craft"))]
+        crafts = [self.craft(craft, ("craft", i)) for i, craft in enumerate(self.tables(data, (), "craft"))]
         if not crafts and not self.problems:
             self.refuse((), "a control room has spacecraft", "there is none", "write [[craft]] with a mission")
-        for i, one in enumerate(crafts):
-            if one.name in [other.name for other in crafts[:i]]:
-                self.refuse(("craft", i, "name"), "names differ", f"{one.name} is there already", "give it a `name`")
+        for i, craft in enumerate(crafts):
+            if craft.name in [other.name for other in crafts[:i]]:
+                self.refuse(("craft", i, "name"), "names differ", f"{craft.name} is there already", "give it a `name`")
         return Settings(
             Path(self.file), self.at / (self.text(data, (), "folder", "") or Settings.folder), tuple(crafts), access,
             {key: data[key] for key in MORE if key in data})
@@ -184,12 +184,12 @@ class _Reader(Tables):
     def files(self, table: dict[str, Any], at: tuple[Any, ...]) -> tuple[Path, ...]:
         given = self.value(table, at, "database", (list, str), "files of XTCE", []) or []
         names = [given] if isinstance(given, str) else given
-        found = [self.at / name for name in names if isinstance(name, str)]
-        for one in found:
-            if not one.is_file():
-                self.refuse((*at, "database"), "files of a database are there", f"there is no {one}",
+        files = [self.at / name for name in names if isinstance(name, str)]
+        for file in files:
+            if not file.is_file():
+                self.refuse((*at, "database"), "files of a database are there", f"there is no {file}",
                             "it is relative to this file's folder")
-        return tuple(found)
+        return tuple(files)
 
     def derived(self, table: dict[str, Any], at: tuple[Any, ...], name: str) -> Derived:
         self.keys(table, at, ("of", "expression", "function", "unit", "description", "limits"))

@@ -119,13 +119,13 @@ class Spacecraft:
         self.connection.close()
         self.telemetry.close()
 
-    def call(self, what: Callable[[], Answer]) -> Future[Answer]:
+    def call(self, request: Callable[[], Answer]) -> Future[Answer]:
         """Do something in the spacecraft's thread."""
         answer: Future[Answer] = Future()
         if self._over.is_set():
             answer.set_exception(SetupError(f"{self.name} has ended"))
         else:
-            self._requests.put((what, answer))
+            self._requests.put((request, answer))
         return answer
 
     def describe(self) -> dict[str, Any]:
@@ -206,7 +206,7 @@ class Spacecraft:
         self.publish()
         craft = self.connection.craft
         if self.run and craft and not craft.sent and not self.settings.radio:
-            self.commanding.release("server", "telemetry", {}, craft.made("telemetry"))
+            self.commanding.release("server", "telemetry", {}, craft.packets("telemetry"))
 
     def _break(self, why: str) -> None:
         """The link is gone, or cannot be opened."""
@@ -260,11 +260,11 @@ class Spacecraft:
         self._advance()
         try:
             while True:
-                what, answer = self._requests.get_nowait()
+                request, answer = self._requests.get_nowait()
                 if not answer.set_running_or_notify_cancel():   # its thread has given up
                     continue
                 try:
-                    answer.set_result(what())
+                    answer.set_result(request())
                 except BaseException as error:  # for the thread that requested it
                     answer.set_exception(error)
         except Empty:

@@ -21,7 +21,7 @@ class Stages:
     def add(self, row: dict[str, Any], stage: str, good: bool | None, text: str, t: int | None = None) -> None:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""
         if stage == "progress":     # the newest one alone
-            row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
+            row["stages"] = [entry for entry in row["stages"] if entry["stage"] != stage]
         row["stages"].append({"stage": stage, "t_ns": str(self._clock.now if t is None else t), "good": good,
                               "text": text})
 

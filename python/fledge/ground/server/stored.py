@@ -77,30 +77,30 @@ class StoredLists:
             raise SetupError(f"a step is a whole number; found {step!r}")
         commanding = self._commanding
         if action is None:
-            packet = commanding.made(str(request.get("name", "")), request.get("arguments", {}),
-                                     request.get("confirmed", False))
+            packet = commanding.packet_of(str(request.get("name", "")), request.get("arguments", {}),
+                                          request.get("confirmed", False))
             try:
-                packets = craft.made("store", number, step, int(request.get("time_ns", 0)), packet)
+                packets = craft.packets("store", number, step, int(request.get("time_ns", 0)), packet)
             except ValueError:
                 raise SetupError(f"time_ns is a whole number; found '{request['time_ns']}'") from None
             self._names[int.from_bytes(packets[0][10:12], "big")] = craft.dictionary.command(packet)
         elif action == "report":
-            packets = craft.made("stored", number)
+            packets = craft.packets("stored", number)
         elif action == "delete":
-            packets = craft.made("delete", number, step)
+            packets = craft.packets("delete", number, step)
         elif isinstance(action, str) and action.upper() in Action.__members__:
-            packets = craft.made("control", Action[action.upper()], number)
+            packets = craft.packets("control", Action[action.upper()], number)
         else:
-            raise SetupError(f"a list can report, delete, {', '.join(one.name.lower() for one in Action)}; found "
+            raise SetupError(f"a list can report, delete, {', '.join(member.name.lower() for member in Action)}; found "
                              f"'{action}'")
 
         def then(sent: Sent) -> None:
             if action == "report":
                 self._keep(number, stored(sent.data), str(self._clock.now))
             elif action is None:
-                self._keep(number, [*(one for one in self._known(number) if one.step != step), *storing(sent.packets)])
+                self._keep(number, [*(c for c in self._known(number) if c.step != step), *storing(sent.packets)])
             elif action == "delete":
-                self._keep(number, [one for one in self._known(number) if step not in (ALL, one.step)])
+                self._keep(number, [c for c in self._known(number) if step not in (ALL, c.step)])
             elif action == "start":
                 self._begun[number] = sent.reports[-1].t
             elif action == "hold":
@@ -113,15 +113,15 @@ class StoredLists:
         return commanding.release(user, action or "store", given, packets, then)
 
     def _known(self, number: int) -> list[Stored]:
-        return [Stored(int(one["time_ns"]), *(one[name] for name in ("step", "size", "crc", "code")))
-                for one in self._lists.get(number, ([], None))[0]]
+        return [Stored(int(command["time_ns"]), *(command[name] for name in ("step", "size", "crc", "code")))
+                for command in self._lists.get(number, ([], None))[0]]
 
     def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
         """What a list has. read: when the spacecraft said so; else it follows from commands that it has executed."""
         rows = [{"step": command.step, "time_ns": str(command.time), "size": command.size, "crc": command.crc,
                  "code": command.code,
                  "name": self._names.get(command.crc) or (Code(command.code).name.lower() if command.code in
-                                                      Code._value2member_map_ else f"code {command.code}")}
+                                                          Code._value2member_map_ else f"code {command.code}")}
                 for command in sorted(commands)]
         self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
 
@@ -131,7 +131,7 @@ class StoredLists:
         row = self._rows.setdefault(number, {"list": number})
         row.update(t_ns=str(self._clock.now), commands=commands, read_ns=read, begun=self._begun.get(number),
                    held=self._held.get(number))
-        self._reporter.keep("stored", row, shown=lambda one: {"list": one["list"]})
+        self._reporter.keep("stored", row, shown=lambda row: {"list": row["list"]})
 
     def _newest(self, name: str) -> Any:
         slot = self._telemetry.slot_numbers.get(f"{self.path}.state.{name}")

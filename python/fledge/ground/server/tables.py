@@ -30,10 +30,11 @@ class Tables:
         """All tables."""
         return [self._shown(block) for block in self._blocks]
 
-    def _shown(self, one: Block) -> dict[str, Any]:
-        block, when = self._read.get(one.path, (None, None))
-        return {"name": one.path, "meaning": one.type, "fields": [_field(f) for f in one.fields if not _spare(f)],
-                "values": values(one.fields, block) if block is not None else None, "read_ns": when}
+    def _shown(self, block: Block) -> dict[str, Any]:
+        data, when = self._read.get(block.path, (None, None))
+        return {"name": block.path, "meaning": block.type,
+                "fields": [_field(f) for f in block.fields if not f.name.startswith("spare")],
+                "values": values(block.fields, data) if data is not None else None, "read_ns": when}
 
     def read(self, user: str, name: str) -> dict[str, Any]:
         """Ask for the values on board: the row of the command. Raises SetupError."""
@@ -43,7 +44,7 @@ class Tables:
             if len(sent.data) == block.size:
                 self._keep(block, sent.data)
 
-        return self._commanding.release(user, "read", {"module": name}, craft.made("read", name), done)
+        return self._commanding.release(user, "read", {"module": name}, craft.packets("read", name), done)
 
     def write(self, user: str, name: str, given: dict[str, Any], confirmed: bool) -> dict[str, Any]:
         """Change values on board, by stage and commit. Raises Hazardous, if the write of one is; SetupError."""
@@ -63,8 +64,9 @@ class Tables:
         why = self._commanding.hazard_of(*(f"{process}.write.{module}.{key}" for key in given))
         if why and not confirmed:
             raise Hazardous(why)
-        return self._commanding.release(user, "load", {"module": name, **given}, craft.made("load", name, bytes(whole)),
-                                        lambda _: self._keep(block, bytes(whole)))
+        data = bytes(whole)
+        return self._commanding.release(user, "load", {"module": name, **given}, craft.packets("load", name, data),
+                                        lambda _: self._keep(block, data))
 
     def _keep(self, block: Block, data: bytes) -> None:
         self._read[block.path] = data, str(self._clock.now)
@@ -77,11 +79,7 @@ class Tables:
         return blocks[name]
 
 
-def _spare(one: Field) -> bool:
-    return one.name.startswith("spare")
-
-
-def _field(one: Field) -> dict[str, Any]:
-    return {"name": one.name, "type": one.type, "unit": "" if one.unit == "-" else one.unit, "shape": one.shape,
-            "meaning": one.meaning, "enumerators": one.enumerators, "rule": one.rule,
-            "fields": [_field(f) for f in one.fields]}
+def _field(field: Field) -> dict[str, Any]:
+    return {"name": field.name, "type": field.type, "unit": "" if field.unit == "-" else field.unit,
+            "shape": field.shape, "meaning": field.meaning, "enumerators": field.enumerators, "rule": field.rule,
+            "fields": [_field(f) for f in field.fields]}

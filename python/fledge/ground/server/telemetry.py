@@ -83,7 +83,7 @@ class Telemetry:
     def inspect(self, packet: bytes) -> dict[str, Any]:
         """A packet in words."""
         words = dict(self.monitor.inspect(packet))
-        words["rows"] = [[one.hex() if isinstance(one, bytes) else one for one in row] for row in words["rows"]]
+        words["rows"] = [[value.hex() if isinstance(value, bytes) else value for value in row] for row in words["rows"]]
         return words | {"hex": packet.hex(), "size": len(packet)}
 
     def describe(self) -> dict[str, Any]:
@@ -119,8 +119,8 @@ class Telemetry:
     def extend(self, first: int) -> None:
         """The monitor has new slots, from one on."""
         more = self.monitor.slots(first)
-        self.slot_numbers |= {one["name"]: one["slot"] for one in more}
-        self.slot_names += [one["name"] for one in more]
+        self.slot_numbers |= {slot["name"]: slot["slot"] for slot in more}
+        self.slot_names += [slot["name"] for slot in more]
 
     # --- what is missing ---
 
@@ -238,8 +238,8 @@ class Telemetry:
 
     def _times(self) -> dict[Path, int]:
         """When the files of the database, or of the mission, and of derived parameters were written."""
-        files = [*self._settings.database, *(self._folder / one.function.rpartition(":")[0]
-                                             for one in self._settings.derived if one.function)]
+        files = [*self._settings.database, *(self._folder / parameter.function.rpartition(":")[0]
+                                             for parameter in self._settings.derived if parameter.function)]
         if self._mission:
             files += self._mission.files
             files += self._mission.folder.glob("ground.toml") if self._mission.folder else []
@@ -256,7 +256,7 @@ class Telemetry:
             return
         process = self._dictionary.name
         names = self.database.container_names()
-        wanted = {f"{process}.{one}" for one in ("reports", "texts", *SERVICES)}
+        wanted = {f"{process}.{name}" for name in ("reports", "texts", *SERVICES)}
         outputs = {output.path for output in self._dictionary.outputs}
         events = {f"{output.path}.{event.name}" for output in self._dictionary.outputs for event in output.events}
         self.monitor.watch([path for path, name in names.items() if name in wanted - outputs or name in events])

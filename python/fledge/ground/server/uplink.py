@@ -41,8 +41,8 @@ def finished(packet: bytes, number: int, header: str) -> bytes:
     if header == "cfs" and len(packet) < 8:
         raise SetupError(f"a command of cFS has 8 bytes at least, the last of them its checksum; this one has "
                          f"{len(packet)}: header = \"ccsds\" is without")
-    made = numbered(packet, number)
-    return checksummed(made) if header == "cfs" else made
+    packet = numbered(packet, number)
+    return checksummed(packet) if header == "cfs" else packet
 
 
 class Uplink(ABC):
@@ -162,15 +162,15 @@ class FlightUplink(Uplink):
             self._stages.add(row, "failed", False, GIVEN_UP)
             return True
         if len(sent.reports) < seen:        # flight counts otherwise, and all was sent again
-            row["hex"] = " ".join(one.hex() for one in sent.packets)
+            row["hex"] = " ".join(packet.hex() for packet in sent.packets)
             seen = 0
         for report in sent.reports[seen:]:
             if not report.good:
-                packet = next((one for one in sent.packets if sequence_of(one) == report.sequence), None)
+                packet = next((packet for packet in sent.packets if sequence_of(packet) == report.sequence), None)
                 self._stages.add(row, "failed", False, self._dictionary.refusal(report, packet))
                 return True
             word = WORDS.get(report.stage, "progress")
-            same = {one.sequence for one in sent.reports if one.stage == report.stage and one.good}
+            same = {other.sequence for other in sent.reports if other.stage == report.stage and other.good}
             if word != "progress" and (word in stages or len(same) < len(sent.packets)):
                 continue
             stages.add(word)
@@ -199,8 +199,8 @@ class FlightUplink(Uplink):
     def commands_in(self, packet: bytes) -> Iterator[str]:
         database = self._telemetry.database
         while True:
-            if found := database.decode_command(packet, self.header).command:
-                yield found
+            if command := database.decode_command(packet, self.header).command:
+                yield command
             for path in self._dictionary.written(packet):       # perhaps several parameters, or parts of them
                 process, _, name = path.partition(".")
                 yield f"{process}.write.{name}"
@@ -230,10 +230,10 @@ class DatabaseUplink(Uplink):
     def numbered(self, packet: bytes) -> bytes:
         stream = int.from_bytes(packet[:2], "big") & 0x7FF
         if stream not in self._sequences:       # on from that of the last server
-            sent = [one for row in self._reporter.newest("sent")
-                    for one in reversed(list(map(bytes.fromhex, row["hex"].split())))]
-            self._sequences[stream] = next((sequence_of(one) for one in sent
-                                            if int.from_bytes(one[:2], "big") & 0x7FF == stream), -1)
+            sent = [earlier for row in self._reporter.newest("sent")
+                    for earlier in reversed(list(map(bytes.fromhex, row["hex"].split())))]
+            self._sequences[stream] = next((sequence_of(earlier) for earlier in sent
+                                            if int.from_bytes(earlier[:2], "big") & 0x7FF == stream), -1)
         number = self._sequences[stream] = self._sequences[stream] + 1
         return finished(packet, number, self.header)
 
@@ -271,5 +271,5 @@ class DatabaseUplink(Uplink):
 
     def commands_in(self, packet: bytes) -> Iterator[str]:
         database = self._telemetry.database
-        if found := database.decode_command(packet, self.header).command:
-            yield found
+        if command := database.decode_command(packet, self.header).command:
+            yield command

@@ -75,20 +75,20 @@ def test_the_header_is_filled_in_as_the_file_says(tmp_path, header, heads):
             desk, got = Desk(c, craft), []
             for name, n in (("OWN", 0x1234), ("OWN", 5), ("APART", 6)):
                 number, packet = await desk.send(name, n=n)
-                row = next(one for one in await c.get("crafts/sat/sent") if one["id"] == number)
+                row = next(sent for sent in await c.get("crafts/sat/sent") if sent["id"] == number)
                 assert bytes.fromhex(row["hex"]) == packet
                 got.append(packet)
-            look = await c.post("crafts/sat/preview", {"name": "/Sat/OWN", "arguments": {"n": 0x1234}})
-            assert look["hex"] == got[0].hex()      # whose sequence is 0, too
+            preview = await c.post("crafts/sat/preview", {"name": "/Sat/OWN", "arguments": {"n": 0x1234}})
+            assert preview["hex"] == got[0].hex()      # whose sequence is 0, too
             if header == "cfs":
                 why = await c.post("crafts/sat/send", {"name": "/Sat/NEVER"}, 400)
                 assert "8 bytes at least" in why["error"]
         craft.wire.close()
         heads[2] = heads[2].replace("1864", "1865")
-        assert [one[:6].hex() for one in got] == heads
-        assert [one[6] for one in got] == [3, 3, 10] and [one[8:].hex() for one in got] == ["1234", "0005", "0006"]
-        checks = [reduce(xor, one) for one in got]
-        assert checks == [0xFF] * 3 if header == "cfs" else [one[7] for one in got] == [0] * 3
+        assert [raw[:6].hex() for raw in got] == heads
+        assert [raw[6] for raw in got] == [3, 3, 10] and [raw[8:].hex() for raw in got] == ["1234", "0005", "0006"]
+        checks = [reduce(xor, raw) for raw in got]
+        assert checks == [0xFF] * 3 if header == "cfs" else [raw[7] for raw in got] == [0] * 3
 
     asyncio.run(asyncio.wait_for(test(), PATIENCE))
 
@@ -133,8 +133,8 @@ class Flown:
             except TimeoutError:
                 pass
             self.sim.run(0.1)
-            for one in commands.take_units():
-                self._socket.sendto(one.packet, self._to)
+            for datagram in commands.take_units():
+                self._socket.sendto(datagram.packet, self._to)
 
 
 async def commanded(c, flown, name, noop, arguments):
@@ -147,8 +147,8 @@ async def commanded(c, flown, name, noop, arguments):
 
 async def executed(c, name):
     """All commands have all their stages."""
-    for row in await c.until(f"crafts/{name}/sent", lambda rows: all(len(one["stages"]) == 4 for one in rows)):
-        assert sorted(stages(row)) == sorted((one, True) for one in ("released", "delivered", "accepted", "completed"))
+    for row in await c.until(f"crafts/{name}/sent", lambda rows: all(len(row["stages"]) == 4 for row in rows)):
+        assert sorted(stages(row)) == [(stage, True) for stage in ("accepted", "completed", "delivered", "released")]
 
 
 MINE = '[[craft]]\nmission = "./plays"\nlink = "{}"\n'

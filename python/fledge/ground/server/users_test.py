@@ -238,11 +238,11 @@ def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
                     assert answer.status == (401 if i < 30 else 429)
             here[0] = "192.0.2.99"
             given = {"user": "ada", "password": "correct horse"}
-            async with thief.post(f"{server.url}/api/login", json=given) as found:
-                assert found.status == 429 and "as 'ada'; a browser that was this user" in await found.text()
+            async with thief.post(f"{server.url}/api/login", json=given) as response:
+                assert response.status == 429 and "as 'ada'; a browser that was this user" in await response.text()
             here[0] = "127.0.0.1"       # by a tunnel
-            async with thief.post(f"{server.url}/api/login", json=given) as found:
-                assert found.status == 200
+            async with thief.post(f"{server.url}/api/login", json=given) as response:
+                assert response.status == 200
         await server.login("bob", "battery staple")
         await server.login("ada", "correct horse")      # not locked out by strangers
         for _ in range(10):
@@ -287,7 +287,7 @@ def test_a_request_whose_body_comes_after_its_session_is_not_done(ends, tmp_path
     @served(tmp_path)
     async def _(server):
         csrf = await server.login("ada", "correct horse")
-        cookies = "; ".join(f"{one.key}={one.value}" for one in server.client.cookie_jar)
+        cookies = "; ".join(f"{cookie.key}={cookie.value}" for cookie in server.client.cookie_jar)
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write("\r\n".join([
             "POST /api/crafts/imager/send HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Content-Length: 2",
@@ -344,7 +344,7 @@ def test_every_socket_that_opens_ends_with_its_session(upgrade, tmp_path):
             return (await reader.readline()).split()[1], reader, writer
 
         csrf = await server.login("ada", "correct horse")
-        cookies = "Cookie: " + "; ".join(f"{one.key}={one.value}" for one in server.client.cookie_jar)
+        cookies = "Cookie: " + "; ".join(f"{cookie.key}={cookie.value}" for cookie in server.client.cookie_jar)
         status, *_ = await open_it(cookies, "Origin: https://example.org")
         assert status == b"403"
         status, reader, writer = await open_it(cookies)
@@ -354,11 +354,11 @@ def test_every_socket_that_opens_ends_with_its_session(upgrade, tmp_path):
         writer.close()
 
 
-def test_who_is_changed_in_the_file_is_out(tmp_path):
+def test_a_user_that_changes_in_the_file_is_logged_out(tmp_path):
     @served(tmp_path)
     async def _(server):
         def take(change):
-            users = {kind: [dict(one) for one in USERS[kind]] for kind in USERS}
+            users = {kind: [dict(row) for row in USERS[kind]] for kind in USERS}
             change(users)
             return server.guard.take(Access.read({"port": 0, **users}, tmp_path))
 
@@ -426,8 +426,8 @@ def test_tokens_and_passwords_of_other_machines(tmp_path):
             writer.close()
         await server.login("ada", "correct horse")
         await server.ask("GET", "/api/crafts")
-        assert all(one["httponly"] and one["samesite"] == "Strict" and not one["secure"]
-                   for one in server.client.cookie_jar)
+        assert all(cookie["httponly"] and cookie["samesite"] == "Strict" and not cookie["secure"]
+                   for cookie in server.client.cookie_jar)
         with pytest.raises(SetupError, match=r"open to a network, at 0.0.0.0, and needs \[\[user\]\]"):
             server.guard.take(Access.read({}, tmp_path))
         await server.ask("GET", "/api/crafts")
@@ -455,7 +455,7 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
         opened[0][1].write(b"\x16\x03\x01\x02\x00\x01")       # the begin of a handshake
         ended = await asyncio.gather(*[asyncio.wait_for(reader.read(), PATIENCE) for reader, _ in opened[20:]],
                                      return_exceptions=True)
-        assert all(one == b"" or isinstance(one, ConnectionError) for one in ended)
+        assert all(end == b"" or isinstance(end, ConnectionError) for end in ended)
         assert len(server.guard.connections.handshakes) == 20
         with pytest.raises(ClientError):
             await server.client.get(f"{server.url}/api/session", **trust)
@@ -551,7 +551,7 @@ def test_hundreds_of_connections_are_refused_beyond_the_limit(tmp_path):
         await server.ask("GET", "/api/session")
 
 
-def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
+def test_a_client_that_reads_nothing_or_does_not_log_in_loses_its_place(tmp_path):
     """Connections that ask again and again and read nothing, and those that only look at the login."""
     @served(tmp_path)
     async def _(server):
@@ -737,11 +737,11 @@ class Program:
         self.write(users, mode)
         self.process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", self.file],
                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, umask=0o022)
-        self.said = []
+        self.output = []
         for line in self.process.stdout:
-            self.said.append(line)
-            if found := re.search(r"http://[\w.:]+", line):
-                self.url = found[0]
+            self.output.append(line)
+            if address := re.search(r"http://[\w.:]+", line):
+                self.url = address[0]
                 break
 
     def write(self, users, mode=0o600, more=""):
@@ -755,32 +755,32 @@ class Program:
 
     def end(self):
         self.process.terminate()
-        self.said += self.process.stdout.read().splitlines()
+        self.output += self.process.stdout.read().splitlines()
         return self.process.wait()
 
 
 def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
     program = Program(tmp_path)
-    found = [tmp_path / "out", *(tmp_path / "out").rglob("*")]
-    assert len(found) > 5 and not [one for one in found if one.stat().st_mode & 0o77], found
+    rows = [tmp_path / "out", *(tmp_path / "out").rglob("*")]
+    assert len(rows) > 5 and not [path for path in rows if path.stat().st_mode & 0o77], rows
 
     async def run():
         async with ClientSession(program.url, cookie_jar=CookieJar(unsafe=True)) as ada, \
                 ClientSession(program.url, headers={"Authorization": f"Bearer {TOKEN}"}) as night:
-            async def said(words):
+            async def logged(words):
                 while True:
                     async with night.get("/api/log") as answer:
-                        if found := [one for one in await answer.json() if words in one["text"]]:
-                            return found[0]
+                        if rows := [row for row in await answer.json() if words in row["text"]]:
+                            return rows[0]
                     await asyncio.sleep(0.1)
 
             async with ada.post("/api/login", json={"user": "ada", "password": "correct horse"}) as answer:
                 assert answer.status == 200
             live = await ada.ws_connect("/api/live")
             program.write(USERS, more="session_h = true")
-            assert "refused, users and tokens stay: " in (await said("session_h is a number"))["text"]
+            assert "refused, users and tokens stay: " in (await logged("session_h is a number"))["text"]
             program.write(USERS, mode=0o644)
-            await said("others may read or change")
+            await logged("others may read or change")
             async with ada.get("/api/crafts") as answer:
                 assert answer.status == 200
             program.write({**USERS, "user": USERS["user"][1:]}, more="idle_min = 5")
@@ -788,10 +788,10 @@ def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
                 pass
             async with ada.get("/api/crafts") as answer:
                 assert answer.status == 401
-            assert (await said("the user was removed"))["user"] == "ada"
-            assert "as it says now" in (await said("ground.toml has changed, users"))["text"]
+            assert (await logged("the user was removed"))["user"] == "ada"
+            assert "as it says now" in (await logged("ground.toml has changed, users"))["text"]
             program.write(USERS, more='[postgres]\nurl = "postgresql://nowhere/x"')
-            await said("counts when the server starts again")
+            await logged("counts when the server starts again")
             async with night.get("/api/crafts/imager/events") as answer:
                 events = await answer.json()
             sources = [(event["severity"], event["source"]) for event in events]
@@ -801,27 +801,27 @@ def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
     try:
         asyncio.run(asyncio.wait_for(run(), PATIENCE))
     finally:
-        assert program.end() == 0, program.said
+        assert program.end() == 0, program.output
 
 
-def test_what_others_of_this_machine_may_read_is_refused_or_said(tmp_path):
+def test_files_that_others_may_read_are_refused_or_named(tmp_path):
     def guarded(users=USERS, mode=0o600):
         program.write(users, mode)
         return read(program.file).guarded()
 
     program = Program(tmp_path, mode=0o640)
-    assert program.end() == 2 and f"chmod 600 {program.file}" in program.said[-1], program.said
-    kept = tmp_path / "out/of/it"
+    assert program.end() == 2 and f"chmod 600 {program.file}" in program.output[-1], program.output
+    inner = tmp_path / "out/of/it"
     assert guarded() == []
-    kept.mkdir(parents=True)
-    (kept / "journal.sqlite").touch(0o666)
-    readable = [f"others may read {kept}: chmod -R go= {kept} keeps it its owner's"]
+    inner.mkdir(parents=True)
+    (inner / "journal.sqlite").touch(0o666)
+    readable = [f"others may read {inner}: chmod -R go= {inner} keeps it its owner's"]
     for mode, of_journal, says in ((0o755, 0o644, readable), (0o700, 0o666, []), (0o770, 0o600, None),
                                    (0o757, 0o600, None), (0o755, 0o664, None)):
-        kept.chmod(mode)
-        (kept / "journal.sqlite").chmod(of_journal)
+        inner.chmod(mode)
+        (inner / "journal.sqlite").chmod(of_journal)
         if says is None:
-            with pytest.raises(SetupError, match=f"others may change {kept}.*, where .*: chmod -R go-w {kept}"):
+            with pytest.raises(SetupError, match=f"others may change {inner}.*, where .*: chmod -R go-w {inner}"):
                 guarded()
         else:
             assert guarded() == says

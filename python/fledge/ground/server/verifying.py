@@ -34,19 +34,19 @@ class Waiting:
 
     def window(self, number: int) -> tuple[int, int]:
         """[ns]"""
-        one = self.open[number]
-        begin = self.release if one["from_release"] else self.passed
-        stop = OPEN if one["stop"] is None else int(one["stop"] * 1e9)
-        return begin + int(one["start"] * 1e9), begin + stop
+        verifier = self.open[number]
+        begin = self.release if verifier["from_release"] else self.passed
+        stop = OPEN if verifier["stop"] is None else int(verifier["stop"] * 1e9)
+        return begin + int(verifier["start"] * 1e9), begin + stop
 
     def over(self, t: int) -> list[int]:
         """Whose windows have ended. A window from the last verifier on waits for those before it."""
-        found: list[int] = []
-        for number, one in self.open.items():
-            before = [other for other in self.open if other < number and other not in found]
-            if self.window(number)[1] < t and (one["from_release"] or one["stage"] == "failed" or not before):
-                found.append(number)
-        return found
+        ended: list[int] = []
+        for number, verifier in self.open.items():
+            before = [other for other in self.open if other < number and other not in ended]
+            if self.window(number)[1] < t and (verifier["from_release"] or verifier["stage"] == "failed" or not before):
+                ended.append(number)
+        return ended
 
 
 class Verifying:
@@ -60,104 +60,105 @@ class Verifying:
     def prepare(self, form: dict[str, Any]) -> None:
         """Name the stages of a form's verifiers, and say of each why it cannot be watched, if so."""
         names = {argument["name"]: "0" for argument in form["arguments"]} | {SEQUENCE: "0"}
-        for place, one in enumerate(form["verifiers"]):
-            one |= {"problem": "", "stage": "progress" if one["percent"] is not None else STAGES[one["stage"]]}
+        for place, verifier in enumerate(form["verifiers"]):
+            stage = "progress" if verifier["percent"] is not None else STAGES[verifier["stage"]]
+            verifier |= {"problem": "", "stage": stage}
             try:
                 self._telemetry.monitor.forget(self._telemetry.monitor.expect(form["path"], place, names))
             except SetupError as error:
-                one["problem"] = str(error)
+                verifier["problem"] = str(error)
 
     def begin(self, row: dict[str, Any], form: dict[str, Any], packet: bytes) -> None:
         """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
         words = {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
-        for one in form["arguments"]:
-            value = row["arguments"].get(one["name"], one["initial"])
-            words[one["name"]] = str(value).lower() if isinstance(value, bool) else str(value)
+        for argument in form["arguments"]:
+            value = row["arguments"].get(argument["name"], argument["initial"])
+            words[argument["name"]] = str(value).lower() if isinstance(value, bool) else str(value)
         release, about = int(row["t_ns"]), row.get("open", {})
-        made = Waiting(row, release, int(about.get("passed_ns", release)))
-        for place, one in enumerate(form["verifiers"]):
+        command = Waiting(row, release, int(about.get("passed_ns", release)))
+        for place, verifier in enumerate(form["verifiers"]):
             if place not in about.get("verifiers", [place]):
                 continue
-            if one["problem"]:
-                self._stage(row, one, None, f"not watched: {one['problem']}", self._clock.now)
+            if verifier["problem"]:
+                self._stage(row, verifier, None, f"not watched: {verifier['problem']}", self._clock.now)
             else:
                 number = self._telemetry.monitor.expect(form["path"], place, words)
-                made.open[number], made.places[number] = one, place
-        if made.open:
-            self._waiting.append(made)
-        self._mark(made)
+                command.open[number], command.places[number] = verifier, place
+        if command.open:
+            self._waiting.append(command)
+        self._mark(command)
 
     def take(self, number: int, t: int, returned: str) -> None:
         """A packet fulfils a verifier."""
         self.poll(t)
-        one = next((one for one in self._waiting if number in one.open or number in one.late), None)
-        if one is None:
+        command = next((command for command in self._waiting if number in command.open or number in command.late), None)
+        if command is None:
             return
-        if number in one.late:
-            stage, _ = one.late.pop(number)
-            stage["text"] += f"; it came {(t - one.release) / 1e9:g} s after the release"
+        if number in command.late:
+            stage, _ = command.late.pop(number)
+            stage["text"] += f"; it came {(t - command.release) / 1e9:g} s after the release"
             self._telemetry.monitor.forget(number)
-            self._keep(one)
-        elif one.window(number)[0] <= t:
-            self._passed(one, number, t, returned)
+            self._keep(command)
+        elif command.window(number)[0] <= t:
+            self._passed(command, number, t, returned)
         self._rid()
 
     def poll(self, t: int) -> None:
         """Fail what has waited too long."""
-        for one in self._waiting:
-            over = one.over(t)
+        for command in self._waiting:
+            over = command.over(t)
             for number in over:
-                (begin, end), verifier = one.window(number), one.open.pop(number)
+                (begin, end), verifier = command.window(number), command.open.pop(number)
                 if verifier["stage"] == "failed":       # it did not fail
                     self._telemetry.monitor.forget(number)
                     continue
-                since = "the release" if verifier["from_release"] or one.passed == one.release else \
+                since = "the release" if verifier["from_release"] or command.passed == command.release else \
                     "the verifier before"
                 within = verifier["stop"] or OPEN / 1e9
-                self._stages.add_overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
+                self._stages.add_overdue(command.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
                                          f"of {since}", begin, end)
-                one.late[number] = one.row["stages"][-1], end
-            for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
+                command.late[number] = command.row["stages"][-1], end
+            for number in [number for number, (_, end) in command.late.items() if t > end + LATE]:
                 self._telemetry.monitor.forget(number)
-                del one.late[number]
+                del command.late[number]
             if over:
-                self._keep(one)
+                self._keep(command)
         self._rid()
 
     def stepped(self, by: int) -> None:
         """Somebody has set the server's clock [ns]."""
-        for one in self._waiting:
-            one.release += by
-            one.passed += by
-            one.late = {number: (stage, end + by) for number, (stage, end) in one.late.items()}
+        for command in self._waiting:
+            command.release += by
+            command.passed += by
+            command.late = {number: (stage, end + by) for number, (stage, end) in command.late.items()}
 
     def end(self, why: str) -> None:
         """No verifier will be known."""
-        for one in self._waiting:
-            if one.open:
-                self._stages.add(one.row, "failed", False, why)
-                one.open.clear()
-                self._keep(one)
+        for command in self._waiting:
+            if command.open:
+                self._stages.add(command.row, "failed", False, why)
+                command.open.clear()
+                self._keep(command)
         self._waiting.clear()
 
-    def _passed(self, one: Waiting, number: int, t: int, returned: str) -> None:
-        verifier = one.open.pop(number)
+    def _passed(self, command: Waiting, number: int, t: int, returned: str) -> None:
+        verifier = command.open.pop(number)
         self._telemetry.monitor.forget(number)
         text = verifier["text"] + f": {returned}" * bool(returned)
-        others = any(verifier is each for other in self._waiting for each in other.open.values())
+        others = any(verifier is other for waiting in self._waiting for other in waiting.open.values())
         if not verifier["own"] and (others or self._newest == (id(verifier), t)):
             text += "; other commands waited for it, too, and it does not tell whose it is"
         self._newest = id(verifier), t
-        left = {each["stage"] for each in one.open.values()}
+        left = {other["stage"] for other in command.open.values()}
         if verifier["stage"] != "completed" or "completed" not in left:     # all of them are needed
-            self._stage(one.row, verifier, verifier["stage"] != "failed", text, t)
+            self._stage(command.row, verifier, verifier["stage"] != "failed", text, t)
             if verifier["stage"] in ("completed", "failed"):
-                for each in [*one.open, *one.late]:
-                    self._telemetry.monitor.forget(each)
-                one.open.clear()
-                one.late.clear()
-        one.passed = t
-        self._keep(one)
+                for other in [*command.open, *command.late]:
+                    self._telemetry.monitor.forget(other)
+                command.open.clear()
+                command.late.clear()
+        command.passed = t
+        self._keep(command)
 
     def _stage(self, row: dict[str, Any], verifier: dict[str, Any], good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
@@ -166,15 +167,16 @@ class Verifying:
             row["stages"][-1]["percent"] = verifier["percent"]
 
     def _rid(self) -> None:
-        self._waiting = [one for one in self._waiting if one.open or one.late]
+        self._waiting = [command for command in self._waiting if command.open or command.late]
 
     @staticmethod
-    def _mark(one: Waiting) -> None:
+    def _mark(command: Waiting) -> None:
         """Write into the row what a server that starts has to wait for."""
-        one.row.pop("open", None)
-        if one.open:
-            one.row["open"] = {"verifiers": [one.places[number] for number in one.open], "passed_ns": str(one.passed)}
+        command.row.pop("open", None)
+        if command.open:
+            command.row["open"] = {"verifiers": [command.places[number] for number in command.open],
+                                   "passed_ns": str(command.passed)}
 
-    def _keep(self, one: Waiting) -> None:
-        self._mark(one)
-        self._stages.keep(one.row)
+    def _keep(self, command: Waiting) -> None:
+        self._mark(command)
+        self._stages.keep(command.row)

@@ -32,8 +32,8 @@ def verifier(stage, what, stop=LONG, more="", relative="timeLastVerifierPassed")
 
 
 def command(name, code, verifiers, base="Base", arguments=()):
-    given = "".join(f'<Argument name="{one}" argumentTypeRef="{kind}"/>' for one, kind in arguments)
-    entries = "".join(f'<ArgumentRefEntry argumentRef="{one}"/>' for one, _ in arguments)
+    given = "".join(f'<Argument name="{name}" argumentTypeRef="{kind}"/>' for name, kind in arguments)
+    entries = "".join(f'<ArgumentRefEntry argumentRef="{name}"/>' for name, _ in arguments)
     return (f'<MetaCommand name="{name}"><BaseMetaCommand metaCommandRef="{base}"/>'
             + f"<ArgumentList>{given}</ArgumentList>" * bool(given)
             + f'<CommandContainer name="{name}"><EntryList><FixedValueEntry binaryValue="{code:02X}" sizeInBits="8"/>'
@@ -101,9 +101,9 @@ class Craft(asyncio.DatagramProtocol):
         other, _ = await loop.create_datagram_endpoint(asyncio.DatagramProtocol, ("127.0.0.1", 0))
         _, port = other.get_extra_info("sockname")
         other.close()
-        made = (await loop.create_datagram_endpoint(cls, ("127.0.0.1", 0), ("127.0.0.1", port)))[1]
-        made.link = f"udp://127.0.0.1:{made.wire.get_extra_info('sockname')[1]}?listen={port}"
-        return made
+        craft = (await loop.create_datagram_endpoint(cls, ("127.0.0.1", 0), ("127.0.0.1", port)))[1]
+        craft.link = f"udp://127.0.0.1:{craft.wire.get_extra_info('sockname')[1]}?listen={port}"
+        return craft
 
     def connection_made(self, transport):
         self.wire = transport
@@ -156,77 +156,77 @@ def desk(tmp_path):
 
 
 def test_a_command_is_accepted_and_completed(desk):
-    async def test(one, craft):
+    async def test(console, craft):
         craft.say(STATUS, 1, 5, 0)      # WORK already: what was before the command verifies nothing
-        await one.c.until("crafts", lambda rows: rows[0]["packets"] == 1)
-        number, got = await one.send("SET", mode="WORK")
+        await console.c.until("crafts", lambda rows: rows[0]["packets"] == 1)
+        number, got = await console.send("SET", mode="WORK")
         assert got == bytes.fromhex("1864c0000002010001")   # the length is filled in
         craft.say(STATUS, 0, 5, 0)
         craft.say(ACCEPT, 0)
-        row = await one.row(number, ("accepted", True))
+        row = await console.row(number, ("accepted", True))
         craft.say(STATUS, 1, 5, 0)
-        row = await one.row(number, ("accepted", True), ("completed", True))
+        row = await console.row(number, ("accepted", True), ("completed", True))
         assert [stage["text"] for stage in row["stages"][1:]] == ["/Sat/Accept", "mode == argument mode"]
         times = [int(stage["t_ns"]) for stage in row["stages"]]
-        packets = await one.c.get("crafts/sat/packets")
+        packets = await console.c.get("crafts/sat/packets")
         assert times == sorted(times) and [times[2], times[1]] == [int(packets[0]["t_ns"]), int(packets[1]["t_ns"])]
 
     desk(test)
 
 
 def test_complete_verifiers_are_added_and_others_replace(desk):
-    async def test(one, craft):
+    async def test(console, craft):
         craft.say(STATUS, 0, 5, 0)
-        await one.c.until("crafts", lambda rows: rows[0]["packets"] == 1)
-        number, _ = await one.send("COUNT")
+        await console.c.until("crafts", lambda rows: rows[0]["packets"] == 1)
+        number, _ = await console.send("COUNT")
         craft.say(ACCEPT, 0)
-        row = await one.row(number, ("accepted", True), ("progress", True))
+        row = await console.row(number, ("accepted", True), ("progress", True))
         assert row["stages"][-1]["percent"] == 50
         for counter, healthy in ((6, 1), (6, 0)):       # healthy, but only one more
             craft.say(STATUS, 0, counter, healthy)
-        await one.c.until("crafts", lambda rows: rows[0]["packets"] == 4)
-        await one.row(number, ("accepted", True), ("progress", True))
+        await console.c.until("crafts", lambda rows: rows[0]["packets"] == 4)
+        await console.row(number, ("accepted", True), ("progress", True))
         craft.say(STATUS, 0, 7, 0)
-        await one.row(number, ("accepted", True), ("progress", True), ("completed", True))
-        both, _ = await one.send("BOTH")        # its own Accepted is that of Base
+        await console.row(number, ("accepted", True), ("progress", True), ("completed", True))
+        both, _ = await console.send("BOTH")        # its own Accepted is that of Base
         for mode, counter in ((1, 9), (0, 10)):
             craft.say(STATUS, mode, counter, 0)
-        await one.c.until("crafts", lambda rows: rows[0]["packets"] == 7)
-        await one.row(both)
+        await console.c.until("crafts", lambda rows: rows[0]["packets"] == 7)
+        await console.row(both)
         craft.say(STATUS, 1, 10, 0)
-        row = await one.row(both, ("completed", True))
+        row = await console.row(both, ("completed", True))
         assert row["stages"][-1]["text"] == "mode == WORK and counter >= 10"
 
     desk(test)
 
 
 def test_a_refusal_says_why_and_ends_the_ladder(desk):
-    async def test(one, craft):
-        number, _ = await one.send("SET", mode="SAFE")
+    async def test(console, craft):
+        number, _ = await console.send("SET", mode="SAFE")
         craft.say(ACCEPT, 0)
         craft.say(REJECT, 42)
-        row = await one.row(number, ("accepted", True), ("failed", False))
+        row = await console.row(number, ("accepted", True), ("failed", False))
         assert row["stages"][-1]["text"] == "/Sat/Reject: 42"
         craft.say(STATUS, 0, 0, 0)
-        await one.c.until("crafts", lambda rows: rows[0]["packets"] == 3)
-        await one.row(number, ("accepted", True), ("failed", False))
+        await console.c.until("crafts", lambda rows: rows[0]["packets"] == 3)
+        await console.row(number, ("accepted", True), ("failed", False))
 
     desk(test)
 
 
-def test_a_window_that_ends_fails_its_stage_and_a_late_answer_is_noted(desk):
-    async def test(one, craft):
-        number, _ = await one.send("HASTY")
-        row = await one.row(number, ("accepted", False))        # while nothing arrives
+def test_a_window_that_ends_fails_its_stage_and_its_text_gets_a_late_answer(desk):
+    async def test(console, craft):
+        number, _ = await console.send("HASTY")
+        row = await console.row(number, ("accepted", False))        # while nothing arrives
         assert row["stages"][-1]["text"] == "no /Sat/Accept within 0.2 s of the release"
         assert int(row["stages"][-1]["t_ns"]) == int(row["t_ns"]) + 200_000_000
         craft.say(ACCEPT, 0)
-        await one.c.until("crafts/sat/sent", lambda rows: "s after the release" in rows[0]["stages"][-1]["text"])
+        await console.c.until("crafts/sat/sent", lambda rows: "s after the release" in rows[0]["stages"][-1]["text"])
         craft.say(STATUS, 0, 0, 1)      # its own window is longer
-        row = await one.row(number, ("accepted", False), ("completed", True))
-        never, _ = await one.send("NEVER")
+        row = await console.row(number, ("accepted", False), ("completed", True))
+        never, _ = await console.send("NEVER")
         craft.say(ACCEPT, 0)
-        row = await one.row(never, ("accepted", True), ("failed", False))
+        row = await console.row(never, ("accepted", True), ("failed", False))
         assert row["stages"][-1]["text"] == "no healthy == 1 within 0.2 s of the verifier before"
         assert int(row["stages"][-1]["t_ns"]) == int(row["stages"][1]["t_ns"]) + 200_000_000
 
@@ -234,50 +234,50 @@ def test_a_window_that_ends_fails_its_stage_and_a_late_answer_is_noted(desk):
 
 
 def test_two_commands_at_once(desk):
-    async def test(one, craft):
-        numbers = [(await one.send("OWN", n=n))[0] for n in (7, 8)]
+    async def test(console, craft):
+        numbers = [(await console.send("OWN", n=n))[0] for n in (7, 8)]
         craft.say(ACCEPT, 8)
-        row = await one.row(numbers[1], ("accepted", True))
-        await one.row(numbers[0])
+        row = await console.row(numbers[1], ("accepted", True))
+        await console.row(numbers[0])
         craft.say(ACCEPT, 7)
-        await one.row(numbers[0], ("accepted", True))
+        await console.row(numbers[0], ("accepted", True))
         assert row["stages"][-1]["text"] == "token == argument n"
-        sent = [await one.send("NUMBERED") for _ in range(2)]
+        sent = [await console.send("NUMBERED") for _ in range(2)]
         counts = [int.from_bytes(got[2:4], "big") & 0x3FFF for _, got in sent]
         assert counts == [2, 3]
         craft.say(ACCEPT, 3)
-        await one.row(sent[1][0], ("accepted", True))
-        await one.row(sent[0][0])
-        rows = [await one.send("SET", mode="WORK") for _ in range(2)]       # nothing tells them apart, and that is said
+        await console.row(sent[1][0], ("accepted", True))
+        await console.row(sent[0][0])
+        rows = [await console.send("SET", mode="WORK") for _ in range(2)]   # the answer is the same for both
         craft.say(ACCEPT, 0)
         for number, _ in rows:
-            assert "does not tell whose" in (await one.row(number, ("accepted", True)))["stages"][-1]["text"]
+            assert "does not tell whose" in (await console.row(number, ("accepted", True)))["stages"][-1]["text"]
 
     desk(test)
 
 
-def test_what_is_not_watched_is_said(desk):
-    async def test(one, craft):
-        forms = {form["name"]: form for form in await one.c.get("crafts/sat/commands")}
-        found = {each["stage"]: each["problem"] for each in forms["/Sat/OTHER"]["verifiers"]}
-        assert found == {"accepted": "it compares /yamcs/x, which is not known here", "failed": "",
-                         "queued": "the algorithm theirs is not computed here"}
-        number, _ = await one.send("OTHER")
-        row = await one.row(number, ("accepted", None), ("queued", None))
+def test_a_verifier_that_cannot_be_watched_says_why(desk):
+    async def test(console, craft):
+        forms = {form["name"]: form for form in await console.c.get("crafts/sat/commands")}
+        problems = {each["stage"]: each["problem"] for each in forms["/Sat/OTHER"]["verifiers"]}
+        assert problems == {"accepted": "it compares /yamcs/x, which is not known here", "failed": "",
+                            "queued": "the algorithm theirs is not computed here"}
+        number, _ = await console.send("OTHER")
+        row = await console.row(number, ("accepted", None), ("queued", None))
         assert row["stages"][1]["text"] == "not watched: it compares /yamcs/x, which is not known here"
 
     desk(test)
 
 
 def test_a_database_that_changes_ends_what_waits(desk, tmp_path):
-    async def test(one, craft):
-        number, _ = await one.send("SET", mode="SAFE")
+    async def test(console, craft):
+        number, _ = await console.send("SET", mode="SAFE")
         (tmp_path / "sat.xml").write_text(DATABASE.replace('"Accept"', '"Taken"'))
-        row = await one.row(number, ("failed", False))
+        row = await console.row(number, ("failed", False))
         assert "the database has changed" in row["stages"][-1]["text"]
-        number, _ = await one.send("SET", mode="SAFE")
+        number, _ = await console.send("SET", mode="SAFE")
         craft.say(ACCEPT, 0)
-        await one.row(number, ("accepted", True))
+        await console.row(number, ("accepted", True))
 
     desk(test)
 
@@ -300,25 +300,25 @@ def test_a_wrong_verifier_is_refused_where_it_stands(tmp_path: Path, found, wron
 
 @pytest.mark.parametrize("step", [-5 * 365 * 86400 * 10**9, -10**10, 10**8, 3600 * 10**9, 5 * 365 * 86400 * 10**9])
 def test_a_clock_that_is_set_ends_no_window_and_no_alarm_s_shelving(desk, monkeypatch, step):
-    async def test(one, craft):
-        here = one.c.room.crafts["sat"]
-        await one.c.post("crafts/sat/limits/3", {"limits": {"warning": [10, None]}}, method="put")
+    async def test(console, craft):
+        here = console.c.room.crafts["sat"]
+        await console.c.post("crafts/sat/limits/3", {"limits": {"warning": [10, None]}}, method="put")
         craft.say(ACCEPT, 3)
-        await one.c.until("crafts/sat/alarms", lambda found: found)
-        shelved = (await one.c.post("crafts/sat/alarms/3", {"shelve_s": 600}))["shelved_until_ns"]
-        number, _ = await one.send("COUNT")
+        await console.c.until("crafts/sat/alarms", lambda rows: rows)
+        shelved = (await console.c.post("crafts/sat/alarms/3", {"shelve_s": 600}))["shelved_until_ns"]
+        number, _ = await console.send("COUNT")
         monkeypatch.setattr(clock_module, "time", SimpleNamespace(
             monotonic=time.monotonic, monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + step))
-        said = "forward" if step > 0 else "back"
+        word = "forward" if step > 0 else "back"
         if abs(step) > 10**9:
-            await one.c.until("crafts/sat/events", lambda found: any(f"clock went {said} by" in each["text"]
-                                                                     for each in found))
+            await console.c.until("crafts/sat/events", lambda rows: any(f"clock went {word} by" in each["text"]
+                                                                        for each in rows))
         craft.say(ACCEPT, 20)
-        row = await one.row(number, ("accepted", True), ("progress", True))
+        row = await console.row(number, ("accepted", True), ("progress", True))
         assert abs(int(row["stages"][1]["t_ns"]) - time.time_ns() - step) < 60 * 10**9
-        await one.c.until("crafts/sat/alarms", lambda found: abs(
-            int(found[0]["shelved_until_ns"]) - int(shelved) - step * (abs(step) > 10**9)) < 10**9)
-        await one.c.until("crafts", lambda _: abs(here.clock.now - time.time_ns() - step) < 10 * 10**9)
+        await console.c.until("crafts/sat/alarms", lambda rows: abs(
+            int(rows[0]["shelved_until_ns"]) - int(shelved) - step * (abs(step) > 10**9)) < 10**9)
+        await console.c.until("crafts", lambda _: abs(here.clock.now - time.time_ns() - step) < 10 * 10**9)
 
     desk(test)
 
@@ -336,26 +336,26 @@ def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path
         text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/Packet"\nlink = "{craft.link}"\n'
         async with console(tmp_path, text) as c:
             await c.until("crafts", lambda rows: rows[0]["link"]["up"])
-            one = Desk(c, craft)
+            operator = Desk(c, craft)
             craft.say(STATUS, 0, 5, 0)
             await c.until("crafts", lambda rows: rows[0]["packets"] == 1)
-            number, _ = await one.send("SET", mode="WORK")
+            number, _ = await operator.send("SET", mode="WORK")
             craft.say(ACCEPT, 0)
-            await one.row(number, ("accepted", True))
-            short, _ = await one.send("HASTY")
+            await operator.row(number, ("accepted", True))
+            short, _ = await operator.send("HASTY")
         clock.now += 300_000_000
         async with console(tmp_path, text) as c:
-            one = Desk(c, craft)
+            operator = Desk(c, craft)
             await c.until("crafts", lambda _: not c.room.crafts["sat"].commanding.left)
             craft.say(STATUS, 1, 5, 0)
-            row = await one.row(number, ("accepted", True), ("completed", True))
+            row = await operator.row(number, ("accepted", True), ("completed", True))
             assert "open" not in row
             rows = await c.until("crafts/sat/sent", lambda rows: len(rows[0]["stages"]) > 1)
             assert rows[0]["id"] == short and rows[0]["stages"][-1]["good"] is None
             assert "unknown, telemetry is missing from" in rows[0]["stages"][-1]["text"]
-            assert (await one.send("NEVER"))[1][2:4] == b"\xc0\x02"       # it counts on
+            assert (await operator.send("NEVER"))[1][2:4] == b"\xc0\x02"       # it counts on
         async with console(tmp_path, text) as c:
-            assert number not in [one["id"] for one in c.room.journal.all("sent", "sat", True)]
+            assert number not in [row["id"] for row in c.room.journal.all("sent", "sat", True)]
             assert (await c.get("crafts/sat/sent"))[2] == row
         craft.wire.close()
 

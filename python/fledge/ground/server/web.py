@@ -80,7 +80,7 @@ class Server:
     async def _begin(self, _: web.Application) -> None:
         self._loop = asyncio.get_running_loop()
         self.room.listeners.append(self._publish)
-        self._tasks = [asyncio.ensure_future(one) for one in (
+        self._tasks = [asyncio.ensure_future(task) for task in (
             self._follow(), self.watch.run(), self._crowd(), self.sender.run())]
 
     async def _end(self, _: web.Application) -> None:
@@ -194,15 +194,15 @@ class Server:
     def seen(self, request: web.Request, name: str, row: Row) -> Spacecraft:
         """The spacecraft of a name, for which the user has the role. Raises an answer, which is the same for one that
         there is not and for one that the user may not see."""
-        there = [one for one in self.room.crafts if request["user"].knows(owner(one))]
+        there = [known for known in self.room.crafts if request["user"].knows(owner(known))]
         try:
             craft = self.room.craft(name, there)
         except SetupError as error:
             raise Refusal(404, str(error)) from None
         self.guard.require(request, owner(name), row.role)
         if row.craft == RUN and craft.control and not all(
-                self.guard.allowed(request, owner(one.name), row.role) for one in self.room.crafts.values()
-                if one.control is craft.control):
+                self.guard.allowed(request, owner(other.name), row.role) for other in self.room.crafts.values()
+                if other.control is craft.control):
             raise Refusal(403, f"other spacecraft fly in the run of {name}, for which {user_of(request)} lacks the "
                                f"role '{row.role}'")
         return craft
@@ -220,21 +220,21 @@ class Server:
 
     # --- answers ---
 
-    async def aside(self, what: Callable[..., Answer], *given: Any) -> Answer:
+    async def aside(self, work: Callable[..., Answer], *given: Any) -> Answer:
         """What takes longer, in a thread of its own."""
-        return await asyncio.get_running_loop().run_in_executor(None, what, *given)
+        return await asyncio.get_running_loop().run_in_executor(None, work, *given)
 
-    async def answer(self, what: Callable[..., Any], *given: Any) -> web.Response:
+    async def answer(self, work: Callable[..., Any], *given: Any) -> web.Response:
         """An answer that may be long, made in such a thread."""
-        return await self.aside(lambda: json_answer(what(*given)))
+        return await self.aside(lambda: json_answer(work(*given)))
 
-    async def query(self, what: Callable[[], Answer]) -> Answer:
+    async def query(self, work: Callable[[], Answer]) -> Answer:
         """Something of the archive, in one of its threads."""
         if self.bounds.over("queries that wait", self._queries_now + 1 - self.bounds["queries"]):
             raise Refusal(429, self.bounds.says("queries that wait"))
         self._queries_now += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._queries, what)
+            return await asyncio.get_running_loop().run_in_executor(self._queries, work)
         finally:
             self._queries_now -= 1
 

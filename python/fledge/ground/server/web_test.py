@@ -47,13 +47,13 @@ class Console:
 
     async def until(self, path, holds):
         """Ask again until the answer is as it must be."""
-        found = None
+        content = None
         try:
-            while not holds(found := await self.get(path)):
+            while not holds(content := await self.get(path)):
                 await asyncio.sleep(0.05)
         except asyncio.CancelledError:
-            raise AssertionError(f"waited in vain for {path}, which is {found}") from None
-        return found
+            raise AssertionError(f"waited in vain for {path}, which is {content}") from None
+        return content
 
     async def verified(self, craft, name, arguments, stage="completed"):
         """Send a command; its row when it has come to a stage."""
@@ -66,7 +66,7 @@ class Console:
             return [stage["stage"] for row in rows if row["id"] == number for stage in row["stages"]]
 
         rows = await self.until(f"crafts/{craft}/sent", lambda rows: {stage, "failed"} & {*reached(rows)})
-        row = next(one for one in rows if one["id"] == number)
+        row = next(row for row in rows if row["id"] == number)
         assert stage in reached(rows), f"{row}; {await self.get(f'crafts/{craft}/events')}"
         return row
 
@@ -104,8 +104,8 @@ async def test_values_move_and_a_command_is_verified(tmp_path):
     async with console(tmp_path, NADIR) as c:
         craft, = await c.get("crafts")
         assert craft["name"] == "nadir_spin" and craft["simulated"] and craft["clock"] == "simulated"
-        slots = await c.until("crafts/nadir_spin/slots", lambda found: SIGMA in [one["name"] for one in found])
-        places = {one["name"]: one["slot"] for one in slots}
+        rows = await c.until("crafts/nadir_spin/slots", lambda rows: SIGMA in [row["name"] for row in rows])
+        places = {row["name"]: row["slot"] for row in rows}
         slot = places[SIGMA]
         live = await c.client.ws_connect("/api/live")
         await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": [slot], "hz": 30}})
@@ -134,15 +134,15 @@ async def test_values_move_and_a_command_is_verified(tmp_path):
 @flown
 async def test_forms_previews_and_refusals(tmp_path):
     async with console(tmp_path, '[[craft]]\nmission = "earth_imager"\nspeed = 0\n') as c:
-        forms = {one["name"]: one for one in await c.get("crafts/earth_imager/commands")}
+        forms = {row["name"]: row for row in await c.get("crafts/earth_imager/commands")}
         gain = forms["flight.write.steering.K1"]["arguments"][0]
         assert (gain["name"], gain["type"], gain["unit"], gain["size"]) == ("K1", "real", "rad/s", 64)
         assert forms["flight.reset_flight"]["hazardous"] and "flight.write.control" not in forms
         craft = "crafts/earth_imager"
-        made = await c.post(f"{craft}/preview", {"name": "flight.write.steering.K1", "arguments": {"K1": 0.25}})
-        packet = bytes.fromhex(made["hex"])
+        preview = await c.post(f"{craft}/preview", {"name": "flight.write.steering.K1", "arguments": {"K1": 0.25}})
+        packet = bytes.fromhex(preview["hex"])
         assert packet[-8:] == struct.pack(">d", 0.25) and int.from_bytes(packet[4:6], "big") == len(packet) - 7
-        field = made["fields"][-1]
+        field = preview["fields"][-1]
         assert (field["name"], field["bit"], field["bits"], field["argument"]) == ("K1", 8 * len(packet) - 64, 64, True)
         for name, arguments, why in (
                 ("flight.write.steering.K1", {"K1": -1}, "K1"), ("flight.write.steering.K1", {"K1": "x"}, "K1"),
@@ -150,16 +150,16 @@ async def test_forms_previews_and_refusals(tmp_path):
                 ("flight.write.steering.K1", {"K1": None}, "K1"), ("flight.write.steering.K1", {"K1": [1]}, "K1"),
                 ("flight.write.steering.K2", {}, "did you mean"),
                 ("flight.telemetry", {"output": "x", "on": "on"}, "output")):
-            found = await c.post(f"{craft}/preview", {"name": name, "arguments": arguments}, 400)
-            assert why in found["error"] and found.get("argument") == (why if len(why) < 8 else None), found
-        found = await c.post(f"{craft}/send", {"name": "flight.reset_flight"}, 409)
-        assert "begin anew" in found["hazardous"]
+            refusal = await c.post(f"{craft}/preview", {"name": name, "arguments": arguments}, 400)
+            assert why in refusal["error"] and refusal.get("argument") == (why if len(why) < 8 else None), refusal
+        refusal = await c.post(f"{craft}/send", {"name": "flight.reset_flight"}, 409)
+        assert "begin anew" in refusal["hazardous"]
         await c.post(f"{craft}/send", {"name": "flight.reset_flight", "confirmed": True})
         refused = await c.verified("earth_imager", "flight.commit", {"module": "flight.steering", "crc": 3}, "failed")
         assert "nothing of this module is staged" in refused["stages"][-1]["text"]
         log = await c.get("log")
-        assert [one["action"] for one in log[:4]].count("POST /api/crafts/earth_imager/send") == 3
-        assert any(one["action"] == "refused" and not one["good"] for one in log)
+        assert [row["action"] for row in log[:4]].count("POST /api/crafts/earth_imager/send") == 3
+        assert any(row["action"] == "refused" and not row["good"] for row in log)
 
 
 @flown
@@ -169,8 +169,8 @@ async def test_run_control_and_faults(tmp_path):
         paused = await c.post(run, {"action": "pause"})
         assert paused["state"] == "paused"
         later = await c.post(run, {"action": "step", "seconds": 5})
-        found = await c.until(run, lambda one: one["state"] == "paused")
-        assert int(found["t_ns"]) - int(paused["t_ns"]) == 5 * 10**9 and later["speed"] == 20
+        stepped = await c.until(run, lambda state: state["state"] == "paused")
+        assert int(stepped["t_ns"]) - int(paused["t_ns"]) == 5 * 10**9 and later["speed"] == 20
         wheels = c.room.crafts["nadir_spin"].simulation.world.wheels
         await c.post(run, {"fault": {"path": "world.wheels.friction", "value": [0, 0.03, 0, 0]}})
         assert list(wheels.friction)[:4] == [0, 0.03, 0, 0]
@@ -183,7 +183,7 @@ async def test_run_control_and_faults(tmp_path):
         assert "found 'fly'" in (await c.post(run, {"action": "fly"}, 400))["error"]
         assert "speed" in (await c.post(run, {"speed": -1}, 400))["error"]
         assert (await c.post(run, {"action": "go", "speed": 0}))["state"] == "running"
-        await c.until(run, lambda one: int(one["t_ns"]) > int(found["t_ns"]) + 20 * 10**9)
+        await c.until(run, lambda state: int(state["t_ns"]) > int(stepped["t_ns"]) + 20 * 10**9)
         events = await c.get("crafts/nadir_spin/events")
         assert any(event["source"] == "run" and "friction" in event["text"] for event in events)
 
@@ -201,14 +201,14 @@ async def test_files_and_tables_of_flight(tmp_path):
         await c.post(f"{craft}/fetch", {"name": "waypoints-1"})
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert (rows[0]["state"], rows[0]["up"]) == ("completed", False)
-        assert [one["name"] for one in await c.get(f"{craft}/files")] == ["waypoints-1"]
+        assert [file["name"] for file in await c.get(f"{craft}/files")] == ["waypoints-1"]
         assert await (await c.client.get(f"/api/{craft}/files/waypoints-1")).read() == content
         (c.room.crafts["flatsat"].transfers.folder / "waypoints-1").write_bytes(b"other")
         await c.post(f"{craft}/fetch", {"name": "waypoints-1"})
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert rows[0]["text"] == "it is waypoints-1.2 here"
-        kept = {one.name: one.read_bytes() for one in c.room.crafts["flatsat"].transfers.folder.glob("[!.]*")}
-        assert kept == {"waypoints-1": b"other", "waypoints-1.2": content}
+        contents = {path.name: path.read_bytes() for path in c.room.crafts["flatsat"].transfers.folder.glob("[!.]*")}
+        assert contents == {"waypoints-1": b"other", "waypoints-1.2": content}
         with patch.object(Path, "write_bytes", side_effect=OSError(28, "No space left on device")):
             refused = await c.post(f"{craft}/files?name=x", data=b"x", status=400)
         assert refused["error"] == "x cannot be kept here to be sent: No space left on device"
@@ -229,8 +229,8 @@ async def test_files_and_tables_of_flight(tmp_path):
         assert "read flight.control first" in (await c.post(table, {"values": {"K": 3.0}}, 400))["error"]
         await c.row("flatsat", (await c.post(table, {"read": True}))["ids"][0])
         control = c.room.crafts["flatsat"].simulation.flight.control
-        one = next(one for one in await c.get(f"{craft}/tables") if one["name"] == "flight.control")
-        assert one["values"]["K"] == control.K and one["read_ns"]
+        read = next(row for row in await c.get(f"{craft}/tables") if row["name"] == "flight.control")
+        assert read["values"]["K"] == control.K and read["read_ns"]
         await c.row("flatsat", (await c.post(table, {"values": {"K": 3.5}}))["ids"][0])
         assert control.K == 3.5
         row = await c.row("flatsat", (await c.post(table, {"values": {"K": -3.5}}))["ids"][0], "failed")
@@ -241,7 +241,7 @@ async def test_files_and_tables_of_flight(tmp_path):
 
 
 @flown
-async def test_what_is_wrong_is_said(tmp_path):
+async def test_each_refusal_has_its_reason(tmp_path):
     async with console(tmp_path, NADIR) as c:
         for path in ("nothing", "crafts/other", "crafts/other/slots", "crafts/nadir_spin/packets/1-2"):
             assert (await c.get(path, 404))["error"]
@@ -271,12 +271,12 @@ async def test_what_is_wrong_is_said(tmp_path):
 @flown
 async def test_a_browser_that_does_not_read_disturbs_no_other(tmp_path):
     async with console(tmp_path, '[[craft]]\nmission = "nadir_spin"\nspeed = 0\n') as c:
-        await c.until("crafts/nadir_spin/slots", lambda found: SIGMA in [one["name"] for one in found])
+        await c.until("crafts/nadir_spin/slots", lambda rows: SIGMA in [row["name"] for row in rows])
         asleep = await c.client.ws_connect("/api/live", max_msg_size=0)
         asleep._conn.transport.pause_reading()      # its window fills up
         awake = await c.client.ws_connect("/api/live")
-        for one in (asleep, awake):
-            await one.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
+        for live in (asleep, awake):
+            await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
         frames = 0
         server = c.room.listeners[0].__self__
         while max(browser.skipped for browser in server.browsers) == 0:
@@ -337,45 +337,45 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
     async with console(tmp_path, LIMITED) as c:
         craft = "crafts/imager"
         sigmas = [f"flight.tracking.error.sigma_BR[{i}]" for i in (0, 1)]
-        await c.until("crafts", lambda found: int(found[0]["t_ns"]) > 300 * 10**9)
+        await c.until("crafts", lambda rows: int(rows[0]["t_ns"]) > 300 * 10**9)
         await c.post(f"{craft}/run", {"action": "pause"})
-        found = await c.get(f"{craft}/history?names={','.join(sigmas)},angle,twice&points=0")
-        a, b = (found[name]["value"] for name in sigmas)
-        assert len(a) > 500 and found["angle"]["t_ns"] == found[sigmas[0]]["t_ns"]
-        assert found["twice"]["value"] == [2 * x for x in a]
-        assert found["angle"]["value"] == pytest.approx([(x * x + y * y)**0.5 for x, y in zip(a, b)], rel=1e-14)
+        series = await c.get(f"{craft}/history?names={','.join(sigmas)},angle,twice&points=0")
+        a, b = (series[name]["value"] for name in sigmas)
+        assert len(a) > 500 and series["angle"]["t_ns"] == series[sigmas[0]]["t_ns"]
+        assert series["twice"]["value"] == [2 * x for x in a]
+        assert series["angle"]["value"] == pytest.approx([(x * x + y * y)**0.5 for x, y in zip(a, b)], rel=1e-14)
         telemetry = c.room.crafts["imager"].telemetry
         newest = telemetry.monitor.newest(telemetry.slot_numbers["angle"])
-        assert newest[3] == found["angle"]["value"][-1]
+        assert newest[3] == series["angle"]["value"][-1]
         few = (await c.get(f"{craft}/history?names=angle&points=20"))["angle"]
-        assert len(few["t_ns"]) <= 20 and max(few["high"]) == max(found["angle"]["value"])
+        assert len(few["t_ns"]) <= 20 and max(few["high"]) == max(series["angle"]["value"])
         data = await (await c.client.get(f"/api/{craft}/history?names=twice&points=0&format=binary")).read()
         magic, n_series, n, _ = struct.unpack_from("<IIII", data)
         assert (magic, n_series, n) == (0x32484C46, 1, len(a))
-        assert list(struct.unpack_from(f"<{n}d", data, 16 + 8 * n)) == found["twice"]["value"]
+        assert list(struct.unpack_from(f"<{n}d", data, 16 + 8 * n)) == series["twice"]["value"]
         lines = (await c.get(f"{craft}/history?names=twice&points=0&format=csv")).splitlines()
         assert lines[0] == "t_ns,name,value,state" and [float(line.split(",")[2])
-                                                        for line in lines[1:]] == found["twice"]["value"]
+                                                        for line in lines[1:]] == series["twice"]["value"]
         for query, why in (("", "1 to 100"), ("names=none", "none"), ("names=angle&format=x", "json, csv or binary"),
                            ("names=angle&from_ns=x", "whole number")):
             assert why in (await c.get(f"{craft}/history?{query}", 400))["error"]
-        assert any("wrong" in one["text"] and one["source"] == "derived" for one in await c.get(f"{craft}/events"))
+        assert any("wrong" in row["text"] and row["source"] == "derived" for row in await c.get(f"{craft}/events"))
 
         session, = await c.get(f"{craft}/sessions")
         packets = await c.get(f"{craft}/packets?limit=5")
         assert len(packets) == 5 and int(packets[0]["t_ns"]) == int(session["last_ns"]) and not session["gaps"]
-        one = await c.get(f"{craft}/packets/{packets[0]['id']}")
-        assert one["hex"] == packets[0]["hex"] and one["rows"] and one["reason"] == ""
+        row = await c.get(f"{craft}/packets/{packets[0]['id']}")
+        assert row["hex"] == packets[0]["hex"] and row["rows"] and row["reason"] == ""
         assert (await c.post(f"{craft}/inspect", {"hex": "0801" + packets[0]["hex"][4:]}))["container"] is None
 
-        made = await c.post("crafts/imager/replay", {"from_ns": "0", "to_ns": "200000000000", "speed": 0})
-        assert made["name"] == "imager@replay" and made["replay"] == "imager"
+        further = await c.post("crafts/imager/replay", {"from_ns": "0", "to_ns": "200000000000", "speed": 0})
+        assert further["name"] == "imager@replay" and further["replay"] == "imager"
         await c.until("crafts", lambda rows: rows[-1]["link"]["state"] == "ended")
         replay = c.room.crafts["imager@replay"]
         for name in ("angle", *sigmas):
             t, _, _, value, *_ = replay.telemetry.monitor.newest(replay.telemetry.slot_numbers[name])
-            assert t <= 200 * 10**9 and value == found[name]["value"][found[name]["t_ns"].index(str(t))]
-        assert "command" not in next(one for one in await c.get("crafts") if one["replay"])["can"]
+            assert t <= 200 * 10**9 and value == series[name]["value"][series[name]["t_ns"].index(str(t))]
+        assert "command" not in next(row for row in await c.get("crafts") if row["replay"])["can"]
         await c.post("crafts/imager@replay/send", {"name": "flight.noop"}, 400)
         await c.post("crafts/imager@replay/replay", method="delete")
         assert len(await c.get("crafts")) == 1
@@ -389,26 +389,26 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
 async def test_alarms_stay_until_somebody_has_seen_them(tmp_path):
     async with console(tmp_path, LIMITED.partition("[craft.derived.twice]")[0]) as c:
         path = "crafts/imager/alarms"
-        one, = [one for one in await c.until(path, lambda rows: any(
-            row["name"] == "angle" and row["concern"] == 0 for row in rows)) if one["name"] == "angle"]
-        assert (one["worst"], one["acknowledged"]) == (2, None) and int(one["since_ns"]) < int(one["t_ns"])
-        await c.post(f"{path}/{one['slot']}", {"shelve_s": 600})
+        alarm, = [alarm for alarm in await c.until(path, lambda rows: any(
+            row["name"] == "angle" and row["concern"] == 0 for row in rows)) if alarm["name"] == "angle"]
+        assert (alarm["worst"], alarm["acknowledged"]) == (2, None) and int(alarm["since_ns"]) < int(alarm["t_ns"])
+        await c.post(f"{path}/{alarm['slot']}", {"shelve_s": 600})
         assert any(int(row["shelved_until_ns"]) > 0 for row in await c.get(path) if row["name"] == "angle")
-        await c.post(f"{path}/{one['slot']}", {"shelve_s": -1}, 400)
-        done = await c.post(f"{path}/{one['slot']}", {"acknowledge": True, "note": "the acquisition"})
+        await c.post(f"{path}/{alarm['slot']}", {"shelve_s": -1}, 400)
+        done = await c.post(f"{path}/{alarm['slot']}", {"acknowledge": True, "note": "the acquisition"})
         assert done["acknowledged"]["note"] == "the acquisition" and done["ended_ns"]
-        assert "angle" not in [one["name"] for one in await c.get(path)]
-        await c.post(f"{path}/{one['slot']}", {"acknowledge": True}, 400)
+        assert "angle" not in [alarm["name"] for alarm in await c.get(path)]
+        await c.post(f"{path}/{alarm['slot']}", {"acknowledge": True}, 400)
 
-        slot = one["slot"]
+        slot = alarm["slot"]
         limits = f"crafts/imager/limits/{slot}"
         await c.post(limits, {"limits": {"critical": [5, 9]}}, method="put")
-        again = [one for one in await c.until(path, len) if one["name"] == "angle"]
+        again = [alarm for alarm in await c.until(path, len) if alarm["name"] == "angle"]
         assert again[0]["worst"] == 4 and again[0]["concern"] == 4
         for wrong in ({"critical": [9, 5]}, {"awful": [1, 2]}, {"critical": [1]}, {"critical": ["x", 1]}):
             await c.post(limits, {"limits": wrong}, 400, method="put")
     async with console(tmp_path, LIMITED.partition("[craft.derived.twice]")[0]) as c:      # the server starts again
-        assert "angle" in [one["name"] for one in await c.get("crafts/imager/alarms")]
+        assert "angle" in [alarm["name"] for alarm in await c.get("crafts/imager/alarms")]
 
 
 XTCE = """<?xml version="1.0"?>
@@ -446,13 +446,13 @@ async def sending(port, packets):
     await asyncio.wait_for(over.wait(), PATIENCE)
 
 
-def free_port(kept=[]):
+def free_port(held=[]):
     """A port of TCP that refuses connections until somebody serves there; it stays this process's."""
-    one = socket.socket()
-    kept.append(one)
-    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    one.bind(("127.0.0.1", 0))
-    return one.getsockname()[1]
+    listener = socket.socket()
+    held.append(listener)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.bind(("127.0.0.1", 0))
+    return listener.getsockname()[1]
 
 
 @pytest.mark.long("waits for a link to return")
@@ -466,10 +466,10 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
     text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://127.0.0.1:{port}"\n' \
         'lenient = true\n[craft.derived.double]\nof = { a = "count" }\nfunction = "double.py:f"\n'
     async with console(tmp_path, text) as c:
-        await c.until("crafts", lambda found: "refused" in found[0]["link"]["state"].lower())
+        await c.until("crafts", lambda crafts: "refused" in crafts[0]["link"]["state"].lower())
         await c.post("crafts/sat/send", {"name": "x"}, 400)
         await sending(port, [power(i) for i in range(1, 101)] + [power(7, head=2050)])
-        await c.until("crafts", lambda found: found[0]["packets"] == 101 and not found[0]["link"]["up"])
+        await c.until("crafts", lambda crafts: crafts[0]["packets"] == 101 and not crafts[0]["link"]["up"])
         craft, = await c.get("crafts")
         assert craft["undecoded"] == 1 and craft["clock"] == "utc" and int(craft["t_ns"]) > 17 * 10**17
         bad, = await c.get("crafts/sat/packets?undecoded=1")
@@ -483,13 +483,13 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
         double.write_text("def f(a):\n    return 3 * a\n")
         await c.until("crafts/sat/events", lambda rows: sum("was read anew" in row["text"] for row in rows) == 2)
         await sending(port, [power(i) for i in range(101, 201)])
-        await c.until("crafts", lambda found: found[0]["packets"] == 201 and not found[0]["link"]["up"])
-        assert [one["name"] for one in await c.get("crafts/sat/slots")].count("voltage") == 1
+        await c.until("crafts", lambda crafts: crafts[0]["packets"] == 201 and not crafts[0]["link"]["up"])
+        assert [entry["name"] for entry in await c.get("crafts/sat/slots")].count("voltage") == 1
         assert (await c.get("crafts/sat/history?names=double&points=0"))["double"]["value"][-1] == 3 * 0xC000 + 600
         assert (await c.get("crafts/sat/history?names=voltage&points=0"))["voltage"]["value"] == list(range(1, 201))
-        texts = [one["text"] for one in await c.get("crafts/sat/events")]
-        assert sum("the link is up" in one for one in texts) >= 2 and any("the other end of the link is gone" in one
-                                                                          for one in texts)
+        texts = [entry["text"] for entry in await c.get("crafts/sat/events")]
+        assert sum("the link is up" in text for text in texts) >= 2
+        assert any("the other end of the link is gone" in text for text in texts)
 
 
 @flown
@@ -497,7 +497,7 @@ async def test_a_mission_that_changes_is_reported(tmp_path):
     mission = tmp_path / "own"
     copytree(ROOT / "missions" / "nadir_spin", mission)
     async with console(tmp_path, NADIR.replace("nadir_spin", str(mission))) as c:
-        await c.until("crafts", lambda found: found[0]["packets"])
+        await c.until("crafts", lambda crafts: crafts[0]["packets"])
         (mission / "nadir_spin_test.py").write_text("")
         (mission / "contact.py").write_text("")     # a script that the mission does not import
         (mission / "flight.py").write_text((mission / "flight.py").read_text() + "\n")
@@ -559,7 +559,7 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
     with subprocess.Popen(serve, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
         address = re.search(r"http://\S+/", server.stdout.readline())[0]
 
-        async def look():
+        async def read_live():
             async with ClientSession(address) as client:
                 csrf = (await (await client.get("/api/session")).json())["csrf"]
                 numbers = [(await (await client.post(
@@ -579,7 +579,7 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
                             times.append(struct.unpack_from("<q", message.data, 16)[0])
                     return numbers, max(times)
 
-        numbers, last = asyncio.run(look())
+        numbers, last = asyncio.run(read_live())
         server.wait()
     room = Room(read(tmp_path / "ground.toml"))
     try:
@@ -587,17 +587,17 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
         assert session["ended"] == "killed" and int(session["last_ns"]) >= last and not session["gaps"]
         assert {row["id"] for row in room.journal.rows("sent")} >= set(numbers)
         history = room.crafts["nadir_spin"].telemetry.history
-        found = history.packets(0, last, None, 10**6, False, session["session"])
-        assert len(found) > 1000        # from the first to what was seen, none is missing of any stream
+        packets = history.packets(0, last, None, 10**6, False, session["session"])
+        assert len(packets) > 1000        # from the first to what was seen, none is missing of any stream
         streams = {}
-        for _, _, _, packet in found:
+        for _, _, _, packet in packets:
             streams.setdefault(packet[:2], []).append(int.from_bytes(packet[2:4], "big") & 0x3FFF)
         assert len(streams) > 5 and all(numbers == [(numbers[0] + i) % 0x4000 for i in range(len(numbers))]
                                         for numbers in streams.values())
         room.start()        # the next session, whose time begins anew
         craft = room.crafts["nadir_spin"]
         wait_for(lambda: craft.telemetry.packets > 100)
-        for t, _, _, packet in found[::500]:
+        for t, _, _, packet in packets[::500]:
             assert craft.past.packet_of(number_of(t, packet))["hex"] == packet.hex()
         assert all({stage["stage"] for stage in row["stages"]} & {"completed",
                                                                   "unknown"}       # of a run that has ended

@@ -28,7 +28,7 @@ class Random:
         containers = [self.container("Root", ["id", "n"], "abstract='true'", at_end("crc", 0) if self.tail else "")]
         names, values = ["Root"], list(range(8))
         self.r.shuffle(values)
-        self.asked = [*values[:6], *values]
+        self.identifiers = [*values[:6], *values]
         included = self.r.sample(sorted(self.parameters), 2)
         containers.append(self.container("Part", included))
         for i in range(6):
@@ -59,14 +59,14 @@ class Random:
             form = self.r.choice(["unsigned", "twosComplement", "onesComplement", "signMagnitude", "BCD", "packedBCD"])
             bits = self.r.choice([8, 16, 32, 64, self.r.randint(2, 64)])
             bits = bits // 8 * 8 or 8 if form == "BCD" else bits // 4 * 4 or 4 if form == "packedBCD" else bits
-        said = f"sizeInBits='{bits}' encoding='{form}'"
+        layout = f"sizeInBits='{bits}' encoding='{form}'"
         if bits % 8 == 0 and self.chance(0.4):
             order = list(range(bits // 8))
             self.r.shuffle(order)
-            said += f" byteOrder='{self.r.choice(['leastSignificantByteFirst', ','.join(map(str, order))])}'"
+            layout += f" byteOrder='{self.r.choice(['leastSignificantByteFirst', ','.join(map(str, order))])}'"
         elif self.chance(0.1):
-            said += " bitOrder='leastSignificantBitFirst'"
-        return said
+            layout += " bitOrder='leastSignificantBitFirst'"
+        return layout
 
     def scalar(self, name: str) -> str:
         kind = self.r.choice(["Integer", "Integer", "Float", "Float", "Enumerated", "Boolean", "Binary"])
@@ -76,11 +76,12 @@ class Random:
             return name
         real = kind == "Float" and self.chance(0.5)
         calibrator = self.calibrator(kind) if not real and kind in ("Integer", "Float") and self.chance(0.5) else ""
-        said = f"sizeInBits='{self.r.randint(2, 16)}' encoding='twosComplement'" if calibrator else self.encoding(real)
+        layout = self.encoding(real) if not calibrator else \
+            f"sizeInBits='{self.r.randint(2, 16)}' encoding='twosComplement'"
         inside = "<EnumerationList>" + "".join(
             f"<Enumeration value='{3 * i}' maxValue='{4 * i}' label='{label}'/>" for i, label in enumerate(LABELS)) + \
             "</EnumerationList>" if kind == "Enumerated" else ""
-        self.types[name] = _number(kind, name, "Float" if real else "Integer", said, calibrator, inside)
+        self.types[name] = _number(kind, name, "Float" if real else "Integer", layout, calibrator, inside)
         return name
 
     def calibrator(self, kind: str) -> str:
@@ -133,12 +134,12 @@ class Random:
         return name
 
     def criteria(self, value: int, base: str) -> str:
-        one = f"<Comparison parameterRef='id' value='{value}'/>" if base == "Root" else \
+        test = f"<Comparison parameterRef='id' value='{value}'/>" if base == "Root" else \
             f"<Comparison parameterRef='n' value='{self.r.randint(0, 3)}' useCalibratedValue='false'/>"
         other = f"<Condition><ParameterInstanceRef parameterRef='n'/><ComparisonOperator>&lt;=</ComparisonOperator>" \
             f"<Value>{self.r.randint(0, 3)}</Value></Condition>"
         any_ = f"<BooleanExpression><ORedConditions>{other}{other}</ORedConditions></BooleanExpression>"
-        return self.r.choice([one, one, f"<ComparisonList>{one}{one}</ComparisonList>", any_])
+        return self.r.choice([test, test, f"<ComparisonList>{test}{test}</ComparisonList>", any_])
 
     def entry(self) -> str:
         name = self.r.choice([name for name in self.parameters if name not in ("id", "n")])
@@ -189,9 +190,9 @@ class Random:
         from fledge.ground.testing.second import number
 
         if kind.tag.startswith("Aggregate"):
-            return {one.get("name"): self._value(second, second.types[one.get("typeRef")])
-                    for one in kind.iter("Member")}
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+            return {member.get("name"): self._value(second, second.types[member.get("typeRef")])
+                    for member in kind.iter("Member")}
+        encoding = next(child for child in kind if child.tag.endswith("DataEncoding"))
         if kind.tag.startswith("Enumerated"):
             wide = number(encoding, int(encoding.get("sizeInBits")), 2 ** int(encoding.get("sizeInBits")) - 1) is None \
                 or int(encoding.get("sizeInBits")) > 4
@@ -216,14 +217,14 @@ class Random:
             return self.r.randrange(10 ** (n // (4 if encoding.get("encoding") == "packedBCD" else 8)))
         while True:
             raw = self.r.getrandbits(n)
-            found = number(encoding, n, raw)
-            if found is not None and found == found and abs(found) != float("inf"):
-                return found
+            value = number(encoding, n, raw)
+            if value is not None and value == value and abs(value) != float("inf"):
+                return value
 
     def packet(self) -> bytes:
         """Random bytes, of which the first chooses a container."""
         size = self.r.choice([0, 5, 20, 60, 100, 200, 400, 400])
-        return bytes([self.r.choice(self.asked)] * (size > 0)) + self.r.randbytes(max(size - 1, 0))
+        return bytes([self.r.choice(self.identifiers)] * (size > 0)) + self.r.randbytes(max(size - 1, 0))
 
 
 def at_end(parameter: str, offset: int) -> str:
@@ -233,9 +234,9 @@ def at_end(parameter: str, offset: int) -> str:
         "</ParameterRefEntry>"
 
 
-def _number(kind: str, name: str, encoding: str, said: str, calibrator: str = "", inside: str = "") -> str:
-    return f"<{kind}ParameterType name='{name}'><{encoding}DataEncoding {said}>{calibrator}</{encoding}DataEncoding>" \
-        f"{inside}</{kind}ParameterType>"
+def _number(kind: str, name: str, encoding: str, layout: str, calibrator: str = "", inside: str = "") -> str:
+    return f"<{kind}ParameterType name='{name}'><{encoding}DataEncoding {layout}>{calibrator}" \
+        f"</{encoding}DataEncoding>{inside}</{kind}ParameterType>"
 
 
 def same(a: Any, b: Any) -> bool:

@@ -23,13 +23,13 @@ class Ends(Exception):
 class Second:
     def __init__(self, text: str) -> None:
         root = ElementTree.fromstring(text)
-        for one in root.iter():
-            one.tag = one.tag.split("}")[-1]
+        for node in root.iter():
+            node.tag = node.tag.split("}")[-1]
         self.types = {name.get("name"): name for kind in ("ParameterTypeSet", "ArgumentTypeSet")
                       for names in root.iter(kind) for name in names}
-        self.parameters = {one.get("name"): one.get("parameterTypeRef") for one in root.iter("Parameter")}
-        self.containers = {one.get("name"): one for one in root.iter("SequenceContainer")}
-        self.commands = {one.get("name"): one for one in root.iter("MetaCommand")}
+        self.parameters = {node.get("name"): node.get("parameterTypeRef") for node in root.iter("Parameter")}
+        self.containers = {node.get("name"): node for node in root.iter("SequenceContainer")}
+        self.commands = {node.get("name"): node for node in root.iter("MetaCommand")}
 
     # --- packets to rows
 
@@ -40,9 +40,9 @@ class Second:
         self.last, self.whole = "", True
         self.most, self.tail = 0, self.size     # behind what is placed from the front; in front of what is from the end
         try:
-            found = self._fit(root, 0)
-            self.whole = found is not None
-            return found, self.rows
+            container = self._fit(root, 0)
+            self.whole = container is not None
+            return container, self.rows
         except Ends:
             self.whole = False
             return self.last, self.rows
@@ -51,14 +51,14 @@ class Second:
         container, before, bounds = self.containers[name], len(self.rows), (self.most, self.tail)
         self.last = name
         at = self._entries(container, at)
-        for heir, one in self.containers.items():
-            base = one.find("BaseContainer")
+        for heir, element in self.containers.items():
+            base = element.find("BaseContainer")
             if base is not None and base.get("containerRef") == name:
                 criteria = base.find("RestrictionCriteria")
                 if criteria is None or self._holds(criteria[0]):
-                    found = self._fit(heir, at)
-                    if found:
-                        return found
+                    heir_name = self._fit(heir, at)
+                    if heir_name:
+                        return heir_name
         if container.get("abstract") == "true":
             del self.rows[before:]
             self.most, self.tail = bounds
@@ -106,10 +106,10 @@ class Second:
     def _size(self, kind):
         """The bits of a type that has a size."""
         if kind.tag.startswith("Aggregate"):
-            return sum(self._size(self.types[one.get("typeRef")]) for one in kind.find("MemberList"))
+            return sum(self._size(self.types[member.get("typeRef")]) for member in kind.find("MemberList"))
         if kind.tag.startswith("Array"):
             return self._elements(kind) * self._size(self.types[kind.get("arrayTypeRef")])
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        encoding = next(child for child in kind if child.tag.endswith("DataEncoding"))
         if encoding.tag in NUMBER:
             return int(encoding.get("sizeInBits", "32" if encoding.tag == "FloatDataEncoding" else "8"))
         size = encoding.find("SizeInBits")
@@ -120,8 +120,8 @@ class Second:
 
     def _elements(self, kind):
         n = 1
-        for one in kind.iter("Dimension"):
-            n *= self._number(one.find("EndingIndex")) - self._number(one.find("StartingIndex")) + 1
+        for dimension in kind.iter("Dimension"):
+            n *= self._number(dimension.find("EndingIndex")) - self._number(dimension.find("StartingIndex")) + 1
         return n
 
     def _bits(self, at, n):
@@ -141,7 +141,7 @@ class Second:
             for i in range(self._elements(kind)):
                 at = self._take(f"{path}[{i}]", self.types[kind.get("arrayTypeRef")], at)
             return at
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        encoding = next(child for child in kind if child.tag.endswith("DataEncoding"))
         if encoding.tag in NUMBER:
             n = int(encoding.get("sizeInBits", "32" if encoding.tag == "FloatDataEncoding" else "8"))
             raw = number(encoding, n, self._bits(at, n))
@@ -160,7 +160,7 @@ class Second:
         size = encoding.find("SizeInBits")
         box = size if size is not None else encoding.find("Variable")
         sized = box.find("Fixed") is not None or not any(
-            one.get("parameterRef") == "_yamcs_ignore" for one in box.iter("ParameterInstanceRef"))
+            reference.get("parameterRef") == "_yamcs_ignore" for reference in box.iter("ParameterInstanceRef"))
         room = self.size - at
         if sized:
             room = int(box.findtext("Fixed/FixedValue")) if size is not None else self._number(box)
@@ -198,8 +198,8 @@ class Second:
 
     def _value(self, kind, encoding, raw):
         if kind.tag.startswith("Enumerated"):
-            return next((one.get("label") for one in kind.iter("Enumeration")
-                         if int(one.get("value")) <= raw <= int(one.get("maxValue", one.get("value")))), raw)
+            return next((label.get("label") for label in kind.iter("Enumeration")
+                         if int(label.get("value")) <= raw <= int(label.get("maxValue", label.get("value")))), raw)
         if kind.tag.startswith("Boolean"):
             return raw != 0
         calibrator = encoding.find("DefaultCalibrator")
@@ -211,28 +211,28 @@ class Second:
 
     def _find(self, reference):
         name = reference.get("parameterRef", "").replace("/", ".")
-        found = [row for row in self.rows if row[0] == name or row[0].endswith("." + name)]
-        return None if not found else found[-1][2 if reference.get("useCalibratedValue", "true") == "true" else 1]
+        rows = [row for row in self.rows if row[0] == name or row[0].endswith("." + name)]
+        return None if not rows else rows[-1][2 if reference.get("useCalibratedValue", "true") == "true" else 1]
 
-    def _holds(self, one):
-        if one.tag in ("ComparisonList", "ANDedConditions"):
-            return all(self._holds(each) for each in one)
-        if one.tag in ("BooleanExpression", "ORedConditions"):
-            return any(self._holds(each) for each in one)
-        if one.tag == "Condition":
-            left, op, right = one
+    def _holds(self, criterion):
+        if criterion.tag in ("ComparisonList", "ANDedConditions"):
+            return all(self._holds(each) for each in criterion)
+        if criterion.tag in ("BooleanExpression", "ORedConditions"):
+            return any(self._holds(each) for each in criterion)
+        if criterion.tag == "Condition":
+            left, op, right = criterion
             left, op, right = self._find(left), op.text, \
                 right.text if right.tag == "Value" else self._find(right)
         else:
-            left, op, right = self._find(one), one.get("comparisonOperator", "=="), one.get("value")
+            left, op, right = self._find(criterion), criterion.get("comparisonOperator", "=="), criterion.get("value")
         if left is None or right is None:
             return False
         if isinstance(right, str) and not isinstance(left, str):
             right = float(right) if isinstance(left, float) else int(right)
         return COMPARE[op](left, right)
 
-    def _number(self, one):
-        for child in one.iter():
+    def _number(self, element):
+        for child in element.iter():
             if child.tag == "FixedValue":
                 return int(child.text)
             if child.tag == "DynamicValue":
@@ -252,7 +252,7 @@ class Second:
         return (self.bits << -self.size % 8).to_bytes((self.size + 7) // 8, "big")
 
     def _write(self, command, given):
-        arguments = {one.get("name"): one.get("argumentTypeRef") for one in command.iter("Argument")}
+        arguments = {argument.get("name"): argument.get("argumentTypeRef") for argument in command.iter("Argument")}
         own = command.find("CommandContainer")
         base, tails = own.find("BaseContainer"), []
         for entry in [*(self.containers[base.get("containerRef")] if base is not None else own).find("EntryList"),
@@ -288,13 +288,14 @@ class Second:
                 self._give(self.types[member.get("typeRef")], value[member.get("name")])
             return
         if kind.tag.startswith("Array"):
-            for one in value:
-                self._give(self.types[kind.get("arrayTypeRef")], one)
+            for item in value:
+                self._give(self.types[kind.get("arrayTypeRef")], item)
             return
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        encoding = next(child for child in kind if child.tag.endswith("DataEncoding"))
         if encoding.tag in NUMBER:
             if kind.tag.startswith("Enumerated"):
-                value = next(int(one.get("value")) for one in kind.iter("Enumeration") if one.get("label") == value)
+                value = next(int(label.get("value"))
+                             for label in kind.iter("Enumeration") if label.get("label") == value)
             n = int(encoding.get("sizeInBits", "32" if encoding.tag == "FloatDataEncoding" else "8"))
             calibrator = encoding.find("DefaultCalibrator")
             if calibrator is not None:
@@ -389,15 +390,15 @@ def bits(encoding, n, value):
     return int(f"{raw:0{n}b}"[::-1], 2) if encoding.get("bitOrder") == "leastSignificantBitFirst" else raw
 
 
-def calibrated(one, x):
+def calibrated(calibrator, x):
     """The value of a calibrator, exact up to one rounding at its end; None: it has none."""
-    if one.tag == "PolynomialCalibrator":
+    if calibrator.tag == "PolynomialCalibrator":
         return float(sum(Fraction(float(term.get("coefficient"))) * Fraction(x) ** int(term.get("exponent"))
-                         for term in one))
-    if one.tag == "SplineCalibrator":
-        points = sorted((float(point.get("raw")), float(point.get("calibrated"))) for point in one)
-        degree = int(one.get("order", "1"))
-        if one.get("extrapolate", "false") != "true" and not points[0][0] <= x <= points[-1][0]:
+                         for term in calibrator))
+    if calibrator.tag == "SplineCalibrator":
+        points = sorted((float(point.get("raw")), float(point.get("calibrated"))) for point in calibrator)
+        degree = int(calibrator.get("order", "1"))
+        if calibrator.get("extrapolate", "false") != "true" and not points[0][0] <= x <= points[-1][0]:
             return None
         below = max((i for i, point in enumerate(points) if point[0] <= x), default=0)
         if degree == 0:
@@ -411,7 +412,7 @@ def calibrated(one, x):
             sum_ += term
         return float(sum_)
     stack: list[Any] = []
-    for step in one:
+    for step in calibrator:
         if step.tag == "Operator":
             b, a = stack.pop(), stack.pop()
             stack.append({"+": a + b, "-": a - b, "*": a * b, "max": max(a, b), ">": float(a > b)}[step.text])

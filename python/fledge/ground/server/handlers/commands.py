@@ -56,7 +56,7 @@ async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamR
     # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
     if not flight.in_step and not craft.probed:
         craft.probed = True
-        await in_thread(craft, lambda: craft.commanding.release(user_of(request), "noop", {}, flight.made("noop")))
+        await in_thread(craft, lambda: craft.commanding.release(user_of(request), "noop", {}, flight.packets("noop")))
         for _wait in range(round(common.PATIENCE / 0.05)):
             if flight.in_step:
                 break

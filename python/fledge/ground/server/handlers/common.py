@@ -69,6 +69,6 @@ def slot_of(request: web.Request, craft: Spacecraft) -> int:
     return int(text)
 
 
-async def in_thread(craft: Spacecraft, what: Callable[[], Answer]) -> Answer:
+async def in_thread(craft: Spacecraft, request: Callable[[], Answer]) -> Answer:
     """Something that the spacecraft's thread does."""
-    return await asyncio.wait_for(asyncio.wrap_future(craft.call(what)), PATIENCE)
+    return await asyncio.wait_for(asyncio.wrap_future(craft.call(request)), PATIENCE)

@@ -42,7 +42,7 @@ async def limits(server: Server, request: web.Request, craft: Spacecraft) -> web
         raise Refusal(400, f"persistence is from 1 to 1000 values; found {persistence}")
     for level, pair in (levels or {}).items():
         if not isinstance(pair, list) or len(pair) != 2 or not all(
-                one is None or isinstance(one, (int, float)) and not isinstance(one, bool) for one in pair):
+                end is None or isinstance(end, (int, float)) and not isinstance(end, bool) for end in pair):
             raise Refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
     await in_thread(craft, lambda: craft.limits.change(user_of(request), slot, levels, persistence))
     server.room.publish("slots", craft.name, {"first": slot})

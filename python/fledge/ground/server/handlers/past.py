@@ -53,9 +53,9 @@ async def scene(server: Server, _: web.Request, craft: Spacecraft) -> web.Stream
 @route("GET", "/api/crafts/{c}/passes", "view")
 async def passes(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
     zero = 0 if craft.clock.simulated else craft.epoch_ns or 0
-    return answer([{"station": one["station"], "elevation": one["elevation"]} | {
-        f"{name}_ns": None if one[name] is None else str(zero + round(1e9 * one[name]))
-        for name in ("rise", "highest", "set")} for one in await server.aside(craft.contacts.passes)])
+    return answer([{"station": row["station"], "elevation": row["elevation"]} | {
+        f"{name}_ns": None if row[name] is None else str(zero + round(1e9 * row[name]))
+        for name in ("rise", "highest", "set")} for row in await server.aside(craft.contacts.passes)])
 
 
 def _archived(craft: Spacecraft) -> None:

@@ -59,7 +59,7 @@ async def files(server: Server, _: web.Request, craft: Spacecraft) -> web.Stream
 @route("GET", "/api/crafts/{c}/files/{name}", "view")
 async def file(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     name = request.match_info["name"]
-    if name not in [one["name"] for one in await server.aside(craft.transfers.files)]:
+    if name not in [row["name"] for row in await server.aside(craft.transfers.files)]:
         raise Refusal(404, f"there is no file '{name[:80]}'")
     return web.FileResponse(craft.transfers.folder / name, headers={
         "Content-Type": "application/octet-stream", "Content-Disposition": "attachment"})

@@ -12,7 +12,7 @@ from fledge.ground.server.settings import read
 from fledge.ground.server.web import Server
 
 
-def asked(file: Path, method: str, path: str, text: str) -> tuple[int, str]:
+def response_of(file: Path, method: str, path: str, text: str) -> tuple[int, str]:
     """(status, text) of what a server of a file answers to one request, before its flights begin."""
     async def ask() -> tuple[int, str]:
         room = Room(read(file))

@@ -45,8 +45,8 @@ class Busy(Flown):
 
     def __enter__(self):
         for command in self.compilers:
-            one = subprocess.Popen(command, cwd=self.folder, start_new_session=True)
-            self.stack.callback(os.killpg, one.pid, signal.SIGKILL)
+            process = subprocess.Popen(command, cwd=self.folder, start_new_session=True)
+            self.stack.callback(os.killpg, process.pid, signal.SIGKILL)
         return super().__enter__()
 
     def __exit__(self, *_):
@@ -73,15 +73,15 @@ class Busy(Flown):
         """(time, packet) of each in the record of the exchange."""
         record = Archive(self.folder / "runs/room/exchange.mcap")
         times = record.time_ns("/flight/telemetry").tolist()
-        return [(t, packet) for t, one in zip(times, record["/flight/telemetry"])
-                for packet in split(one["bytes"].tobytes()[:int(one["n"])])[0]]
+        return [(t, packet) for t, message in zip(times, record["/flight/telemetry"])
+                for packet in split(message["bytes"].tobytes()[:int(message["n"])])[0]]
 
     def archived(self):
         def order(path):
             return [int(word) for word in path.name.split(".")[0].split("-")]
 
-        return [(one.time, one.packet) for path in sorted((self.folder / "room/archive/nadir_spin").glob("*.mcap*"),
-                                                          key=order) for one in read(path)]
+        return [(piece.time, piece.packet) for path in sorted((self.folder / "room/archive/nadir_spin").glob("*.mcap*"),
+                                                              key=order) for piece in read(path)]
 
 
 @pytest.mark.long("co-simulations with a server, beside compilers")
@@ -97,10 +97,10 @@ def test_the_archive_has_every_packet_of_the_record_and_their_values(run, pace, 
                                                                                 "nadir_spin")
     assert [session["gaps"] for session in history.sessions()] == [[]]
     record = Archive(tmp_path / "runs/room/exchange.mcap")
-    names = [f"flight.motor.command.{one}" for one in ("head.t", "u[0]", "u[1]", "u[2]")]
-    said = list(zip(*(history.series([name], exact=True)[name][6][1] for name in names)))
+    names = [f"flight.motor.command.{part}" for part in ("head.t", "u[0]", "u[1]", "u[2]")]
+    rows = list(zip(*(history.series([name], exact=True)[name][6][1] for name in names)))
     flown_values = dict(zip(record["motor.command.head.t"].tolist(), record["motor.command.u"][:, :3].tolist()))
-    assert len(said) > 100 and all(flown_values[t] == values for t, *values in said)
+    assert len(rows) > 100 and all(flown_values[t] == values for t, *values in rows)
 
 
 @pytest.mark.long("a co-simulation with a server, which is killed")
@@ -114,15 +114,15 @@ def test_what_a_killed_server_did_not_hear_is_a_gap_and_an_event_and_its_command
                       and b"guard" not in text)
         os.kill(server, signal.SIGKILL)
         flown.until(lambda: flown.log.read_text().count(" is at http") == 2)
-        flown.until(lambda: (found := flown.ask("crafts")) and found[0]["packets"] > 100)
+        flown.until(lambda: (crafts := flown.ask("crafts")) and crafts[0]["packets"] > 100)
         first, second = flown.ask("crafts/nadir_spin/sessions")
-        events = [one["text"] for one in flown.ask("crafts/nadir_spin/events")]
+        events = [row["text"] for row in flown.ask("crafts/nadir_spin/events")]
     begin, end = int(first["last_ns"]), int(second["first_ns"])
     assert int(before["t_ns"]) <= begin < end
     assert second["gaps"] == [[str(begin), str(end), "restart; the session before: killed"]]
     assert f"telemetry is missing from {begin / 1e9:g} s to {end / 1e9:g} s: /flight/telemetry was not heard here" in \
         events
-    assert flown.archived() == [one for one in flown.sent() if not begin < one[0] < end][:len(flown.archived())]
+    assert flown.archived() == [row for row in flown.sent() if not begin < row[0] < end][:len(flown.archived())]
 
 
 class Run:
@@ -153,7 +153,7 @@ class Run:
             time.sleep(min(timeout, 0.01))
             return None
         self.t, packet, count = self.waiting.popleft()
-        missed, self.heard = count - getattr(self, "heard", count - 1) - 1, count
+        missed, self.last = count - getattr(self, "last", count - 1) - 1, count
         return Message({"n": len(packet), "bytes": packet}, "/flight/telemetry", self.t, count, missed)
 
 
@@ -207,13 +207,13 @@ def test_a_gap_has_its_times_an_event_and_unknown_commands_and_the_last_message_
         run.waiting.append((80 * 10**9, packet(80), run.counts))    # the last message comes to a new observer
         run.put(81, packet(81))
 
-    del run.heard
+    del run.last
     events, gaps, _ = served(81, again)
     assert len(events) == 1 and gaps == [["80000000000", "81000000000", "restart; the session before: closed"]]
 
     def late(_):
         run.put(90, packet(90), lost=3)
 
-    del run.heard
+    del run.last
     events, gaps, _ = served(90, late)
     assert "telemetry is missing from 81 s to 90 s: /flight/telemetry was not heard here" in events and len(events) == 2
