@@ -235,7 +235,7 @@ typedef struct CfdpLive {
     int64_t now;       ///< [ns]
     uint64_t sequence; ///< of the next transaction
     uint32_t turn;     ///< which transaction may send first
-    uint32_t past;     ///< where the next that ends is noted
+    uint32_t past;     ///< where the next that ends is recorded
     uint32_t answers_n;
     uint32_t sent;  ///< PDUs
     uint32_t taken; ///< PDUs without a fault

@@ -200,9 +200,9 @@ TEST(CfdpF2, a_wrong_checksum_or_size_delivers_nothing)
         link.ground.put("source", "target");
         for (int i = 0; i < 60000 && (link.ground.busy() || link.craft.busy()); i++) {
             link.step();
-            for (auto &[at, one] : link.flying) {
+            for (auto &[at, packet] : link.flying) {
                 if (at == link.now + link.delay) {
-                    flip(one.bytes);
+                    flip(packet.bytes);
                 }
             }
         }
@@ -233,8 +233,8 @@ TEST(CfdpF2, a_closure_that_does_not_come_and_a_checksum_that_is_not_known)
 TEST(CfdpF2, timers_of_zero_never_expire)
 {
     Link link;
-    for (CfdpRemote *one : {&link.ground.remote, &link.craft.remote}) {
-        one->ack_timer = one->nak_timer = one->check_timer = one->inactivity = 0;
+    for (CfdpRemote *remote : {&link.ground.remote, &link.craft.remote}) {
+        remote->ack_timer = remote->nak_timer = remote->check_timer = remote->inactivity = 0;
     }
     link.delay = 30 * s;
     link.file(5000);
@@ -359,8 +359,8 @@ TEST(CfdpF2, a_handler_that_suspends_can_be_resumed_or_cancelled_at_any_state)
                 cfdp_cancel(&end.cfdp, id);
             }
             link.run(40 * s);
-            for (End *one : {&link.ground, &link.craft}) {
-                cfdp_cancel(&one->cfdp, id);
+            for (End *side : {&link.ground, &link.craft}) {
+                cfdp_cancel(&side->cfdp, id);
             }
             link.finish();
         }

@@ -137,8 +137,8 @@ TEST(CfdpHostile, pdus_of_others_are_counted)
 /// whole: PDUs have a CRC. FLEDGE_CFDP_ROUNDS sets how many.
 TEST(CfdpHostile, a_peer_that_answers_with_garbage)
 {
-    const char *asked = std::getenv("FLEDGE_CFDP_ROUNDS");
-    const std::uint32_t rounds = asked != nullptr ? static_cast<std::uint32_t>(std::atol(asked)) : 40;
+    const char *setting = std::getenv("FLEDGE_CFDP_ROUNDS");
+    const std::uint32_t rounds = setting != nullptr ? static_cast<std::uint32_t>(std::atol(setting)) : 40;
     std::uint32_t arrived = 0, refused = 0;
     for (std::uint32_t seed = 1; seed <= rounds; seed++) {
         Link link(seed, 3, 4);
@@ -156,9 +156,9 @@ TEST(CfdpHostile, a_peer_that_answers_with_garbage)
         }
         for (int i = 0; i < 4000; i++) {
             link.step();
-            for (auto &[at, one] : link.flying) {
+            for (auto &[at, packet] : link.flying) {
                 if (at == link.now + link.delay) {
-                    old.push_back(one.bytes);
+                    old.push_back(packet.bytes);
                 }
             }
             Bytes bytes = old.empty() || link.random() % 4 == 0 ? any_bytes(link.random, link.random() % 100)
@@ -241,8 +241,8 @@ TEST(CfdpStore, files_requests_and_lists_in_folders)
     for (const auto &entry : std::filesystem::recursive_directory_iterator(folder.path)) {
         EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
     }
-    for (PosixStore &one : posix) {
-        posix_store_close(&one);
+    for (PosixStore &store : posix) {
+        posix_store_close(&store);
     }
 }
 

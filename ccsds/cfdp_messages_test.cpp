@@ -139,9 +139,10 @@ TEST(CfdpF3, get_by_proxy)
         link.craft.memory.files["secret"] = {1};
         link.ground.put("", "", 0, message(CFDP_PROXY_PUT, allowed == CFDP_ALLOW_PROXY ? "none" : "secret", "got", 1));
         link.finish();
-        const auto events = std::find_if(link.ground.events.rbegin(), link.ground.events.rend(), [](const Event &one) {
-            return one.what == CFDP_EVENT_MESSAGE && one.text[4] == CFDP_PROXY_PUT_RESPONSE;
-        });
+        const auto events =
+            std::find_if(link.ground.events.rbegin(), link.ground.events.rend(), [](const Event &event) {
+                return event.what == CFDP_EVENT_MESSAGE && event.text[4] == CFDP_PROXY_PUT_RESPONSE;
+            });
         ASSERT_NE(events, link.ground.events.rend());
         EXPECT_EQ(events->text[5], CFDP_FILESTORE_REJECTION << 4 | 4 | CFDP_REJECTED);
         EXPECT_FALSE(link.ground.memory.has("got"));
@@ -182,7 +183,7 @@ TEST(CfdpF3, list_a_directory)
     link.finish();
     EXPECT_FALSE(link.ground.memory.has("more"));
     const auto events = std::find_if(link.ground.events.begin(), link.ground.events.end(),
-                                     [](const Event &one) { return one.what == CFDP_EVENT_MESSAGE; });
+                                     [](const Event &event) { return event.what == CFDP_EVENT_MESSAGE; });
     ASSERT_NE(events, link.ground.events.end());
     EXPECT_EQ(events->text[4], CFDP_LISTED);
     EXPECT_EQ(events->text[5], 0x80);
@@ -191,14 +192,14 @@ TEST(CfdpF3, list_a_directory)
 /// Ask the craft about a transaction. Returns the value of its answer; -1: there is none.
 int ask(Link &link, CfdpMessageType type, CfdpId about, const std::string &file = "")
 {
-    CfdpMessage one{};
-    one.type = static_cast<std::uint8_t>(type);
-    one.entity = about.source;
-    one.sequence = about.sequence;
-    one.entity_bytes = one.sequence_bytes = 4;
-    one.first = {reinterpret_cast<const std::uint8_t *>(file.data()), static_cast<std::uint8_t>(file.size())};
+    CfdpMessage request{};
+    request.type = static_cast<std::uint8_t>(type);
+    request.entity = about.source;
+    request.sequence = about.sequence;
+    request.entity_bytes = request.sequence_bytes = 4;
+    request.first = {reinterpret_cast<const std::uint8_t *>(file.data()), static_cast<std::uint8_t>(file.size())};
     Bytes options(200);
-    options.resize(cfdp_message_write(&one, options.data(), options.size()));
+    options.resize(cfdp_message_write(&request, options.data(), options.size()));
     link.ground.events.clear();
     link.ground.put("", "", 0, options);
     link.run(2 * s);
@@ -259,7 +260,7 @@ TEST(CfdpF3, remote_suspension_of_what_the_craft_receives)
     }
 }
 
-TEST(CfdpF3, remote_suspension_is_for_those_who_may)
+TEST(CfdpF3, remote_suspension_needs_permission)
 {
     Link link;
     CfdpRemote remotes[] = {link.craft.remote, link.craft.remote};

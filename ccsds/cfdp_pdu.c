@@ -290,9 +290,9 @@ static int has_second(uint8_t action)
            action == (uint8_t)CFDP_REPLACE_FILE;
 }
 
-CcsdsFault cfdp_filestore_read(CfdpFilestore *one, const CfdpTlv *tlv)
+CcsdsFault cfdp_filestore_read(CfdpFilestore *operation, const CfdpTlv *tlv)
 {
-    memset(one, 0, sizeof *one);
+    memset(operation, 0, sizeof *operation);
     if (tlv->type > (uint8_t)CFDP_TLV_RESPONSE) {
         return CCSDS_TYPE;
     }
@@ -301,32 +301,33 @@ CcsdsFault cfdp_filestore_read(CfdpFilestore *one, const CfdpTlv *tlv)
     }
     const uint8_t *p = tlv->value.bytes + 1;
     size_t n = tlv->value.n - 1u;
-    one->response = tlv->type;
-    one->action = tlv->value.bytes[0] >> 4;
-    one->status = tlv->value.bytes[0] & 15u;
-    if (one->action > (uint8_t)CFDP_DENY_DIRECTORY) {
+    operation->response = tlv->type;
+    operation->action = tlv->value.bytes[0] >> 4;
+    operation->status = tlv->value.bytes[0] & 15u;
+    if (operation->action > (uint8_t)CFDP_DENY_DIRECTORY) {
         return CCSDS_TYPE;
     }
-    if (!take_text(&one->first, &p, &n) || (has_second(one->action) && !take_text(&one->second, &p, &n)) ||
-        (one->response != 0u && !take_text(&one->message, &p, &n)) || n != 0) {
+    if (!take_text(&operation->first, &p, &n) ||
+        (has_second(operation->action) && !take_text(&operation->second, &p, &n)) ||
+        (operation->response != 0u && !take_text(&operation->message, &p, &n)) || n != 0) {
         return CCSDS_LENGTH;
     }
     return CCSDS_OK;
 }
 
-size_t cfdp_filestore_write(const CfdpFilestore *one, uint8_t *bytes, size_t room)
+size_t cfdp_filestore_write(const CfdpFilestore *operation, uint8_t *bytes, size_t room)
 {
     uint8_t value[4 + 3 * 255];
     uint8_t *p = value;
-    *p++ = (uint8_t)((uint32_t)one->action << 4 | (one->response ? one->status : 0u));
-    p = put_text(p, &one->first);
-    if (has_second(one->action)) {
-        p = put_text(p, &one->second);
+    *p++ = (uint8_t)((uint32_t)operation->action << 4 | (operation->response ? operation->status : 0u));
+    p = put_text(p, &operation->first);
+    if (has_second(operation->action)) {
+        p = put_text(p, &operation->second);
     }
-    if (one->response != 0u) {
-        p = put_text(p, &one->message);
+    if (operation->response != 0u) {
+        p = put_text(p, &operation->message);
     }
-    return cfdp_tlv_write(one->response, value, (size_t)(p - value), bytes, room);
+    return cfdp_tlv_write(operation->response, value, (size_t)(p - value), bytes, room);
 }
 
 /* The fields of each message: e entity with its length, o transaction, t first text, u second text, v value. */

@@ -187,10 +187,10 @@ typedef struct CfdpFilestore {
 } CfdpFilestore;
 
 /** Read one. CCSDS_TYPE: another TLV, or no such action; CCSDS_LENGTH. */
-CcsdsFault cfdp_filestore_read(CfdpFilestore *one, const CfdpTlv *tlv);
+CcsdsFault cfdp_filestore_read(CfdpFilestore *operation, const CfdpTlv *tlv);
 
 /** Write one as a TLV. Returns its size, 0 if there is no room. */
-size_t cfdp_filestore_write(const CfdpFilestore *one, uint8_t *bytes, size_t room);
+size_t cfdp_filestore_write(const CfdpFilestore *operation, uint8_t *bytes, size_t room);
 
 /** Messages to the user that the standard reserves (727.0-B-5, 6). */
 typedef enum CfdpMessageType {

@@ -135,37 +135,37 @@ TEST(CfdpPdu, bytes_are_those_of_the_tables)
 TEST(CfdpPdu, messages_and_requests_are_those_of_the_tables)
 {
     std::uint8_t bytes[CFDP_PDU_MAX];
-    const auto message = [&](const CfdpMessage &one) {
-        return Bytes(bytes, bytes + cfdp_message_write(&one, bytes, sizeof bytes));
+    const auto message = [&](const CfdpMessage &fields) {
+        return Bytes(bytes, bytes + cfdp_message_write(&fields, bytes, sizeof bytes));
     };
     const std::string cfdp = "63666470 ";
-    CfdpMessage one{};
-    one.type = CFDP_PROXY_PUT;
-    one.entity = 0x102;
-    one.entity_bytes = 2;
-    one.first = text("a");
-    one.second = text("bc");
-    EXPECT_EQ(message(one), hex("02 0D" + cfdp + "00 02 0102 01 61 02 6263"));
-    one = {};
-    one.type = CFDP_ORIGIN;
-    one.entity = 5;
-    one.entity_bytes = 1;
-    one.sequence = 0x60708;
-    one.sequence_bytes = 3;
-    EXPECT_EQ(message(one), hex("02 0A" + cfdp + "0A 02 05 060708"));
-    one = {};
-    one.type = CFDP_LISTED;
-    one.value = 0x80;
-    one.first = text("d");
-    one.second = text("l");
-    EXPECT_EQ(message(one), hex("02 0A" + cfdp + "11 80 01 64 01 6C"));
-    one = {};
-    one.entity = 5;
-    one.sequence = 0x60708;
-    one.entity_bytes = 1;
-    one.sequence_bytes = 3;
-    one.first = text("r");
-    one.value = 0xA0;
+    CfdpMessage fields{};
+    fields.type = CFDP_PROXY_PUT;
+    fields.entity = 0x102;
+    fields.entity_bytes = 2;
+    fields.first = text("a");
+    fields.second = text("bc");
+    EXPECT_EQ(message(fields), hex("02 0D" + cfdp + "00 02 0102 01 61 02 6263"));
+    fields = {};
+    fields.type = CFDP_ORIGIN;
+    fields.entity = 5;
+    fields.entity_bytes = 1;
+    fields.sequence = 0x60708;
+    fields.sequence_bytes = 3;
+    EXPECT_EQ(message(fields), hex("02 0A" + cfdp + "0A 02 05 060708"));
+    fields = {};
+    fields.type = CFDP_LISTED;
+    fields.value = 0x80;
+    fields.first = text("d");
+    fields.second = text("l");
+    EXPECT_EQ(message(fields), hex("02 0A" + cfdp + "11 80 01 64 01 6C"));
+    fields = {};
+    fields.entity = 5;
+    fields.sequence = 0x60708;
+    fields.entity_bytes = 1;
+    fields.sequence_bytes = 3;
+    fields.first = text("r");
+    fields.value = 0xA0;
     for (const auto &[type, digits] :
          std::initializer_list<std::pair<int, const char *>>{{CFDP_REMOTE_REPORT, "0C 63666470 20 02 05 060708 01 72"},
                                                              {CFDP_REMOTE_REPORTED, "0B 63666470 21 A0 02 05 060708"},
@@ -173,8 +173,8 @@ TEST(CfdpPdu, messages_and_requests_are_those_of_the_tables)
                                                              {CFDP_REMOTE_SUSPENDED, "0B 63666470 31 A0 02 05 060708"},
                                                              {CFDP_REMOTE_RESUME, "0A 63666470 38 02 05 060708"},
                                                              {CFDP_REMOTE_RESUMED, "0B 63666470 39 A0 02 05 060708"}}) {
-        one.type = static_cast<std::uint8_t>(type);
-        EXPECT_EQ(message(one), hex("02 " + std::string(digits)));
+        fields.type = static_cast<std::uint8_t>(type);
+        EXPECT_EQ(message(fields), hex("02 " + std::string(digits)));
     }
     CfdpFilestore store{};
     store.action = CFDP_RENAME_FILE;
@@ -222,10 +222,10 @@ Bytes any_tlvs(std::mt19937 &random, bool responses)
         if (responses || random() % 3 == 0) {
             const auto action = static_cast<std::uint8_t>(random() % 9);
             const bool two = action >= CFDP_RENAME_FILE && action <= CFDP_REPLACE_FILE;
-            CfdpFilestore one{text(first), two ? text(second) : CfdpText{},
-                              {},          responses,
-                              action,      static_cast<std::uint8_t>(responses ? random() % 16 : 0)};
-            const std::size_t took = cfdp_filestore_write(&one, &all[n], all.size() - n);
+            CfdpFilestore operation{text(first), two ? text(second) : CfdpText{},
+                                    {},          responses,
+                                    action,      static_cast<std::uint8_t>(responses ? random() % 16 : 0)};
+            const std::size_t took = cfdp_filestore_write(&operation, &all[n], all.size() - n);
             const std::uint8_t *at = &all[n];
             std::size_t left = took;
             CfdpTlv tlv{};
@@ -233,26 +233,26 @@ Bytes any_tlvs(std::mt19937 &random, bool responses)
             EXPECT_EQ(cfdp_tlv_next(&tlv, &at, &left), 1);
             EXPECT_EQ(cfdp_filestore_read(&back, &tlv), CCSDS_OK);
             EXPECT_EQ(std::tie(back.response, back.action, back.status),
-                      std::tie(one.response, one.action, one.status));
+                      std::tie(operation.response, operation.action, operation.status));
             EXPECT_EQ(string(back.first) + "/" + string(back.second) + "/" + string(back.message),
-                      string(one.first) + "/" + string(one.second) + "/" + string(one.message));
+                      string(operation.first) + "/" + string(operation.second) + "/" + string(operation.message));
             n += took;
         } else {
-            CfdpMessage one{random() & 0xFF,
-                            random() & 0xFFFF,
-                            text(first),
-                            text(second),
-                            static_cast<std::uint8_t>(random() % 12),
-                            1,
-                            2,
-                            static_cast<std::uint8_t>(random())};
+            CfdpMessage written{random() & 0xFF,
+                                random() & 0xFFFF,
+                                text(first),
+                                text(second),
+                                static_cast<std::uint8_t>(random() % 12),
+                                1,
+                                2,
+                                static_cast<std::uint8_t>(random())};
             if (random() % 4 == 0) {
                 static const std::uint8_t others[] = {0x10, 0x11, 0x20, 0x21, 0x30, 0x31, 0x38, 0x39};
-                one.type = others[random() % std::size(others)];
-            } else if (one.type == CFDP_PROXY_REQUEST || one.type == CFDP_PROXY_RESPONSE) {
-                one.first = text({"\0\1f\0", one.type == CFDP_PROXY_REQUEST ? 3u : 4u}); // creates a file f
+                written.type = others[random() % std::size(others)];
+            } else if (written.type == CFDP_PROXY_REQUEST || written.type == CFDP_PROXY_RESPONSE) {
+                written.first = text({"\0\1f\0", written.type == CFDP_PROXY_REQUEST ? 3u : 4u}); // creates a file f
             }
-            const std::size_t took = cfdp_message_write(&one, &all[n], all.size() - n);
+            const std::size_t took = cfdp_message_write(&written, &all[n], all.size() - n);
             const std::uint8_t *at = &all[n];
             std::size_t left = took;
             CfdpTlv tlv{};
@@ -431,11 +431,11 @@ TEST(CfdpPdu, what_contradicts_itself_is_refused)
 /// The sanitizers watch. FLEDGE_PDUS sets how many.
 TEST(CfdpPdu, damaged_and_random_bytes_are_refused_or_read_within_bounds)
 {
-    const char *asked = std::getenv("FLEDGE_PDUS");
+    const char *setting = std::getenv("FLEDGE_PDUS");
     std::mt19937 random(2);
     std::vector<Bytes> held;
     int good = 0, bad = 0;
-    for (long i = asked != nullptr ? std::atol(asked) : 50000; i-- > 0;) {
+    for (long i = setting != nullptr ? std::atol(setting) : 50000; i-- > 0;) {
         Bytes bytes = i % 4 == 0 ? any_bytes(random, random() % 60) : written(any_pdu(random, held));
         if (i % 4 == 1) {
             bytes.resize(random() % (bytes.size() + 1));

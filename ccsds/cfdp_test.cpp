@@ -246,8 +246,8 @@ TEST(CfdpF1, many_at_once_by_priority)
 /// 100 MB in class 2 at a loss of 1 %, within 10 % of the link's rate. FLEDGE_CFDP_MB sets how many: 8 in the suite.
 TEST(CfdpF1, a_large_file_goes_at_the_links_rate)
 {
-    const char *asked = std::getenv("FLEDGE_CFDP_MB");
-    const std::size_t megabytes = asked != nullptr ? std::strtoul(asked, nullptr, 10) : 8;
+    const char *setting = std::getenv("FLEDGE_CFDP_MB");
+    const std::size_t megabytes = setting != nullptr ? std::strtoul(setting, nullptr, 10) : 8;
     for (const bool immediate : {true, false}) {
         Link link(5, 1, 1200);
         link.loss = 0.01;

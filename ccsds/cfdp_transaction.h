@@ -74,7 +74,7 @@ void cfdp_cancel_transaction(Cfdp *cfdp, CfdpTransaction *t, CfdpCondition condi
 void cfdp_suspend_transaction(Cfdp *cfdp, CfdpTransaction *t);
 void cfdp_resume_transaction(Cfdp *cfdp, CfdpTransaction *t);
 
-/** Do what the transaction's handler says, or the remote entity's. */
+/** Act as the transaction's fault handler requires, or the remote entity's. */
 void cfdp_declare_fault(Cfdp *cfdp, CfdpTransaction *t, CfdpCondition condition);
 
 /** Take the handler of a fault, if the TLV is one. */

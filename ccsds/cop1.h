@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The communications operation procedure COP-1 (CCSDS 232.1-B-2): frames of type AD arrive once and in order, or the
- * sender knows. FARM-1 accepts frames on board; FOP-1 sends them, and sends again what the CLCW says is missing.
- * Neither has a clock: FOP-1 takes the time from its caller, and says until when it waits. */
+ * sender knows. FARM-1 accepts frames on board; FOP-1 sends them, and sends again what the CLCW reports as missing.
+ * Neither has a clock: FOP-1 takes the time from its caller, and returns until when it waits. */
 #ifndef CCSDS_COP1_H
 #define CCSDS_COP1_H
 
@@ -39,7 +39,7 @@ int farm_frame(Farm *farm, const TcFrame *frame, int room);
 /** There is room again. */
 void farm_room(Farm *farm);
 
-/** What the CLCW says; flags of the radio are 0. */
+/** The content of the CLCW; flags of the radio are 0. */
 Clcw farm_clcw(const Farm *farm, uint8_t virtual_channel);
 
 /* ---- FOP-1 */
@@ -53,7 +53,7 @@ typedef enum FopState {
     FOP_INITIAL = 6
 } FopState;
 
-/** What FOP-1 tells its user of a request. */
+/** How FOP-1 answers a request. */
 typedef enum FopAnswer {
     FOP_ACCEPTED = 1,
     FOP_REJECTED = 2,
@@ -93,7 +93,7 @@ typedef enum FopDirective {
 typedef int (*FopSend)(void *user, TcType type, uint8_t number, const uint8_t *data, size_t n);
 
 /** tag: of the request, which its user chose; of FOP_ALERT and FOP_SUSPENDED: 0. what: FopAlert. */
-typedef void (*FopTell)(void *user, FopAnswer answer, uint32_t tag, uint32_t what);
+typedef void (*FopNotify)(void *user, FopAnswer answer, uint32_t tag, uint32_t what);
 
 /** A frame's data that may have to be sent again. */
 typedef struct FopUnit {
@@ -106,7 +106,7 @@ typedef struct FopUnit {
 /** The sender of one virtual channel. */
 typedef struct Fop {
     FopSend send;
-    FopTell tell;
+    FopNotify notify;
     void *user;
     FopUnit *units;  ///< memory for window + 1: those that were sent, a ring, and the one that waits
     uint8_t *memory; ///< `room` bytes for each of them
@@ -135,7 +135,7 @@ typedef struct Fop {
 
 /** units: capacity + 1 of them, 2 to 256; memory: room bytes for each. timer: [ns]. Begins in FOP_INITIAL. */
 void fop_begin(Fop *fop, FopUnit *units, uint8_t *memory, uint32_t room, uint32_t capacity, int64_t timer, FopSend send,
-               FopTell tell, void *user);
+               FopNotify notify, void *user);
 
 /** Send data in sequence (AD). It is rejected while another unit waits for the window, or outside of the service. */
 void fop_transfer(Fop *fop, uint32_t tag, const uint8_t *data, size_t n);

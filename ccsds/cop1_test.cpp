@@ -148,7 +148,7 @@ const std::map<std::string, FopAlert> alerts{
     {"E18", FOP_ALERT_T1},
 };
 
-struct Told {
+struct Answer {
     FopAnswer answer;
     std::uint32_t tag, what;
 };
@@ -164,7 +164,7 @@ struct Sender {
     static constexpr std::uint32_t room = 64;
     std::vector<FopUnit> units;
     Bytes memory;
-    std::vector<Told> told;
+    std::vector<Answer> answers;
     std::vector<Sent> sent;
     int takes = 1; // what the link answers
     Fop fop{};
@@ -179,7 +179,7 @@ struct Sender {
                 return self.takes;
             },
             [](void *user, FopAnswer answer, std::uint32_t tag, std::uint32_t what) {
-                static_cast<Sender *>(user)->told.push_back({answer, tag, what});
+                static_cast<Sender *>(user)->answers.push_back({answer, tag, what});
             },
             this);
     }
@@ -194,16 +194,16 @@ struct Sender {
     std::vector<std::uint32_t> tags(FopAnswer answer) const
     {
         std::vector<std::uint32_t> found;
-        for (const Told &one : told) {
-            if (one.answer == answer) {
-                found.push_back(one.answer == FOP_ALERT ? one.what : one.tag);
+        for (const Answer &reply : answers) {
+            if (reply.answer == answer) {
+                found.push_back(reply.answer == FOP_ALERT ? reply.what : reply.tag);
             }
         }
         return found;
     }
     void forget()
     {
-        told.clear();
+        answers.clear();
         sent.clear();
     }
 };
@@ -286,7 +286,7 @@ TEST(Fop, follows_the_state_table)
                 sender.forget();
                 ASSERT_EQ(fop.expires, 1000);
                 fop_time(&fop, 999);
-                ASSERT_TRUE(sender.told.empty() && sender.sent.empty());
+                ASSERT_TRUE(sender.answers.empty() && sender.sent.empty());
                 fop_time(&fop, 1000);
             } else if (event == "E15") {
                 fop_invalid_clcw(&fop);
@@ -320,8 +320,8 @@ TEST(Fop, follows_the_state_table)
             EXPECT_EQ(sender.tags(FOP_CONFIRMED), confirmed);
             EXPECT_EQ(sender.tags(FOP_FAILED), failed);
             std::vector<int> numbers, expected;
-            for (const Sent &one : sender.sent) {
-                numbers.push_back(one.type == TC_BC ? -1 : one.number);
+            for (const Sent &unit : sender.sent) {
+                numbers.push_back(unit.type == TC_BC ? -1 : unit.number);
             }
             for (std::size_t i = 0; has('I') && i < left; i++) { // and all are looked for, as the link takes each
                 expected.push_back(static_cast<int>(10 + removed + i));
@@ -369,18 +369,18 @@ TEST(Fop, requests_by_state)
         EXPECT_EQ(sender.fop.state, state);
         // E23 to E35: in the initial state alone; E29, E36 to E39 in all; E40: no such directive.
         for (int directive = 0; directive <= 12; directive++) {
-            Sender one;
-            bring(one, state, 2);
-            fop_directive(&one.fop, 400, static_cast<FopDirective>(directive), 1);
+            Sender fresh;
+            bring(fresh, state, 2);
+            fop_directive(&fresh.fop, 400, static_cast<FopDirective>(directive), 1);
             const bool always =
                 directive == FOP_TERMINATE || (directive >= FOP_SET_WINDOW && directive <= FOP_SET_TIMEOUT);
             const bool initial = directive >= FOP_INITIATE && directive <= FOP_SET_NUMBER && directive != FOP_RESUME;
-            EXPECT_EQ(one.tags(FOP_ACCEPTED).size(), always || (initial && state == 6) ? 1u : 0u) << directive;
-            EXPECT_EQ(one.tags(FOP_REJECTED).empty(), always || (initial && state == 6)) << directive;
+            EXPECT_EQ(fresh.tags(FOP_ACCEPTED).size(), always || (initial && state == 6) ? 1u : 0u) << directive;
+            EXPECT_EQ(fresh.tags(FOP_REJECTED).empty(), always || (initial && state == 6)) << directive;
             if (directive == FOP_TERMINATE) {
-                EXPECT_EQ(one.fop.state, FOP_INITIAL);
-                EXPECT_EQ(one.tags(FOP_ALERT).size(), state == 6 ? 0u : 1u);
-                EXPECT_EQ(one.tags(FOP_CONFIRMED), std::vector<std::uint32_t>{400});
+                EXPECT_EQ(fresh.fop.state, FOP_INITIAL);
+                EXPECT_EQ(fresh.tags(FOP_ALERT).size(), state == 6 ? 0u : 1u);
+                EXPECT_EQ(fresh.tags(FOP_CONFIRMED), std::vector<std::uint32_t>{400});
             }
         }
         // E42, E44: the link refuses.
@@ -490,8 +490,8 @@ Bytes frame_of(const Bytes &cltu)
 /// frames of his own.
 void command_through_a_bad_link(bool secured)
 {
-    const char *asked = std::getenv("FLEDGE_FRAMES");
-    const std::uint32_t frames = asked != nullptr ? static_cast<std::uint32_t>(std::atol(asked)) : 20000;
+    const char *setting = std::getenv("FLEDGE_FRAMES");
+    const std::uint32_t frames = setting != nullptr ? static_cast<std::uint32_t>(std::atol(setting)) : 20000;
     std::mt19937 random(7);
     const TcChannel channel{42, 1, 1, 1};
     struct Ground : Sender {
@@ -507,13 +507,13 @@ void command_through_a_bad_link(bool secured)
                     frame.resize(
                         tc_control_write(&self.channel, static_cast<TcControl>(data[0]), data[1], frame.data()));
                 } else {
-                    TcFrame one{};
-                    one.type = static_cast<std::uint8_t>(type);
-                    one.number = number;
-                    one.part = SPACE_PACKET_WHOLE;
-                    one.data = data;
-                    one.n = n;
-                    frame.resize(tc_frame_write(&self.channel, &one, frame.data()));
+                    TcFrame unit{};
+                    unit.type = static_cast<std::uint8_t>(type);
+                    unit.number = number;
+                    unit.part = SPACE_PACKET_WHOLE;
+                    unit.data = data;
+                    unit.n = n;
+                    frame.resize(tc_frame_write(&self.channel, &unit, frame.data()));
                 }
                 self.up.push_back(cltu_of(frame));
                 return 1;
@@ -577,14 +577,14 @@ void command_through_a_bad_link(bool secured)
         } else if (tag < frames && fop.waiting == 0 && fop.state <= FOP_RETRANSMIT_WAIT && random() % 3 != 0) {
             std::uint8_t data[8]{};
             ccsds_put32(data, tag);
-            TcFrame one{};
-            one.data = data;
-            one.n = 4 + random() % 5;
-            one.part = SPACE_PACKET_WHOLE;
+            TcFrame unit{};
+            unit.data = data;
+            unit.n = 4 + random() % 5;
+            unit.part = SPACE_PACKET_WHOLE;
             if (secured) {
-                ASSERT_EQ(sdls_tc_protect(&key.sdls, &channel, &one, key.memory.data()), CCSDS_OK);
+                ASSERT_EQ(sdls_tc_protect(&key.sdls, &channel, &unit, key.memory.data()), CCSDS_OK);
             }
-            fop_transfer(&fop, tag++, one.data, one.n);
+            fop_transfer(&fop, tag++, unit.data, unit.n);
         }
         while (!ground.up.empty()) {
             Bytes cltu = std::move(ground.up.front());
@@ -652,11 +652,11 @@ void command_through_a_bad_link(bool secured)
             fop_clcw(&fop, &down.front().second);
             down.pop_front();
         }
-        for (const Told &one : ground.told) {
-            if (one.tag != 0 && one.answer == FOP_CONFIRMED) {
-                ASSERT_TRUE(confirmed.insert(one.tag).second);
-            } else if (one.tag != 0 && (one.answer == FOP_FAILED || one.answer == FOP_REJECTED)) {
-                failed.insert(one.tag);
+        for (const Answer &reply : ground.answers) {
+            if (reply.tag != 0 && reply.answer == FOP_CONFIRMED) {
+                ASSERT_TRUE(confirmed.insert(reply.tag).second);
+            } else if (reply.tag != 0 && (reply.answer == FOP_FAILED || reply.answer == FOP_REJECTED)) {
+                failed.insert(reply.tag);
             }
         }
         ground.forget();
@@ -665,9 +665,9 @@ void command_through_a_bad_link(bool secured)
         ASSERT_LT(craft.executed[i - 1], craft.executed[i]);
     }
     const std::set<std::uint32_t> executed(craft.executed.begin(), craft.executed.end());
-    for (std::uint32_t one = 1; one < tag; one++) {
-        ASSERT_TRUE(executed.count(one) == 1 || failed.count(one) == 1) << one;
-        ASSERT_FALSE(confirmed.count(one) == 1 && executed.count(one) == 0) << one;
+    for (std::uint32_t number = 1; number < tag; number++) {
+        ASSERT_TRUE(executed.count(number) == 1 || failed.count(number) == 1) << number;
+        ASSERT_FALSE(confirmed.count(number) == 1 && executed.count(number) == 0) << number;
     }
     EXPECT_GT(confirmed.size(), frames / 2);
     EXPECT_GT(failed.size(), 10u);

@@ -10,23 +10,23 @@ static void restart_timer(Fop *fop)
     fop->expires = fop->now > INT64_MAX - fop->timer ? INT64_MAX : fop->now + fop->timer;
 }
 
-static FopUnit *unit(Fop *fop, uint32_t i)
+static FopUnit *unit_at(Fop *fop, uint32_t i)
 {
     return &fop->units[(fop->first + i) % (fop->capacity + 1u)];
 }
 
-static uint8_t *data_of(Fop *fop, const FopUnit *one)
+static uint8_t *data_of(Fop *fop, const FopUnit *unit)
 {
-    return fop->memory + (size_t)(one - fop->units) * fop->room;
+    return fop->memory + (size_t)(unit - fop->units) * fop->room;
 }
 
 /* Drop the oldest unit that was sent. */
 static void drop(Fop *fop, FopAnswer answer)
 {
-    const uint32_t tag = unit(fop, 0u)->tag;
+    const uint32_t tag = unit_at(fop, 0u)->tag;
     fop->first = (fop->first + 1u) % (fop->capacity + 1u);
     fop->sent--;
-    fop->tell(fop->user, answer, tag, 0u);
+    fop->notify(fop->user, answer, tag, 0u);
 }
 
 static void purge(Fop *fop)
@@ -36,11 +36,11 @@ static void purge(Fop *fop)
     }
     if (fop->waiting != 0u) {
         fop->waiting = 0u;
-        fop->tell(fop->user, FOP_REJECTED, unit(fop, 0u)->tag, 0u);
+        fop->notify(fop->user, FOP_REJECTED, unit_at(fop, 0u)->tag, 0u);
     }
     fop->controlling = 0u;
     if (fop->suspended == (uint8_t)FOP_CHECKING) {
-        fop->tell(fop->user, FOP_FAILED, fop->directive, 0u);
+        fop->notify(fop->user, FOP_FAILED, fop->directive, 0u);
     }
     fop->suspended = 0u;
 }
@@ -52,9 +52,9 @@ static void alert(Fop *fop, FopAlert why)
     fop->state = FOP_INITIAL;
     purge(fop);
     if (pending) {
-        fop->tell(fop->user, FOP_FAILED, fop->directive, 0u);
+        fop->notify(fop->user, FOP_FAILED, fop->directive, 0u);
     }
-    fop->tell(fop->user, FOP_ALERT, 0u, why);
+    fop->notify(fop->user, FOP_ALERT, 0u, why);
 }
 
 static void initialise(Fop *fop)
@@ -86,24 +86,24 @@ static void look_for_unit(Fop *fop)
 {
     while (fop->ready[TC_AD] != 0u) {
         uint32_t i = 0u;
-        while (i < fop->sent && unit(fop, i)->again == 0u) {
+        while (i < fop->sent && unit_at(fop, i)->again == 0u) {
             i++;
         }
-        FopUnit *one = unit(fop, i);
+        FopUnit *unit = unit_at(fop, i);
         if (i == fop->sent) { /* none is to be retransmitted: the one that waits */
             if (fop->waiting == 0u || fop->sent >= fop->window) {
                 return;
             }
             fop->waiting = 0u;
-            one->number = fop->number++;
+            unit->number = fop->number++;
             if (fop->sent++ == 0u) {
                 fop->transmissions = 1u;
             }
             restart_timer(fop);
-            fop->tell(fop->user, FOP_ACCEPTED, one->tag, 0u);
+            fop->notify(fop->user, FOP_ACCEPTED, unit->tag, 0u);
         }
-        one->again = 0u;
-        if (!send(fop, TC_AD, one->number, data_of(fop, one), one->n)) {
+        unit->again = 0u;
+        if (!send(fop, TC_AD, unit->number, data_of(fop, unit), unit->n)) {
             return;
         }
     }
@@ -114,7 +114,7 @@ static void retransmit(Fop *fop)
     fop->transmissions++;
     restart_timer(fop);
     for (uint32_t i = 0u; i < fop->sent; i++) {
-        unit(fop, i)->again = 1u;
+        unit_at(fop, i)->again = 1u;
     }
 }
 
@@ -221,7 +221,7 @@ static void handle(Fop *fop, Event event, uint8_t acknowledged)
     }
     const Cell cell = table[event].cells[fop->state - 1u];
     if ((cell.act & REMOVE) != 0) {
-        while (fop->sent != 0u && unit(fop, 0u)->number != acknowledged) {
+        while (fop->sent != 0u && unit_at(fop, 0u)->number != acknowledged) {
             drop(fop, FOP_CONFIRMED);
         }
         fop->expected = acknowledged;
@@ -234,7 +234,7 @@ static void handle(Fop *fop, Event event, uint8_t acknowledged)
     if ((cell.act & SUSPEND) != 0) {
         fop->suspended = fop->state;
         fop->state = FOP_INITIAL;
-        fop->tell(fop->user, FOP_SUSPENDED, 0u, 0u);
+        fop->notify(fop->user, FOP_SUSPENDED, 0u, 0u);
         return;
     }
     if (cell.next != 0u) {
@@ -245,7 +245,7 @@ static void handle(Fop *fop, Event event, uint8_t acknowledged)
     }
     if ((cell.act & CONFIRM) != 0) {
         fop->controlling = 0u;
-        fop->tell(fop->user, FOP_CONFIRMED, fop->directive, 0u);
+        fop->notify(fop->user, FOP_CONFIRMED, fop->directive, 0u);
     }
     if ((cell.act & RESEND) != 0) {
         retransmit(fop);
@@ -307,7 +307,7 @@ void fop_time(Fop *fop, int64_t t)
 /* ---- requests */
 
 void fop_begin(Fop *fop, FopUnit *units, uint8_t *memory, uint32_t room, uint32_t capacity, int64_t timer, FopSend send,
-               FopTell tell, void *user)
+               FopNotify notify, void *user)
 {
     memset(fop, 0, sizeof *fop);
     fop->units = units;
@@ -317,7 +317,7 @@ void fop_begin(Fop *fop, FopUnit *units, uint8_t *memory, uint32_t room, uint32_
     fop->window = (uint8_t)(capacity < 255u ? capacity : 255u);
     fop->timer = timer;
     fop->send = send;
-    fop->tell = tell;
+    fop->notify = notify;
     fop->user = user;
     fop->state = FOP_INITIAL;
     fop->expires = INT64_MAX;
@@ -329,14 +329,14 @@ void fop_begin(Fop *fop, FopUnit *units, uint8_t *memory, uint32_t room, uint32_
 void fop_transfer(Fop *fop, uint32_t tag, const uint8_t *data, size_t n)
 {
     if (fop->state > (uint8_t)FOP_RETRANSMIT_WAIT || fop->waiting != 0u || n == 0 || n > fop->room || n > 0xFFFFu) {
-        fop->tell(fop->user, FOP_REJECTED, tag, 0u);
+        fop->notify(fop->user, FOP_REJECTED, tag, 0u);
         return;
     }
-    FopUnit *one = unit(fop, fop->sent);
-    one->tag = tag;
-    one->n = (uint16_t)n;
-    one->again = 0u;
-    memcpy(data_of(fop, one), data, n);
+    FopUnit *unit = unit_at(fop, fop->sent);
+    unit->tag = tag;
+    unit->n = (uint16_t)n;
+    unit->again = 0u;
+    memcpy(data_of(fop, unit), data, n);
     fop->waiting = 1u;
     if (fop->state != (uint8_t)FOP_RETRANSMIT_WAIT) {
         look_for_unit(fop);
@@ -346,10 +346,10 @@ void fop_transfer(Fop *fop, uint32_t tag, const uint8_t *data, size_t n)
 void fop_bypass(Fop *fop, uint32_t tag, const uint8_t *data, size_t n)
 {
     if (fop->ready[TC_BD] == 0u || n == 0) {
-        fop->tell(fop->user, FOP_REJECTED, tag, 0u);
+        fop->notify(fop->user, FOP_REJECTED, tag, 0u);
         return;
     }
-    fop->tell(fop->user, FOP_ACCEPTED, tag, 0u);
+    fop->notify(fop->user, FOP_ACCEPTED, tag, 0u);
     (void)send(fop, TC_BD, 0u, data, n);
 }
 
@@ -376,10 +376,10 @@ static int is_possible(const Fop *fop, FopDirective directive, uint32_t value)
 void fop_directive(Fop *fop, uint32_t tag, FopDirective directive, uint32_t value)
 {
     if (!is_possible(fop, directive, value)) {
-        fop->tell(fop->user, FOP_REJECTED, tag, 0u);
+        fop->notify(fop->user, FOP_REJECTED, tag, 0u);
         return;
     }
-    fop->tell(fop->user, FOP_ACCEPTED, tag, 0u);
+    fop->notify(fop->user, FOP_ACCEPTED, tag, 0u);
     switch (directive) {
     case FOP_INITIATE:
         initialise(fop);
@@ -417,7 +417,7 @@ void fop_directive(Fop *fop, uint32_t tag, FopDirective directive, uint32_t valu
     case FOP_SET_LIMIT: fop->limit = (uint8_t)value; break;
     case FOP_SET_TIMEOUT: fop->timeout = (uint8_t)value; break;
     }
-    fop->tell(fop->user, FOP_CONFIRMED, tag, 0u);
+    fop->notify(fop->user, FOP_CONFIRMED, tag, 0u);
 }
 
 void fop_ready(Fop *fop, TcType type, int good)

@@ -167,13 +167,13 @@ TEST_F(Fuzz, telemetry_frames)
                 static_cast<std::vector<Bytes> *>(user)->emplace_back(frame, frame + n);
             },
             &frames));
-        TmVirtual one{};
-        tm_virtual_begin(&one, 1, memory.data());
+        TmVirtual vc{};
+        tm_virtual_begin(&vc, 1, memory.data());
         for (int k = 0; k < 4; k++) {
             const Bytes bytes = packet();
-            tm_send(&sender, &one, bytes.data(), bytes.size());
-            tm_flush(&sender, &one);
-            tm_idle(&sender, &one);
+            tm_send(&sender, &vc, bytes.data(), bytes.size());
+            tm_flush(&sender, &vc);
+            tm_idle(&sender, &vc);
         }
         for (const Bytes &good : frames) {
             i++;
@@ -354,17 +354,17 @@ TEST_F(Fuzz, protected_frames_are_what_was_protected)
     Bytes memory(TM_FRAME_MAX), sent[2];
     std::vector<Bytes> old;
     TmSender sender{};
-    TmVirtual one{};
+    TmVirtual vc{};
     tm_sender_begin(
         &sender, &telemetry,
         [](void *user, const std::uint8_t *frame, std::size_t n) {
             static_cast<Bytes *>(user)->assign(frame, frame + n);
         },
         &sent[1]);
-    tm_virtual_begin(&one, 1, memory.data());
+    tm_virtual_begin(&vc, 1, memory.data());
     Bytes space(telemetry.size);
-    one.frame = space.data();
-    sdls_tm_protect(&sdls[0], &one);
+    vc.frame = space.data();
+    sdls_tm_protect(&sdls[0], &vc);
     std::uint64_t accepted[2] = {0, 0};
     for (std::uint32_t i = 0; i < cases; i++) {
         const bool command = any(2) != 0;
@@ -380,7 +380,7 @@ TEST_F(Fuzz, protected_frames_are_what_was_protected)
             bytes.resize(tc_frame_write(&commands, &frame, bytes.data()));
         } else {
             plain[ends[0][1].next | 1ull << 63] = data;
-            tm_send(&sender, &one, data.data(), data.size()); // fills the zone
+            tm_send(&sender, &vc, data.data(), data.size()); // fills the zone
             bytes = sent[1];
         }
         bytes = any(8) == 0 && !old.empty() ? old[any(old.size())] : damaged(bytes);
@@ -595,12 +595,12 @@ TEST_F(Fuzz, both_ends_of_a_link)
     };
     std::uint32_t sent = 0;
     for (std::uint32_t i = 0; i < cases; i++) {
-        const Bytes one = packet();
-        sent += space_link_ground_send(&ends->ground, sent, one.data(), one.size()) != 0;
+        const Bytes bytes = packet();
+        sent += space_link_ground_send(&ends->ground, sent, bytes.data(), bytes.size()) != 0;
         const Bytes up = any(3) != 0 ? ends->up : damaged(ends->up);
         ends->up.clear();
         space_link_craft_take(&ends->craft, &setup, nullptr, up.data(), up.size(), any(4) != 0, take, ends.get());
-        space_link_craft_send(&ends->craft, &setup, nullptr, one.data(), one.size(), put, ends.get());
+        space_link_craft_send(&ends->craft, &setup, nullptr, bytes.data(), bytes.size(), put, ends.get());
         space_link_craft_flush(&ends->craft, &setup, nullptr, any(2) != 0, put, ends.get());
         const Bytes down = any(3) != 0 ? ends->down : damaged(ends->down);
         ends->down.clear();

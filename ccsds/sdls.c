@@ -46,10 +46,10 @@ int sdls_expire(SdlsAssociation *association)
 static SdlsAssociation *find(Sdls *sdls, int telecommand, uint8_t virtual_channel, uint32_t spi)
 {
     for (uint32_t i = 0u; i < sdls->n; i++) {
-        SdlsAssociation *one = &sdls->associations[i];
-        if (one->state == (uint8_t)SDLS_OPERATIONAL && (one->telecommand != 0u) == (telecommand != 0) &&
-            one->virtual_channel == virtual_channel && (spi == 0u || one->spi == spi)) {
-            return one;
+        SdlsAssociation *candidate = &sdls->associations[i];
+        if (candidate->state == (uint8_t)SDLS_OPERATIONAL && (candidate->telecommand != 0u) == (telecommand != 0) &&
+            candidate->virtual_channel == virtual_channel && (spi == 0u || candidate->spi == spi)) {
+            return candidate;
         }
     }
     return NULL;
@@ -237,12 +237,12 @@ static int protect_zone(void *user, uint8_t virtual_channel, uint8_t *zone, size
     return fault == CCSDS_OK;
 }
 
-void sdls_tm_protect(Sdls *sdls, TmVirtual *one)
+void sdls_tm_protect(Sdls *sdls, TmVirtual *vc)
 {
-    one->before = SDLS_HEADER;
-    one->behind = SDLS_TAG;
-    one->protect = protect_zone;
-    one->protector = sdls;
+    vc->before = SDLS_HEADER;
+    vc->behind = SDLS_TAG;
+    vc->protect = protect_zone;
+    vc->protector = sdls;
 }
 
 CcsdsFault sdls_tm_open(Sdls *sdls, TmFrame *frame, uint8_t *memory)

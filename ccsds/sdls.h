@@ -109,18 +109,18 @@ void sdls_accept(const SdlsReceipt *receipt);
 
 /** Protect a virtual channel of telemetry, idle frames too. Call it after tm_virtual_begin(). A frame that no
  * association protects is not sent; sender->unprotected counts it. */
-void sdls_tm_protect(Sdls *sdls, TmVirtual *one);
+void sdls_tm_protect(Sdls *sdls, TmVirtual *vc);
 
 /** Check a telemetry frame that was read, and accept it. Its zone is then without protection, in `memory` of
  * TM_FRAME_MAX bytes. */
 CcsdsFault sdls_tm_open(Sdls *sdls, TmFrame *frame, uint8_t *memory);
 
-/** These functions as data: who is given them need not link them. */
+/** These functions as data: a caller that only gets a pointer to them need not link them. */
 typedef struct SdlsFunctions {
     CcsdsFault (*tc_protect)(Sdls *sdls, const TcChannel *channel, TcFrame *frame, uint8_t *memory);
     CcsdsFault (*tc_check)(Sdls *sdls, const TcChannel *channel, TcFrame *frame, uint8_t *memory, SdlsReceipt *receipt);
     void (*accept)(const SdlsReceipt *receipt);
-    void (*tm_protect)(Sdls *sdls, TmVirtual *one);
+    void (*tm_protect)(Sdls *sdls, TmVirtual *vc);
     CcsdsFault (*tm_open)(Sdls *sdls, TmFrame *frame, uint8_t *memory);
 } SdlsFunctions;
 

@@ -119,10 +119,10 @@ TEST(Sdls, telemetry_has_the_bytes_of_another_implementation)
             &sent));
         sender.control = 0x01040000;
         Bytes memory(telemetry.size), found;
-        TmVirtual one{};
-        tm_virtual_begin(&one, 3, memory.data());
-        sdls_tm_protect(&craft.sdls, &one);
-        tm_send(&sender, &one, packet.data(), packet.size());
+        TmVirtual vc{};
+        tm_virtual_begin(&vc, 3, memory.data());
+        sdls_tm_protect(&craft.sdls, &vc);
+        tm_send(&sender, &vc, packet.data(), packet.size());
         ASSERT_EQ(sent.size(), 1u);
         EXPECT_EQ(sent[0], from_hex(frames[service - 1]));
         TmFrame frame{};
@@ -131,14 +131,14 @@ TEST(Sdls, telemetry_has_the_bytes_of_another_implementation)
         EXPECT_EQ(Bytes(frame.zone, frame.zone + frame.n), packet);
         ASSERT_EQ(tm_frame_read(&telemetry, sent[0].data(), sent[0].size(), &frame), CCSDS_OK);
         EXPECT_EQ(sdls_tm_open(&ground.sdls, &frame, ground.memory.data()), CCSDS_REPLAY);
-        tm_idle(&sender, &one); // protected as any other
+        tm_idle(&sender, &vc); // protected as any other
         ASSERT_EQ(sent.size(), 2u);
         ASSERT_EQ(tm_frame_read(&telemetry, sent[1].data(), sent[1].size(), &frame), CCSDS_OK);
         EXPECT_EQ(frame.first, std::uint32_t{PACKET_ZONE_IDLE});
         EXPECT_EQ(sdls_tm_open(&ground.sdls, &frame, ground.memory.data()), CCSDS_OK);
         EXPECT_EQ(Bytes(frame.zone, frame.zone + frame.n), Bytes(20, 0x55));
         ASSERT_TRUE(sdls_stop(&craft.associations[1])); // then nothing goes out
-        tm_send(&sender, &one, packet.data(), packet.size());
+        tm_send(&sender, &vc, packet.data(), packet.size());
         EXPECT_EQ(sent.size(), 2u);
         EXPECT_EQ(sender.unprotected, 1u);
         EXPECT_EQ(craft.sdls.faults[CCSDS_ASSOCIATION], 1u);
@@ -173,23 +173,23 @@ TEST(Sdls, packets_pass_through_protected_telemetry)
         },
         &way);
     Bytes memory(telemetry.size);
-    TmVirtual one{};
-    tm_virtual_begin(&one, 3, memory.data());
-    sdls_tm_protect(&craft.sdls, &one);
+    TmVirtual vc{};
+    tm_virtual_begin(&vc, 3, memory.data());
+    sdls_tm_protect(&craft.sdls, &vc);
     std::vector<Bytes> sent;
     for (int i = 0; i < 500; i++) {
         Bytes packet = any_bytes(random, 7 + random() % 200);
         const SpacePacket head{static_cast<std::uint32_t>(packet.size()), 9, 0, 0, 0, SPACE_PACKET_WHOLE};
         space_packet_write(&head, packet.data());
-        tm_send(&sender, &one, packet.data(), packet.size());
+        tm_send(&sender, &vc, packet.data(), packet.size());
         if (random() % 4 == 0) {
-            tm_flush(&sender, &one);
-            tm_idle(&sender, &one);
+            tm_flush(&sender, &vc);
+            tm_idle(&sender, &vc);
         }
         sent.push_back(std::move(packet));
     }
-    tm_flush(&sender, &one);
-    tm_flush(&sender, &one); // what was too short for an idle packet
+    tm_flush(&sender, &vc);
+    tm_flush(&sender, &vc); // what was too short for an idle packet
     EXPECT_EQ(way.found, sent);
 }
 
@@ -264,24 +264,24 @@ TEST(Sdls, what_is_not_of_an_association_is_refused)
 
 TEST(Sdls, an_association_has_states)
 {
-    SdlsAssociation one{7, 1, 0, SDLS_ENCRYPT, 64, 0, 0, SDLS_UNKEYED, 0, {}, 0, 0};
-    EXPECT_FALSE(sdls_start(&one) || sdls_stop(&one) || sdls_expire(&one));
+    SdlsAssociation association{7, 1, 0, SDLS_ENCRYPT, 64, 0, 0, SDLS_UNKEYED, 0, {}, 0, 0};
+    EXPECT_FALSE(sdls_start(&association) || sdls_stop(&association) || sdls_expire(&association));
     for (const auto &[spi, window] : {std::pair{0, 64}, {65535, 64}, {7, 0}, {7, 257}}) {
-        SdlsAssociation impossible = one;
+        SdlsAssociation impossible = association;
         impossible.spi = static_cast<std::uint16_t>(spi);
         impossible.window = static_cast<std::uint16_t>(window);
         EXPECT_FALSE(sdls_rekey(&impossible, 1, 0));
     }
-    SdlsAssociation last = one;
+    SdlsAssociation last = association;
     last.spi = 65534;
     EXPECT_TRUE(sdls_rekey(&last, 1, 0));
-    EXPECT_TRUE(sdls_rekey(&one, 3, 99));
-    EXPECT_TRUE(one.state == SDLS_KEYED && one.key == 3 && one.next == 99);
-    EXPECT_FALSE(sdls_rekey(&one, 4, 0) || sdls_stop(&one));
-    EXPECT_TRUE(sdls_start(&one));
-    EXPECT_FALSE(sdls_start(&one) || sdls_expire(&one) || sdls_rekey(&one, 4, 0));
-    EXPECT_TRUE(sdls_stop(&one) && sdls_expire(&one));
-    EXPECT_EQ(one.state, SDLS_UNKEYED);
+    EXPECT_TRUE(sdls_rekey(&association, 3, 99));
+    EXPECT_TRUE(association.state == SDLS_KEYED && association.key == 3 && association.next == 99);
+    EXPECT_FALSE(sdls_rekey(&association, 4, 0) || sdls_stop(&association));
+    EXPECT_TRUE(sdls_start(&association));
+    EXPECT_FALSE(sdls_start(&association) || sdls_expire(&association) || sdls_rekey(&association, 4, 0));
+    EXPECT_TRUE(sdls_stop(&association) && sdls_expire(&association));
+    EXPECT_EQ(association.state, SDLS_UNKEYED);
 }
 
 TEST(Sdls, a_number_is_accepted_once_within_the_window)
@@ -289,8 +289,8 @@ TEST(Sdls, a_number_is_accepted_once_within_the_window)
     std::mt19937 random(3);
     for (const std::uint16_t window : {1, 2, 31, 32, 33, 100, 255, 256}) {
         End craft(SDLS_AUTHENTICATE, 1, window);
-        SdlsAssociation &one = craft.associations[0];
-        const std::uint64_t start = one.next;
+        SdlsAssociation &association = craft.associations[0];
+        const std::uint64_t start = association.next;
         std::set<std::uint64_t> accepted;
         std::uint64_t newest = start - 1;
         End ground(SDLS_AUTHENTICATE);
@@ -310,8 +310,8 @@ TEST(Sdls, a_number_is_accepted_once_within_the_window)
                 newest = std::max(newest, number);
             }
         }
-        EXPECT_EQ(one.accepted, accepted.size());
-        EXPECT_EQ(one.next, newest + 1);
+        EXPECT_EQ(association.accepted, accepted.size());
+        EXPECT_EQ(association.next, newest + 1);
         EXPECT_EQ(craft.sdls.faults[CCSDS_REPLAY] > 0, true);
     }
 }

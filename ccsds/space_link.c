@@ -78,7 +78,7 @@ static CcsdsFault take_frame(const Taking *taking, TcFrame *frame)
     SpaceLinkCraft *craft = taking->craft;
     uint8_t memory[TC_FRAME_MAX];
     SdlsReceipt receipt = {NULL, 0u};
-    craft->asked = 1u;
+    craft->received = 1u;
     if (frame->type != (uint8_t)TC_BC && frame->map != taking->setup->map) {
         return CCSDS_CHANNEL;
     }
@@ -145,7 +145,7 @@ typedef struct Sending {
     TmSink sink;
     void *user;
     TmSender sender;
-    TmVirtual one;
+    TmVirtual vc;
 } Sending;
 
 /* A frame as it goes out. */
@@ -176,12 +176,12 @@ static void begin_sending(Sending *sending, SpaceLinkCraft *craft, const SpaceLi
     (void)tm_sender_begin(&sending->sender, &setup->telemetry, send_frame, sending);
     sending->sender.control = clcw_word(&clcw);
     sending->sender.count = craft->master_count;
-    tm_virtual_begin(&sending->one, setup->virtual_channel, craft->frame);
-    sending->one.n = craft->filled;
-    sending->one.first = craft->first;
-    sending->one.count = craft->count;
+    tm_virtual_begin(&sending->vc, setup->virtual_channel, craft->frame);
+    sending->vc.n = craft->filled;
+    sending->vc.first = craft->first;
+    sending->vc.count = craft->count;
     if (security != NULL) {
-        security->functions->tm_protect(security->sdls, &sending->one);
+        security->functions->tm_protect(security->sdls, &sending->vc);
     }
 }
 
@@ -189,15 +189,15 @@ static void end_sending(const Sending *sending, SpaceLinkCraft *craft)
 {
     const uint8_t sent = (uint8_t)(sending->sender.count - craft->master_count);
     if (sent != 0u) {
-        craft->asked = 0u;
-        craft->said = sending->sender.control;
+        craft->received = 0u;
+        craft->reported = sending->sender.control;
     }
     craft->frames += sent;
     craft->unprotected += sending->sender.unprotected;
     craft->master_count = sending->sender.count;
-    craft->count = sending->one.count;
-    craft->filled = (uint32_t)sending->one.n;
-    craft->first = sending->one.first;
+    craft->count = sending->vc.count;
+    craft->filled = (uint32_t)sending->vc.n;
+    craft->first = sending->vc.first;
 }
 
 void space_link_craft_send(SpaceLinkCraft *craft, const SpaceLinkSetup *setup, const SpaceLinkSecurity *security,
@@ -205,7 +205,7 @@ void space_link_craft_send(SpaceLinkCraft *craft, const SpaceLinkSetup *setup, c
 {
     Sending sending;
     begin_sending(&sending, craft, setup, security, sink, user);
-    tm_send(&sending.sender, &sending.one, packet, n);
+    tm_send(&sending.sender, &sending.vc, packet, n);
     end_sending(&sending, craft);
 }
 
@@ -216,11 +216,12 @@ void space_link_craft_flush(SpaceLinkCraft *craft, const SpaceLinkSetup *setup, 
     farm_room(&craft->farm);
     begin_sending(&sending, craft, setup, security, sink, user);
     const int answers = setup->telemetry.control != 0u || security != NULL;
-    const int news = answers && (craft->asked != 0u || sending.sender.control != craft->said || craft->frames == 0u);
+    const int news =
+        answers && (craft->received != 0u || sending.sender.control != craft->reported || craft->frames == 0u);
     if (craft->filled != 0u) {
-        tm_flush(&sending.sender, &sending.one);
+        tm_flush(&sending.sender, &sending.vc);
     } else if (idle || news) {
-        tm_idle(&sending.sender, &sending.one);
+        tm_idle(&sending.sender, &sending.vc);
     }
     end_sending(&sending, craft);
 }
@@ -266,7 +267,7 @@ static void fail(SpaceLinkGround *ground, uint32_t tag)
     }
 }
 
-/* What FOP-1 says. A tag is that of the command, and whether it is the last segment. */
+/* An answer of FOP-1. A tag is that of the command, and whether it is the last segment. */
 static void hear(void *user, FopAnswer answer, uint32_t tag, uint32_t what)
 {
     SpaceLinkGround *ground = user;
@@ -328,7 +329,7 @@ static void send_segment(SpaceLinkGround *ground)
 /* Secured: whether it knows which numbers the spacecraft takes. */
 static int has_number(const SpaceLinkGround *ground)
 {
-    return ground->security.sdls == NULL || ground->heard != 0u;
+    return ground->security.sdls == NULL || ground->authentic != 0u;
 }
 
 /* Whether a segment would go out at once: then FOP-1 never has one that it rejects later. */
@@ -469,14 +470,14 @@ static void follow(SpaceLinkGround *ground)
     const Sdls *sdls = ground->security.sdls;
     uint64_t newest = 0u;
     for (uint32_t i = 0u; i < sdls->n; i++) {
-        const SdlsAssociation *one = &sdls->associations[i];
-        newest = one->telecommand == 0u && one->next > newest ? one->next : newest;
+        const SdlsAssociation *association = &sdls->associations[i];
+        newest = association->telecommand == 0u && association->next > newest ? association->next : newest;
     }
     for (uint32_t i = 0u; i < sdls->n; i++) {
-        SdlsAssociation *one = &sdls->associations[i];
-        one->next = one->telecommand != 0u && one->next < newest ? newest : one->next;
+        SdlsAssociation *association = &sdls->associations[i];
+        association->next = association->telecommand != 0u && association->next < newest ? newest : association->next;
     }
-    ground->heard = 1u;
+    ground->authentic = 1u;
 }
 
 static CcsdsFault take_telemetry(SpaceLinkGround *ground, const uint8_t *bytes, size_t n)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Packets over a link of frames: the two ends, each as one state machine. The spacecraft's end takes telecommand
  * frames, bare or in CLTUs, gives the packets in them, and puts packets of telemetry into frames of one length with the
- * CLCW. The ground's end does the reverse, starts COP-1 by itself and again when it ends, and says of each command what
- * became of it. Both count what they refuse. They have no clock: the ground's takes the time from its caller.
+ * CLCW. The ground's end does the reverse, starts COP-1 by itself and again when it ends, and reports what became of
+ * each command. Both count what they refuse. They have no clock: the ground's takes the time from its caller.
  *
  * Frames are protected (sdls.h) if the caller gives `security`; a program that gives none links nothing of it. Then the
  * ground waits for authentic telemetry, and numbers commands from that one's number on: a spacecraft which forgot what
@@ -55,14 +55,14 @@ typedef struct SpaceLinkCraft {
     uint32_t faults[CCSDS_FAULTS]; ///< CLTUs and frames that were refused, by CcsdsFault
     uint32_t frames;               ///< of telemetry that were sent
     uint32_t unprotected;          ///< of telemetry that were not, because their protection failed
-    uint32_t said;                 ///< the last CLCW
+    uint32_t reported;             ///< the last CLCW
     uint32_t filled;               ///< bytes of the frame that is being filled
     uint32_t first;                ///< its first header pointer
     uint32_t joined;               ///< bytes of the unit whose segments come
     uint8_t open;                  ///< 1: its first segment came
     uint8_t count;                 ///< of frames of the virtual channel
     uint8_t master_count;          ///< of those of the master channel
-    uint8_t asked;                 ///< 1: a frame came since the last CLCW
+    uint8_t received;              ///< 1: a frame came since the last CLCW
     uint8_t frame[TM_FRAME_MAX];   ///< that is being filled
     uint8_t unit[TC_FRAME_MAX];    ///< whose segments come
 } SpaceLinkCraft;
@@ -118,11 +118,11 @@ typedef struct SpaceLinkGround {
     uint8_t alert;   ///< FopAlert
     uint8_t known;   ///< 1: the service ran before, so `next` is the number of its next frame
     uint8_t next;
-    uint8_t moves;   ///< 1: the receiver's number is to be set to `next`
-    uint8_t heard;   ///< 1: authentic telemetry came
-    int64_t asks;    ///< [ns] when it may ask for a CLCW
-    uint32_t tag;    ///< of the packet that is being sent; its bytes that are sent, of n; 0: none
-    uint32_t failed; ///< the tag that failed last, plus 1
+    uint8_t moves;     ///< 1: the receiver's number is to be set to `next`
+    uint8_t authentic; ///< 1: authentic telemetry came
+    int64_t asks;      ///< [ns] when it may ask for a CLCW
+    uint32_t tag;      ///< of the packet that is being sent; its bytes that are sent, of n; 0: none
+    uint32_t failed;   ///< the tag that failed last, plus 1
     size_t n, at;
     TmReceiver receiver;
     SyncReader sync;

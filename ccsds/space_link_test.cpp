@@ -129,7 +129,7 @@ struct Ground {
     std::size_t count(SpaceLinkAnswer answer) const
     {
         return static_cast<std::size_t>(
-            std::count_if(answers.begin(), answers.end(), [&](const auto &one) { return one.first == answer; }));
+            std::count_if(answers.begin(), answers.end(), [&](const auto &reply) { return reply.first == answer; }));
     }
 };
 
@@ -187,7 +187,7 @@ void pass_through_a_bad_link(SpaceLinkSetup setup, bool secured)
     Craft craft(setup, secured);
     Ground ground(setup, secured);
     std::vector<Bytes> old_up, old_down;
-    std::uint32_t tag = 0, told = 0;
+    std::uint32_t tag = 0, numbered = 0;
     for (int i = 0; ground.answers.size() < commands; i++) {
         ASSERT_LT(i, 200000);
         space_link_ground_time(ground.ground.get(), ground.t += 300);
@@ -199,7 +199,7 @@ void pass_through_a_bad_link(SpaceLinkSetup setup, bool secured)
         }
         carry(random, ground.up, old_up, true, secured, [&](const Bytes &unit) { craft.take(unit); });
         for (std::uint32_t k = random() % 3; k-- != 0;) {
-            craft.send(packet_of(told++, 12 + random() % 400, false));
+            craft.send(packet_of(numbered++, 12 + random() % 400, false));
         }
         craft.flush();
         carry(random, craft.down, old_down, secured, secured, [&](const Bytes &unit) { ground.take(unit); });
@@ -211,9 +211,10 @@ void pass_through_a_bad_link(SpaceLinkSetup setup, bool secured)
     }
     ASSERT_TRUE(std::adjacent_find(executed.begin(), executed.end(), std::greater_equal<>()) == executed.end());
     std::set<std::uint32_t> answered;
-    for (const auto &[answer, one] : ground.answers) {
-        ASSERT_TRUE(answered.insert(one).second) << "one answer to each";
-        ASSERT_TRUE(answer == SPACE_LINK_FAILED || std::binary_search(executed.begin(), executed.end(), one)) << one;
+    for (const auto &[answer, answer_tag] : ground.answers) {
+        ASSERT_TRUE(answered.insert(answer_tag).second) << "one answer to each";
+        ASSERT_TRUE(answer == SPACE_LINK_FAILED || std::binary_search(executed.begin(), executed.end(), answer_tag))
+            << answer_tag;
     }
     EXPECT_GT(ground.count(SPACE_LINK_CONFIRMED), commands * 9 / 10);
     std::uint32_t last = 0;
@@ -223,7 +224,7 @@ void pass_through_a_bad_link(SpaceLinkSetup setup, bool secured)
         ASSERT_EQ(packet, packet_of(number, packet.size(), false));
         last = number;
     }
-    EXPECT_GT(ground.packets.size(), told / 2);
+    EXPECT_GT(ground.packets.size(), numbered / 2);
     EXPECT_GT(craft.craft.farm.discarded, secured ? 0u : commands / 20);
     EXPECT_GT(ground.ground->receiver.missing, 10u);
     if (secured) {
@@ -288,8 +289,8 @@ TEST(SpaceLink, several_packets_and_several_frames_come_in_one_unit)
     both.insert(both.end(), second.begin(), second.end());
     ground.send(1, both);
     ground.send(2, packet_of(3));
-    for (const Bytes &one : ground.up) {
-        unit.insert(unit.end(), one.begin(), one.end());
+    for (const Bytes &part : ground.up) {
+        unit.insert(unit.end(), part.begin(), part.end());
     }
     craft.take(unit);
     EXPECT_EQ(craft.packets, (std::vector{packet_of(1, 20), second, packet_of(3)}));

@@ -78,21 +78,21 @@ TEST(Cltu, one_wrong_bit_in_a_block_is_corrected_and_two_end_it)
     const Bytes data = any_bytes(random, 14);
     Bytes cltu(CLTU_SIZE(14));
     cltu_write(data.data(), data.size(), cltu.data());
-    for (std::size_t one = 0; one < 64; one++) {
-        for (std::size_t two = one; two < 64; two++) {
+    for (std::size_t first = 0; first < 64; first++) {
+        for (std::size_t second = first; second < 64; second++) {
             Bytes wrong = cltu;
-            wrong[2 + one / 8] ^= static_cast<std::uint8_t>(0x80 >> one % 8);
-            if (two != one) {
-                wrong[2 + two / 8] ^= static_cast<std::uint8_t>(0x80 >> two % 8);
+            wrong[2 + first / 8] ^= static_cast<std::uint8_t>(0x80 >> first % 8);
+            if (second != first) {
+                wrong[2 + second / 8] ^= static_cast<std::uint8_t>(0x80 >> second % 8);
             }
             Cltus cltus;
             cltu_take(&cltus.reader, wrong.data(), wrong.size());
-            if (two == one || two == 63) { // the last bit of a block is no part of the code
+            if (second == first || second == 63) { // the last bit of a block is no part of the code
                 ASSERT_EQ(cltus.found.size(), 1u);
-                ASSERT_EQ(cltus.found[0], data) << one << " " << two;
-                ASSERT_EQ(cltus.reader.corrected, one == 63 ? 0u : 1u);
+                ASSERT_EQ(cltus.found[0], data) << first << " " << second;
+                ASSERT_EQ(cltus.reader.corrected, first == 63 ? 0u : 1u);
             } else {
-                ASSERT_TRUE(cltus.found.empty()) << one << " " << two;
+                ASSERT_TRUE(cltus.found.empty()) << first << " " << second;
             }
         }
     }

@@ -32,7 +32,7 @@ typedef struct TcChannel {
     uint8_t check;           ///< 1: frames end with a CRC
 } TcChannel;
 
-/** What a frame says. */
+/** The content of a frame. */
 typedef struct TcFrame {
     const uint8_t *data; ///< behind the segment header
     size_t n;            ///< [bytes] of it

@@ -115,41 +115,41 @@ int tm_sender_begin(TmSender *sender, const TmChannel *channel, TmSink sink, voi
            channel->size >= (uint16_t)(TM_FRAME_HEADER + TM_CONTROL + TM_CHECK + SPACE_PACKET_MIN);
 }
 
-void tm_virtual_begin(TmVirtual *one, uint8_t number, uint8_t *frame)
+void tm_virtual_begin(TmVirtual *vc, uint8_t number, uint8_t *frame)
 {
-    memset(one, 0, sizeof *one);
-    one->number = number;
-    one->frame = frame;
-    one->first = PACKET_ZONE_NONE;
+    memset(vc, 0, sizeof *vc);
+    vc->number = number;
+    vc->frame = frame;
+    vc->first = PACKET_ZONE_NONE;
 }
 
 /* [bytes] of packets in a frame of the virtual channel, and where they begin. */
-static size_t room(const TmSender *sender, const TmVirtual *one)
+static size_t room(const TmSender *sender, const TmVirtual *vc)
 {
-    return tm_zone(&sender->channel) - one->before - one->behind;
+    return tm_zone(&sender->channel) - vc->before - vc->behind;
 }
 
-static uint8_t *packets(const TmVirtual *one)
+static uint8_t *packets(const TmVirtual *vc)
 {
-    return one->frame + TM_FRAME_HEADER + one->before;
+    return vc->frame + TM_FRAME_HEADER + vc->before;
 }
 
 /* The zone is full: send the frame. */
-static void send(TmSender *sender, TmVirtual *one)
+static void send(TmSender *sender, TmVirtual *vc)
 {
     const TmChannel *channel = &sender->channel;
-    uint8_t *frame = one->frame, *zone = frame + TM_FRAME_HEADER, *end = zone + tm_zone(channel);
-    const uint32_t first = one->first;
-    one->n = 0;
-    one->first = PACKET_ZONE_NONE;
-    if (one->protect != NULL && !one->protect(one->protector, one->number, zone, tm_zone(channel))) {
+    uint8_t *frame = vc->frame, *zone = frame + TM_FRAME_HEADER, *end = zone + tm_zone(channel);
+    const uint32_t first = vc->first;
+    vc->n = 0;
+    vc->first = PACKET_ZONE_NONE;
+    if (vc->protect != NULL && !vc->protect(vc->protector, vc->number, zone, tm_zone(channel))) {
         sender->unprotected++;
-        one->count++; /* the receiver sees that one is missing */
+        vc->count++; /* the receiver sees that one is missing */
         return;
     }
-    ccsds_put16(frame, (uint32_t)channel->spacecraft << 4 | (uint32_t)one->number << 1 | (channel->control ? 1u : 0u));
+    ccsds_put16(frame, (uint32_t)channel->spacecraft << 4 | (uint32_t)vc->number << 1 | (channel->control ? 1u : 0u));
     frame[2] = sender->count++;
-    frame[3] = one->count++;
+    frame[3] = vc->count++;
     ccsds_put16(frame + 4, 0x1800u | first);
     if (channel->control) {
         ccsds_put32(end, sender->control);
@@ -161,40 +161,40 @@ static void send(TmSender *sender, TmVirtual *one)
     sender->sink(sender->user, frame, channel->size);
 }
 
-void tm_send(TmSender *sender, TmVirtual *one, const uint8_t *packet, size_t n)
+void tm_send(TmSender *sender, TmVirtual *vc, const uint8_t *packet, size_t n)
 {
-    const size_t zone = room(sender, one);
-    if (one->first == (uint32_t)PACKET_ZONE_NONE) {
-        one->first = (uint32_t)one->n;
+    const size_t zone = room(sender, vc);
+    if (vc->first == (uint32_t)PACKET_ZONE_NONE) {
+        vc->first = (uint32_t)vc->n;
     }
     while (n != 0) {
-        const size_t part = zone - one->n < n ? zone - one->n : n;
-        memcpy(packets(one) + one->n, packet, part);
-        one->n += part;
+        const size_t part = zone - vc->n < n ? zone - vc->n : n;
+        memcpy(packets(vc) + vc->n, packet, part);
+        vc->n += part;
         packet += part;
         n -= part;
-        if (one->n == zone) {
-            send(sender, one);
+        if (vc->n == zone) {
+            send(sender, vc);
         }
     }
 }
 
-void tm_flush(TmSender *sender, TmVirtual *one)
+void tm_flush(TmSender *sender, TmVirtual *vc)
 {
     uint8_t idle[TM_FRAME_MAX];
-    if (one->n != 0) {
-        const size_t left = room(sender, one) - one->n;
+    if (vc->n != 0) {
+        const size_t left = room(sender, vc) - vc->n;
         const size_t n = left < (size_t)SPACE_PACKET_MIN ? (size_t)SPACE_PACKET_MIN : left;
         space_packet_idle(idle, n);
-        tm_send(sender, one, idle, n);
+        tm_send(sender, vc, idle, n);
     }
 }
 
-void tm_idle(TmSender *sender, TmVirtual *one)
+void tm_idle(TmSender *sender, TmVirtual *vc)
 {
-    if (one->n == 0) {
-        memset(packets(one), 0x55, room(sender, one));
-        one->first = PACKET_ZONE_IDLE;
-        send(sender, one);
+    if (vc->n == 0) {
+        memset(packets(vc), 0x55, room(sender, vc));
+        vc->first = PACKET_ZONE_IDLE;
+        send(sender, vc);
     }
 }

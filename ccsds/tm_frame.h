@@ -34,7 +34,7 @@ static inline size_t tm_zone(const TmChannel *channel)
            (channel->check ? (size_t)TM_CHECK : 0u);
 }
 
-/** What a frame says. */
+/** The content of a frame. */
 typedef struct TmFrame {
     const uint8_t *zone;
     size_t n;         ///< [bytes] of the zone
@@ -87,17 +87,17 @@ typedef struct TmSender {
 /** Returns 0 if the channel cannot be: its size, its spacecraft. */
 int tm_sender_begin(TmSender *sender, const TmChannel *channel, TmSink sink, void *user);
 
-void tm_virtual_begin(TmVirtual *one, uint8_t number, uint8_t *frame);
+void tm_virtual_begin(TmVirtual *vc, uint8_t number, uint8_t *frame);
 
 /** Put a packet into the frames of a virtual channel. Frames go to the sink as they are full. */
-void tm_send(TmSender *sender, TmVirtual *one, const uint8_t *packet, size_t n);
+void tm_send(TmSender *sender, TmVirtual *vc, const uint8_t *packet, size_t n);
 
 /** Send what waits in a frame, filled with an idle packet. What is left of a frame may be too short for one; then the
  * idle packet goes on in the next frame, which waits. */
-void tm_flush(TmSender *sender, TmVirtual *one);
+void tm_flush(TmSender *sender, TmVirtual *vc);
 
 /** Send a frame of idle data, on a virtual channel that has no packets waiting. */
-void tm_idle(TmSender *sender, TmVirtual *one);
+void tm_idle(TmSender *sender, TmVirtual *vc);
 
 /** One virtual channel of a receiver. */
 typedef struct TmReceiver {

@@ -72,13 +72,13 @@ TEST(TmFrame, has_the_bits_of_the_standard)
     ASSERT_TRUE(tm_sender_begin(&sender, &channel, keep, &frames));
     sender.control = 0x01040007;
     Bytes memory(64);
-    TmVirtual one{};
-    tm_virtual_begin(&one, 3, memory.data());
+    TmVirtual vc{};
+    tm_virtual_begin(&vc, 3, memory.data());
     const Bytes packet = packet_of(random, 9, 0, 70); // 52 bytes of packets in a frame: it spans two
-    tm_send(&sender, &one, packet.data(), packet.size());
-    tm_send(&sender, &one, packet.data(), packet.size());
-    tm_flush(&sender, &one);
-    tm_idle(&sender, &one);
+    tm_send(&sender, &vc, packet.data(), packet.size());
+    tm_send(&sender, &vc, packet.data(), packet.size());
+    tm_flush(&sender, &vc);
+    tm_idle(&sender, &vc);
     ASSERT_EQ(frames.size(), 4u);
     const std::uint16_t firsts[] = {0, 18, 36, 0x7FE}; // where the first packet begins: the second, the idle one, none
     for (std::uint8_t i = 0; i < 4; i++) {
@@ -101,9 +101,9 @@ TEST(TmFrame, what_is_no_frame_of_the_channel_is_refused)
     TmSender sender{};
     ASSERT_TRUE(tm_sender_begin(&sender, &channel, keep, &frames));
     Bytes memory(64);
-    TmVirtual one{};
-    tm_virtual_begin(&one, 0, memory.data());
-    tm_idle(&sender, &one);
+    TmVirtual vc{};
+    tm_virtual_begin(&vc, 0, memory.data());
+    tm_idle(&sender, &vc);
     TmFrame frame{};
     const auto read = [&](Bytes bytes, const TmChannel &as) {
         if (bytes.size() == 64 && as.check) { // with a check that holds
@@ -168,28 +168,28 @@ void exchange(std::mt19937 &random, unsigned loss, bool damage)
     };
     for (int i = 0; i < 200; i++) {
         const std::size_t which = random() % channels.size(), before = frames.size();
-        Channel &one = channels[which];
+        Channel &vc = channels[which];
         switch (random() % 8) {
-        case 0: tm_flush(&sender, &one.sending); break;
-        case 1: tm_idle(&sender, &one.sending); break;
+        case 0: tm_flush(&sender, &vc.sending); break;
+        case 1: tm_idle(&sender, &vc.sending); break;
         default: {
             const Bytes packet =
-                packet_of(random, static_cast<std::uint16_t>(which + 1), static_cast<std::uint16_t>(one.sent.size()),
+                packet_of(random, static_cast<std::uint16_t>(which + 1), static_cast<std::uint16_t>(vc.sent.size()),
                           7 + random() % (i % 9 ? 200 : 4000));
             const std::size_t first = of[which].size();
-            tm_send(&sender, &one.sending, packet.data(), packet.size());
+            tm_send(&sender, &vc.sending, packet.data(), packet.size());
             note(before);
-            one.sent.push_back(packet);
-            one.span.emplace_back(first, of[which].size() - (one.sending.n == 0 ? 1 : 0));
+            vc.sent.push_back(packet);
+            vc.span.emplace_back(first, of[which].size() - (vc.sending.n == 0 ? 1 : 0));
             continue;
         }
         }
         note(before);
     }
-    for (Channel &one : channels) {
+    for (Channel &vc : channels) {
         const std::size_t before = frames.size();
-        tm_flush(&sender, &one.sending);
-        tm_flush(&sender, &one.sending); // the idle packet may have gone on
+        tm_flush(&sender, &vc.sending);
+        tm_flush(&sender, &vc.sending); // the idle packet may have gone on
         note(before);
     }
     std::set<std::size_t> gone;
@@ -212,21 +212,21 @@ void exchange(std::mt19937 &random, unsigned loss, bool damage)
     }
     EXPECT_EQ(refused, damage ? gone.size() : 0u);
     for (std::size_t i = 0; i < channels.size(); i++) {
-        Channel &one = channels[i];
+        Channel &vc = channels[i];
         std::vector<Bytes> expected;
-        for (std::size_t k = 0; k < one.sent.size(); k++) {
+        for (std::size_t k = 0; k < vc.sent.size(); k++) {
             bool whole = true;
-            for (std::size_t f = one.span[k].first; f <= one.span[k].second && f < of[i].size(); f++) {
+            for (std::size_t f = vc.span[k].first; f <= vc.span[k].second && f < of[i].size(); f++) {
                 whole = whole && gone.count(of[i][f]) == 0;
             }
             if (whole) {
-                expected.push_back(one.sent[k]);
+                expected.push_back(vc.sent[k]);
             }
         }
-        ASSERT_EQ(one.received.size(), expected.size());
-        ASSERT_EQ(one.received, expected);
-        EXPECT_EQ(one.receiving.zone.faults[CCSDS_LENGTH], 0u);
-        EXPECT_EQ(one.receiving.zone.faults[CCSDS_VERSION], 0u);
+        ASSERT_EQ(vc.received.size(), expected.size());
+        ASSERT_EQ(vc.received, expected);
+        EXPECT_EQ(vc.receiving.zone.faults[CCSDS_LENGTH], 0u);
+        EXPECT_EQ(vc.receiving.zone.faults[CCSDS_VERSION], 0u);
     }
 }
 
@@ -299,17 +299,17 @@ TEST(PacketZone, encapsulation_packets_stand_between_space_packets)
             const Bytes data = any_bytes(random, header == 1 ? 0 : random() % (header == 2 ? 200 : 2000));
             const unsigned protocol = header == 1 ? 0 : random() % 8;
             const bool space = random() % 2 != 0;
-            const Bytes one = space
-                                  ? packet_of(random, static_cast<std::uint16_t>(random() % 5 ? 5 : SPACE_PACKET_IDLE),
-                                              0, 7 + random() % 100)
-                                  : encapsulation(protocol, header, data);
-            const bool fills = space ? (one[0] & 7) == 7 && one[1] == 0xFF : protocol == 0;
+            const Bytes packet =
+                space ? packet_of(random, static_cast<std::uint16_t>(random() % 5 ? 5 : SPACE_PACKET_IDLE), 0,
+                                  7 + random() % 100)
+                      : encapsulation(protocol, header, data);
+            const bool fills = space ? (packet[0] & 7) == 7 && packet[1] == 0xFF : protocol == 0;
             idle += fills;
             if (!fills) {
-                (space ? spaces : others).push_back(one);
+                (space ? spaces : others).push_back(packet);
             }
             begins.push_back(stream.size());
-            stream.insert(stream.end(), one.begin(), one.end());
+            stream.insert(stream.end(), packet.begin(), packet.end());
         }
         struct Sinks {
             std::vector<Bytes> *found, *foreign;

@@ -212,7 +212,7 @@ private:
     const Work *work_ = nullptr;
     std::size_t chunk_ = 1;
     std::atomic<bool> busy_{false}, stop_{false};
-    std::mutex mutex_; ///< of those who sleep
+    std::mutex mutex_; ///< of the threads that sleep
     std::condition_variable begin_, done_;
     std::atomic<std::uint64_t> given_{0}; ///< how often there was work
     std::atomic<std::size_t> working_{0};
@@ -318,7 +318,7 @@ void Batch::add_target(const Simulation &original, const BatchField &action)
     }
     for (std::size_t i = first; i < targets_.size(); i++) {
         const BatchField &own = targets_[i].field;
-        const auto end = [](const BatchField &one) { return one.offset + one.names.size() * element_size(one.type); };
+        const auto end = [](const BatchField &f) { return f.offset + f.names.size() * element_size(f.type); };
         for (std::size_t k = 0; k < i; k++) {
             const BatchField &other = targets_[k].field;
             if (own.instance == other.instance && own.offset < end(other) && other.offset < end(own)) {

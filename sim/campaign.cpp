@@ -84,8 +84,8 @@ struct FieldPlace {
     /// Returns the number as the type of the field holds it, or throws SetupError.
     double set(std::byte *memory, std::size_t i, double x, const std::string &path) const
     {
-        for (const std::size_t one : {i, mirror(i)}) {
-            element_write(field->type, element(memory, one), x);
+        for (const std::size_t at : {i, mirror(i)}) {
+            element_write(field->type, element(memory, at), x);
         }
         const double held = element_read(field->type, element(memory, i));
         if (whole() && std::abs(held - x) > 0.5) {
@@ -292,8 +292,8 @@ public:
         result.flown[run] = 1;
         result.health[run] = own_.health();
         std::size_t mode = run * (result.entered.size() / plan_.runs);
-        visit_modes(own_, [&](const Process &process, const Mode &one) {
-            const Tally tally = process.entered(one);
+        visit_modes(own_, [&](const Process &process, const Mode &m) {
+            const Tally tally = process.entered(m);
             result.entered[mode++] = tally.count ? static_cast<double>(tally.first) / 1e9 : no_number;
         });
         for (std::size_t i = 0; i < logs_.size(); i++) {
@@ -468,12 +468,12 @@ void check_composition(const Simulation &nominal, const Composition &composition
             }
         }
         for (const double end : ends) {
-            std::vector<double> one = numbers;
-            one[i] = absolute(d, at, end);
+            std::vector<double> values = numbers;
+            values[i] = absolute(d, at, end);
             try {
-                composition.values(one);
+                composition.values(values);
             } catch (const SetupError &error) {
-                throw SetupError(path + " = " + format_number(one[i]) + ": " + error.what());
+                throw SetupError(path + " = " + format_number(values[i]) + ": " + error.what());
             }
         }
     }

@@ -63,23 +63,23 @@ TEST(Campaign, RunsFollowFromTheirDraws)
 TEST(Campaign, NeitherThreadsNorOrderChangeABit)
 {
     Nominal nominal;
-    const CampaignResult one = fly(nominal.sim, nominal.plan, 1);
+    const CampaignResult single = fly(nominal.sim, nominal.plan, 1);
     for (unsigned threads : {2u, 5u}) {
         const CampaignResult many = fly(nominal.sim, nominal.plan, threads);
-        EXPECT_EQ(one.draws, many.draws);
-        EXPECT_EQ(one.retained, many.retained);
+        EXPECT_EQ(single.draws, many.draws);
+        EXPECT_EQ(single.retained, many.retained);
     }
     // A part of the campaign is that part.
     CampaignPlan part = nominal.plan;
     part.first = 150;
     part.runs = 3;
     const CampaignResult some = fly(nominal.sim, part, 2);
-    EXPECT_TRUE(std::equal(some.draws.begin(), some.draws.end(), one.draws.begin() + 300));
+    EXPECT_TRUE(std::equal(some.draws.begin(), some.draws.end(), single.draws.begin() + 300));
     // And one run, flown by hand.
     const auto draws = disperse(nominal.sim, nominal.sim, nominal.plan, 151);
-    EXPECT_EQ(draws[0], one.draws[302]);
+    EXPECT_EQ(draws[0], single.draws[302]);
     nominal.sim.run_until(nominal.plan.duration);
-    EXPECT_EQ(interface<Tank>(nominal.tank).out.level.x, one.retained[0][151 * 11 + 10]);
+    EXPECT_EQ(interface<Tank>(nominal.tank).out.level.x, single.retained[0][151 * 11 + 10]);
 }
 
 TEST(Campaign, ARunBeginsWithTheNominalParametersWhateverTheRunBeforeHasSet)
@@ -134,7 +134,7 @@ TEST(Campaign, AFailedRunDoesNotChangeTheOtherRuns)
     EXPECT_LT(failed, 150u);
 }
 
-TEST(Campaign, DrawsWhatWasAskedFor)
+TEST(Campaign, DrawsWhatThePlanNames)
 {
     Nominal nominal;
     auto &distribution = nominal.plan.dispersions[0].distribution;
@@ -310,15 +310,16 @@ TEST(Campaign, ARunFlownInASimulationOfItsOwnIsTheSame)
     const CampaignResult many = fly(nominal.sim, nominal.plan, 2);
     for (std::size_t index : {0u, 17u, 199u}) {
         Nominal fresh;
-        const CampaignResult one = fly_one(fresh.sim, fresh.plan, index);
-        EXPECT_EQ(one.flown, std::vector<std::uint8_t>{1});
-        EXPECT_TRUE(std::equal(one.draws.begin(), one.draws.end(), many.draws.begin() + 2 * static_cast<long>(index)));
-        EXPECT_TRUE(std::equal(one.retained[0].begin(), one.retained[0].end(),
+        const CampaignResult single = fly_one(fresh.sim, fresh.plan, index);
+        EXPECT_EQ(single.flown, std::vector<std::uint8_t>{1});
+        EXPECT_TRUE(
+            std::equal(single.draws.begin(), single.draws.end(), many.draws.begin() + 2 * static_cast<long>(index)));
+        EXPECT_TRUE(std::equal(single.retained[0].begin(), single.retained[0].end(),
                                many.retained[0].begin() + 11 * static_cast<long>(index)));
     }
 }
 
-TEST(Campaign, StopsWhenAskedAndKeepsWhatIsFinished)
+TEST(Campaign, StopsOnRequestAndKeepsWhatIsFinished)
 {
     Nominal nominal;
     nominal.plan.runs = 100'000;

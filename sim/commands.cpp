@@ -138,7 +138,7 @@ void Commands::lay_out_services()
                           telemetry_services,
                           nullptr,
                           nullptr};
-    if (std::any_of(services_.begin(), services_.end(), [](const CommandService *one) { return one->wrap; })) {
+    if (std::any_of(services_.begin(), services_.end(), [](const auto *s) { return s->wrap; })) {
         table_of_services_.unwrap = command_service_unwrap;
         table_of_services_.wrap = command_service_wrap;
     }
@@ -152,13 +152,13 @@ void Commands::begin()
     telemetry_begin(&telemetry_);
     reports_.clear();
     place_ = played_ = 0;
-    told_ = -1;
+    reported_ = -1;
 }
 
 void Commands::forget(Ns t)
 {
-    for (Carrier *one : carriers_) {
-        one->receive(t, [](Unit) {});
+    for (Carrier *carrier : carriers_) {
+        carrier->receive(t, [](Unit) {});
     }
     runs_ = false;
     command_begin(&state_);
@@ -175,11 +175,11 @@ CommandReason Commands::accept(std::span<const std::uint8_t> packet, Ns last)
 
 void Commands::accept_due(Ns t, Ns last)
 {
-    told_ = t; // the reports leave the computer now, though they say the last instant
-    for (Carrier *one : carriers_) {
-        one->receive(t, [&](Unit unit) {
+    reported_ = t; // the reports leave the computer now, though they bear the time of the last instant
+    for (Carrier *carrier : carriers_) {
+        carrier->receive(t, [&](Unit unit) {
             if (!table_of_services_.unwrap) {
-                process_.heard.put(t - 1, unit);
+                process_.received.put(t - 1, unit);
             }
             accept(unit, last);
         });
@@ -207,8 +207,8 @@ Ns Commands::next(Ns now) const
         const Ns due = services_[i]->next ? services_[i]->next(service_modules_[i]->memory()) : Runtime::never;
         after = due == Runtime::never ? after : std::min(after, due - 1);
     }
-    for (const Carrier *one : carriers_) {
-        const Ns due = one->next_up();
+    for (const Carrier *carrier : carriers_) {
+        const Ns due = carrier->next_up();
         after = due == Runtime::never ? after : std::min(after, due - 1);
     }
     return std::max(after, now);
@@ -283,13 +283,14 @@ bool Commands::run_procedure(Ns t)
         return false;
     }
     for (std::size_t i = 0; i < before.size(); i++) {
-        const Instance &one = *process_.instances()[i];
-        for (const FledgeField &field : fields(one.type())) {
+        const Instance &instance = *process_.instances()[i];
+        for (const FledgeField &field : fields(instance.type())) {
             if (field.group != FLEDGE_PAR &&
-                !std::equal(one.memory() + field.offset, one.memory() + field.offset + field.size,
+                !std::equal(instance.memory() + field.offset, instance.memory() + field.offset + field.size,
                             before[i].data() + field.offset)) {
                 restore();
-                end_procedure(t, true, one.path + "." + field.name + " is no parameter: a procedure cannot set it");
+                end_procedure(t, true,
+                              instance.path + "." + field.name + " is no parameter: a procedure cannot set it");
                 return false;
             }
         }
@@ -362,12 +363,12 @@ bool Commands::used() const
 
 // --- telemetry -------------------------------------------------------------------------------------
 
-void Commands::tell(Ns t)
+void Commands::send_telemetry(Ns t)
 {
     for (std::size_t i = 0; i < outputs_.size(); i++) { // of one that is off, only whether it was written counts
         std::memcpy(image_.data() + outputs_[i].offset, live_[i], rates_[2 + i].on ? outputs_[i].size : sizeof(Head));
     }
-    told_ = t;
+    reported_ = t;
     telemetry_send(&telemetry_, image_.data(), t, &state_, keep, this);
     if (table_.services) {
         const CommandContext context{&state_, &table_, this, t, 0};
@@ -377,8 +378,8 @@ void Commands::tell(Ns t)
         }
     }
     for (; played() <= t; played_++) {
-        const Packet &one = (*process_.played_telemetry())[played_];
-        send(one.t, one.bytes);
+        const Packet &packet = (*process_.played_telemetry())[played_];
+        send(packet.t, packet.bytes);
     }
 }
 
@@ -389,17 +390,17 @@ void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)
         return;
     }
     if (me.table_of_services_.wrap) {
-        me.process_.telemetry.put(me.told_, {packet, n});
+        me.process_.telemetry.put(me.reported_, {packet, n});
         me.wrap(packet, n);
     } else {
-        me.send(me.told_, {packet, n});
+        me.send(me.reported_, {packet, n});
     }
 }
 
 void Commands::send(Ns t, Unit unit)
 {
-    for (Carrier *one : carriers_) {
-        one->send_down(t, unit);
+    for (Carrier *carrier : carriers_) {
+        carrier->send_down(t, unit);
     }
     process_.units.put(t, unit);
     if (!table_of_services_.wrap) {
@@ -409,13 +410,13 @@ void Commands::send(Ns t, Unit unit)
 
 void Commands::wrap(const std::uint8_t *packet, std::uint32_t n)
 {
-    const CommandContext context{&state_, &table_, this, told_, 0};
+    const CommandContext context{&state_, &table_, this, reported_, 0};
     table_of_services_.keys = process_.keys.get();
     table_of_services_.wrap(
         &context, packet, n,
         [](void *self, const std::uint8_t *unit, std::uint32_t size) {
             auto &me = *static_cast<Commands *>(self);
-            me.send(me.told_, {unit, size});
+            me.send(me.reported_, {unit, size});
         },
         this);
 }
@@ -435,7 +436,7 @@ void Commands::report(void *self, const CommandReport *report, const std::uint8_
     if (report->executed <= COMMAND_DONE) {
         me.process_.executive().command(*report);
     }
-    me.told_ = std::max(me.told_, report->t);
+    me.reported_ = std::max(me.reported_, report->t);
     telemetry_report(&me.telemetry_, report, data, keep, self);
 }
 

@@ -38,7 +38,7 @@ public:
     /// Whether telemetry is on that counts flight's instants, of all of its tasks.
     bool counts_instants() const { return rates_[0].on != 0; }
     /// At the end of flight's instant t: send the telemetry that is due.
-    void tell(Ns t);
+    void send_telemetry(Ns t);
 
     /// Whether a snapshot must have its state.
     bool used() const;
@@ -96,7 +96,7 @@ private:
     std::vector<std::byte> image_; ///< a mission's memory for telemetry: the address of this object, then the outputs
     std::vector<std::uint8_t> packet_;
     TelemetryTable telemetry_{};
-    Ns told_ = -1;                       ///< the instant that telemetry is about
+    Ns reported_ = -1;                   ///< the instant that telemetry is about
     std::size_t place_ = 0, played_ = 0; ///< in the script, and in the packets of a target that flew
 };
 

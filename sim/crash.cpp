@@ -64,8 +64,8 @@ void Watch::begin()
 /// Never destroyed: threads may end after the statics of the program.
 Watch &watch()
 {
-    static Watch &one = *new Watch;
-    return one;
+    static Watch &instance = *new Watch;
+    return instance;
 }
 
 struct Thread {
@@ -242,8 +242,8 @@ void handle(int signal, siginfo_t *about, void *)
 {
     const int error = errno;
     if (own && (signal != SIGXCPU || own->late)) {
-        static std::atomic_flag told;
-        if (!told.test_and_set()) {
+        static std::atomic_flag reported;
+        if (!reported.test_and_set()) {
             report(signal, *about);
         } else { // of another thread, which ends the program
             const timespec while_it_does{2, 0};
@@ -354,14 +354,14 @@ Runs::~Runs()
     now_.of_campaign.store(of_campaign_, relaxed);
 }
 
-void report_crashes(const std::string &given, const std::string &one)
+void report_crashes(const std::string &given, const std::string &of_run)
 {
     if (sanitized()) {
         return;
     }
     const auto keep = [](const std::string &text, auto &to) { to[text.copy(to.data(), to.size() - 1)] = '\0'; };
     keep(given, command);
-    keep(one, command_of_one);
+    keep(of_run, command_of_one);
     terminal = isatty(STDERR_FILENO);
     for (const int signal : crashes) {
         install(signal);

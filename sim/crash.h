@@ -42,11 +42,11 @@ private:
     std::int64_t of_campaign_;
 };
 
-/// From now on, a signal that ends the program while a thread runs a simulation first says on stderr what runs, and
-/// `command`, which shows the place in a debugger; `one` begins that for a run of a campaign, whose index follows.
+/// From now on, a signal that ends the program while a thread runs a simulation first reports on stderr what runs, and
+/// `command`, which shows the place in a debugger; `of_run` begins that for a run of a campaign, whose index follows.
 /// What handled the signal before does so after that. Under the sanitizers, which report crashes themselves, nothing
 /// changes.
-void report_crashes(const std::string &command, const std::string &one);
+void report_crashes(const std::string &command, const std::string &of_run);
 
 /// An update that takes longer than this [ns of wall time] ends the program, with the same words; 0: none does.
 void limit_updates(Ns limit);

@@ -78,8 +78,8 @@ public:
     {
         if (!all_.empty()) {
             std::string text;
-            for (const Problem &one : all_) {
-                text += (text.empty() ? "" : "\n") + one.text;
+            for (const Problem &problem : all_) {
+                text += (text.empty() ? "" : "\n") + problem.text;
             }
             throw SetupError(text);
         }

@@ -59,7 +59,7 @@ void Executive::begin(const std::string &process)
 
 std::span<std::byte> Executive::memory() const
 {
-    return instance_ ? std::span{instance_->memory(), sizeof(Said)} : std::span<std::byte>{};
+    return instance_ ? std::span{instance_->memory(), sizeof(Written)} : std::span<std::byte>{};
 }
 
 void Executive::forget()
@@ -72,12 +72,12 @@ template <class Write> void Executive::write(std::shared_ptr<Log> &log, std::siz
     if (instance_) {
         // By its own type: of another extension's copy of this file, the type above is empty.
         log = log ? log : recorder_.follow(instance_, instance_->type().fields[output]);
-        write(*reinterpret_cast<Said *>(instance_->memory()));
+        write(*reinterpret_cast<Written *>(instance_->memory()));
         recorder_.written(*log, std::max<Ns>(t, 0));
     }
 }
 
-template <class Write> void Executive::say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write)
+template <class Write> void Executive::publish(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write)
 {
     if (!plays()) {
         this->write(log, output, t, write);
@@ -90,19 +90,19 @@ void Executive::play(std::shared_ptr<const Messages> modes, std::shared_ptr<cons
     played_happenings_ = std::move(happenings);
 }
 
-void Executive::say_played(Ns after, Ns t, const Heard &mode, const Heard &event)
+void Executive::publish_played(Ns after, Ns t, const Call &mode, const Call &event)
 {
     const auto each = [&](const Messages &played, std::shared_ptr<Log> &log, std::size_t output, auto member,
-                          const auto &heard) {
+                          const auto &call) {
         for (std::size_t i = played.until(after), end = played.until(t); i < end; i++) {
-            write(log, output, played.times[i], [&](Said &said) {
-                std::memcpy(&(said.*member), played.message(i), sizeof(said.*member));
-                heard(played.times[i], said.*member);
+            write(log, output, played.times[i], [&](Written &written) {
+                std::memcpy(&(written.*member), played.message(i), sizeof(written.*member));
+                call(played.times[i], written.*member);
             });
         }
     };
-    each(*played_modes_, modes_, 0, &Said::mode, [&](Ns at, const ProcessMode &m) { mode(at, m.index); });
-    each(*played_happenings_, happenings_, 1, &Said::activity, [&](Ns at, const Activity &a) {
+    each(*played_modes_, modes_, 0, &Written::mode, [&](Ns at, const ProcessMode &m) { mode(at, m.index); });
+    each(*played_happenings_, happenings_, 1, &Written::activity, [&](Ns at, const Activity &a) {
         if (a.kind == ACTIVITY_EVENT) {
             event(at, a.index);
         }
@@ -115,26 +115,26 @@ void Executive::mode(Ns t, int index, const std::string &name)
     if (!instance_) {
         return;
     }
-    if (activity_mode_began(&reinterpret_cast<const Said *>(instance_->memory())->mode, number)) {
-        say(modes_, 0, t, [&](Said &m) { activity_mode(&m.mode, t, number, name.c_str()); });
+    if (activity_mode_began(&reinterpret_cast<const Written *>(instance_->memory())->mode, number)) {
+        publish(modes_, 0, t, [&](Written &m) { activity_mode(&m.mode, t, number, name.c_str()); });
     }
 }
 
 void Executive::event(Ns t, std::size_t index, const std::string &name, const std::string &cause, bool refused)
 {
-    say(happenings_, 1, t, [&](Said &m) {
+    publish(happenings_, 1, t, [&](Written &m) {
         activity_event(&m.activity, t, static_cast<std::uint32_t>(index), name.c_str(), cause.c_str(), refused);
     });
 }
 
 void Executive::command(const CommandReport &report)
 {
-    say(happenings_, 1, report.t, [&](Said &m) { activity_command(&m.activity, &report); });
+    publish(happenings_, 1, report.t, [&](Written &m) { activity_command(&m.activity, &report); });
 }
 
 void Executive::reset(Ns t, std::uint32_t count)
 {
-    say(happenings_, 1, t, [&](Said &m) { activity_reset(&m.activity, t, count); });
+    publish(happenings_, 1, t, [&](Written &m) { activity_reset(&m.activity, t, count); });
 }
 
 } // namespace fledge::sim

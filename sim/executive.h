@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the executive of a process says of itself, as messages (flight/command/activity.h): its mode, and what happened.
+// The reports of the executive of a process, as messages (flight/command/activity.h): its mode, and what happened.
 #pragma once
 
 #include "flight/command/activity.h"
@@ -33,14 +33,14 @@ public:
     void command(const CommandReport &report);
     void reset(Ns t, std::uint32_t count);
 
-    /// From now on it says these, what a process that flew elsewhere said there, and nothing else.
+    /// From now on it publishes the messages of a process that flew elsewhere, and no others.
     void play(std::shared_ptr<const Messages> modes, std::shared_ptr<const Messages> happenings);
     void play_as(const Executive &other) { play(other.played_modes_, other.played_happenings_); }
     bool plays() const { return played_modes_ != nullptr; }
-    /// Say those that are later than `after` and not later than t, and call with the time and the index of each mode
-    /// that began, and of each event that fired.
-    using Heard = std::function<void(Ns, std::uint32_t)>;
-    void say_played(Ns after, Ns t, const Heard &mode, const Heard &event);
+    /// Publish those that are later than `after` and not later than t, and call with the time and the index of each
+    /// mode that began, and of each event that fired.
+    using Call = std::function<void(Ns, std::uint32_t)>;
+    void publish_played(Ns after, Ns t, const Call &mode, const Call &event);
 
     /// The messages that were written last, which a snapshot has; forget() them.
     std::span<std::byte> memory() const;
@@ -49,12 +49,12 @@ public:
     const std::shared_ptr<Instance> &instance() const { return instance_; } ///< or null
 
 private:
-    struct Said {
+    struct Written {
         ProcessMode mode;
         Activity activity;
     };
     template <class Write> void write(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write);
-    template <class Write> void say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write);
+    template <class Write> void publish(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write);
 
     Recorder &recorder_;
     std::shared_ptr<Instance> instance_;

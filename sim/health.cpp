@@ -119,13 +119,13 @@ std::vector<Finding> structural_findings(const Structure &structure)
         std::set<std::pair<const Task *, std::size_t>> seen;
         std::vector<std::pair<const Task *, std::size_t>> next{{from.task, from.order}};
         while (!next.empty()) {
-            const auto one = next.back();
+            const auto node = next.back();
             next.pop_back();
-            if (one == std::pair{to.task, to.order}) {
+            if (node == std::pair{to.task, to.order}) {
                 return true;
             }
-            if (seen.insert(one).second) {
-                next.insert(next.end(), readers[one].begin(), readers[one].end());
+            if (seen.insert(node).second) {
+                next.insert(next.end(), readers[node].begin(), readers[node].end());
             }
         }
         return false;
@@ -151,8 +151,8 @@ std::vector<Finding> structural_findings(const Structure &structure)
                           : "task " + to->process->name + "." + to->task->name + " runs before " + from->process->name +
                                 "." + from->task->name + "; declare that one first, or give it a higher priority")});
         }
-        const Ns one = from->task->period, other = to->task->period;
-        if (one % other && other % one && uneven.insert(std::minmax(from->task, to->task)).second) {
+        const Ns first = from->task->period, second = to->task->period;
+        if (first % second && second % first && uneven.insert(std::minmax(from->task, to->task)).second) {
             found.push_back({Finding::Kind::uneven, wire.to.path(), -1, 0,
                              wire.to.path() + " of task " + every(*to) + " reads " + wire.from.path() + " of task " +
                                  every(*from) +

@@ -144,12 +144,12 @@ private:
     /// 1 to it carries into the sign.
     bool all_finite(const Watched &task) const
     {
-        constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, one = 0x0010'0000'0000'0000u;
+        constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, lowest = 0x0010'0000'0000'0000u;
         std::uint64_t carry = 0;
         for (std::uint32_t i = task.first_double; i < task.last_double; i++) {
             std::uint64_t bits;
             __builtin_memcpy(&bits, doubles_[i], sizeof bits);
-            carry |= (bits & exponent) + one;
+            carry |= (bits & exponent) + lowest;
         }
         return !(carry >> 63);
     }

@@ -100,8 +100,8 @@ struct Pair {
     std::vector<std::string> texts() const
     {
         std::vector<std::string> all;
-        for (const Finding &one : sim.health()) {
-            all.push_back(std::string(kind_name(one.kind)) + ": " + one.text);
+        for (const Finding &finding : sim.health()) {
+            all.push_back(std::string(kind_name(finding.kind)) + ": " + finding.text);
         }
         return all;
     }
@@ -293,7 +293,7 @@ TEST(Health, AnOrderIsReportedOnlyIfAnotherOneWouldNotBeLate)
 
 TEST(Health, PeriodsThatDoNotDivideAreReportedOnce)
 {
-    const auto count = [](Ns one, Ns other) {
+    const auto count = [](Ns first, Ns second) {
         Simulation sim;
         Process &world = sim.add_process("world"), &flight = sim.add_process("flight");
         const auto source = add(world, "source", source_type);
@@ -301,8 +301,8 @@ TEST(Health, PeriodsThatDoNotDivideAreReportedOnce)
         interface<Source>(source).par.value = 1.0;
         sim.connect(port(source, "number"), port(a, "number"));
         sim.connect(port(source, "number"), port(b, "number"), {1, 0});
-        world.add_task({"dynamics", one, 0, 0, {source}});
-        flight.add_task({"gnc", other, 0, 0, {a, b}});
+        world.add_task({"dynamics", first, 0, 0, {source}});
+        flight.add_task({"gnc", second, 0, 0, {a, b}});
         return sim.health().size();
     };
     EXPECT_EQ(count(100 * ms, 500 * ms), 0u);

@@ -166,7 +166,7 @@ TEST(Dop853, EmbeddedMethodsAreOfOrders5And3)
 
 using Function = std::function<void(double t, const double *x, double *dx)>;
 
-/// A system from a lambda, with a count of what it is asked.
+/// A system from a lambda, with a count of its calls.
 struct Problem final : System {
     Function f;
     int evaluations = 0;

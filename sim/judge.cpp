@@ -76,12 +76,12 @@ int Judge::add(Source source)
 
 int Judge::constant(std::span<const double> numbers)
 {
-    Expression one;
-    one.operation = CONSTANT;
-    one.elements = numbers.size();
-    one.at = numbers_.size();
+    Expression added;
+    added.operation = CONSTANT;
+    added.elements = numbers.size();
+    added.at = numbers_.size();
     numbers_.insert(numbers_.end(), numbers.begin(), numbers.end());
-    expressions_.push_back(one);
+    expressions_.push_back(added);
     return static_cast<int>(expressions_.size()) - 1;
 }
 
@@ -92,38 +92,38 @@ int Judge::expression(Operation operation, int a, int b, double number)
             throw std::invalid_argument("the operands of an expression do not fit");
         }
     };
-    Expression one;
-    one.operation = operation;
-    one.number = number;
+    Expression added;
+    added.operation = operation;
+    added.number = number;
     if (operation == SOURCE) {
         fits(a >= 0 && static_cast<std::size_t>(a) < sources_.size());
-        one.elements = sources_[static_cast<std::size_t>(a)].elements;
-        one.at = sources_[static_cast<std::size_t>(a)].at;
-        expressions_.push_back(one);
+        added.elements = sources_[static_cast<std::size_t>(a)].elements;
+        added.at = sources_[static_cast<std::size_t>(a)].at;
+        expressions_.push_back(added);
         return static_cast<int>(expressions_.size()) - 1;
     }
     fits(operation != CONSTANT && a >= 0 && static_cast<std::size_t>(a) < expressions_.size());
     const Expression &first = expressions_[static_cast<std::size_t>(a)];
     const std::size_t elements = first.elements;
-    one.a = first.at;
+    added.a = first.at;
     if (operation == ELEMENT) {
         fits(b >= 0 && static_cast<std::size_t>(b) < elements);
-        one.b = static_cast<std::size_t>(b);
+        added.b = static_cast<std::size_t>(b);
     } else if (operation == SUM || operation == DIFFERENCE || operation == ANGLE || operation == TURNED) {
         fits(b >= 0 && static_cast<std::size_t>(b) < expressions_.size());
         const Expression &second = expressions_[static_cast<std::size_t>(b)];
         fits(second.elements == elements && (operation == SUM || operation == DIFFERENCE || elements == 3));
-        one.b = second.at;
+        added.b = second.at;
     }
     const bool each = operation == MAGNITUDE || operation == SUM || operation == DIFFERENCE || operation == SCALED ||
                       operation == TURNED;
     if (operation == NORM || operation == MAX_ABS) {
-        one.b = elements; // so many are read, and one is written
+        added.b = elements; // so many are read, and one is written
     }
-    one.elements = each ? elements : 1;
-    one.at = numbers_.size();
-    numbers_.resize(numbers_.size() + one.elements, unknown);
-    expressions_.push_back(one);
+    added.elements = each ? elements : 1;
+    added.at = numbers_.size();
+    numbers_.resize(numbers_.size() + added.elements, unknown);
+    expressions_.push_back(added);
     return static_cast<int>(expressions_.size()) - 1;
 }
 
@@ -173,17 +173,17 @@ void Judge::read(Source &source)
     }
 }
 
-void Judge::compute(const Expression &one)
+void Judge::compute(const Expression &expression)
 {
-    const double *a = numbers_.data() + one.a, *b = numbers_.data() + one.b;
-    double *to = numbers_.data() + one.at;
-    switch (one.operation) {
+    const double *a = numbers_.data() + expression.a, *b = numbers_.data() + expression.b;
+    double *to = numbers_.data() + expression.at;
+    switch (expression.operation) {
     case SOURCE:
     case CONSTANT: break;
-    case ELEMENT: *to = a[one.b]; break;
+    case ELEMENT: *to = a[expression.b]; break;
     case NORM: {
         double sum = 0.0;
-        for (std::size_t i = 0; i < one.b; i++) {
+        for (std::size_t i = 0; i < expression.b; i++) {
             sum += a[i] * a[i];
         }
         *to = std::sqrt(sum);
@@ -191,30 +191,30 @@ void Judge::compute(const Expression &one)
     }
     case MAX_ABS: {
         double most = 0.0;
-        for (std::size_t i = 0; i < one.b; i++) {
+        for (std::size_t i = 0; i < expression.b; i++) {
             most = std::isnan(a[i]) || std::fabs(a[i]) > most ? std::fabs(a[i]) : most;
         }
         *to = most;
         break;
     }
     case MAGNITUDE:
-        for (std::size_t i = 0; i < one.elements; i++) {
+        for (std::size_t i = 0; i < expression.elements; i++) {
             to[i] = std::fabs(a[i]);
         }
         break;
     case SUM:
-        for (std::size_t i = 0; i < one.elements; i++) {
+        for (std::size_t i = 0; i < expression.elements; i++) {
             to[i] = a[i] + b[i];
         }
         break;
     case DIFFERENCE:
-        for (std::size_t i = 0; i < one.elements; i++) {
+        for (std::size_t i = 0; i < expression.elements; i++) {
             to[i] = a[i] - b[i];
         }
         break;
     case SCALED:
-        for (std::size_t i = 0; i < one.elements; i++) {
-            to[i] = one.number * a[i];
+        for (std::size_t i = 0; i < expression.elements; i++) {
+            to[i] = expression.number * a[i];
         }
         break;
     case ANGLE: {
@@ -237,8 +237,8 @@ void Judge::compute(const Expression &one)
 
 void Judge::judge(Ns t)
 {
-    for (const Expression &one : expressions_) {
-        compute(one);
+    for (const Expression &expression : expressions_) {
+        compute(expression);
     }
     for (std::size_t i = 0; i < atoms_.size(); i++) {
         const Atom &atom = atoms_[i];

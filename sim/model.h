@@ -27,7 +27,7 @@ struct Setup {
 
 class Model;
 
-/// A state of the differential equations of a model, for who looks at it from outside.
+/// A state of the differential equations of a model, for readers from outside.
 struct DifferentialState {
     const Model *of;  ///< whose it is: the model's or one of its parts'
     std::string name; ///< "omega_BN_B[1]"

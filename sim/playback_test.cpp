@@ -47,20 +47,22 @@ TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
                 }),
                 HasSubstr("flight.scale.product: expected a message of 24 bytes for each time"));
     flight.play(*scale, {output, messages({0, 1000 * ms}, {2.0, -3.0}), false, {}});
-    const auto level = [](Simulation &one) { return interface<Tank>(one.process("world").find("tank")).out.level.x; };
-    for (Simulation *one : {&sim, sim.clone().release()}) {
-        one->run_until(1000 * ms);
-        EXPECT_NEAR(level(*one), 8.0 + 2.0, 1e-12);
-        Scale &played = interface<Scale>(one->process("flight").find("scale"));
-        EXPECT_EQ(played.in.number.x, level(*one)); // what flows in is the world's; the initial mode runs no task
+    const auto level = [](Simulation &flown) {
+        return interface<Tank>(flown.process("world").find("tank")).out.level.x;
+    };
+    for (Simulation *flown : {&sim, sim.clone().release()}) {
+        flown->run_until(1000 * ms);
+        EXPECT_NEAR(level(*flown), 8.0 + 2.0, 1e-12);
+        Scale &played = interface<Scale>(flown->process("flight").find("scale"));
+        EXPECT_EQ(played.in.number.x, level(*flown)); // what flows in is the world's; the initial mode runs no task
         EXPECT_EQ(played.mem.updates, 0);
         played.par.gain = 7.0;
-        one->process("flight").enter("control");
-        one->run_until(2000 * ms);
-        EXPECT_EQ(one->process("flight").mode(), "control");
-        EXPECT_NEAR(level(*one), 8.0 + 2.0 - 3.0, 1e-12);
-        if (one != &sim) {
-            delete one;
+        flown->process("flight").enter("control");
+        flown->run_until(2000 * ms);
+        EXPECT_EQ(flown->process("flight").mode(), "control");
+        EXPECT_NEAR(level(*flown), 8.0 + 2.0 - 3.0, 1e-12);
+        if (flown != &sim) {
+            delete flown;
         }
     }
     EXPECT_THAT(error_of([&] {

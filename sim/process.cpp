@@ -181,9 +181,10 @@ void Process::start_in(const std::string &mode)
 
 bool Process::may_enter(int mode) const
 {
-    const Mode &one = modes_[static_cast<std::size_t>(mode)];
-    return (one.after.empty() || std::find(one.after.begin(), one.after.end(), this->mode()) != one.after.end()) &&
-           (!one.when || one.when->holds());
+    const Mode &target = modes_[static_cast<std::size_t>(mode)];
+    return (target.after.empty() ||
+            std::find(target.after.begin(), target.after.end(), this->mode()) != target.after.end()) &&
+           (!target.when || target.when->holds());
 }
 
 void Process::enter(const std::string &mode)
@@ -214,7 +215,7 @@ const std::string &Process::mode() const
     return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).mode : initial_);
 }
 
-const std::string &Process::asked() const
+const std::string &Process::requested_mode() const
 {
     const int first = requests.mode < 0 ? initial_ : requests.mode;
     return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).requested : first);
@@ -225,8 +226,8 @@ int Process::arming(const Event &event) const
     if (owner_->runtime_) {
         return owner_->runtime_->of(*this, event).state.armed;
     }
-    const auto asked = requests.armed.find(index_of(event));
-    return asked == requests.armed.end() ? event.armed : asked->second;
+    const auto entry = requests.armed.find(index_of(event));
+    return entry == requests.armed.end() ? event.armed : entry->second;
 }
 
 bool Process::armed(const Event &event) const
@@ -236,7 +237,7 @@ bool Process::armed(const Event &event) const
 
 std::size_t Process::index_of(const Event &event) const
 {
-    const auto it = std::find_if(events_.begin(), events_.end(), [&](const auto &one) { return one.get() == &event; });
+    const auto it = std::find_if(events_.begin(), events_.end(), [&](const auto &own) { return own.get() == &event; });
     return static_cast<std::size_t>(it - events_.begin());
 }
 
@@ -270,7 +271,7 @@ void Process::play(const Instance &instance, Played output)
 {
     const FledgeField &field = *output.output;
     const std::string path = instance.path + "." + field.name;
-    const auto own = [&](const auto &one) { return one.get() == &instance; };
+    const auto own = [&](const auto &own_instance) { return own_instance.get() == &instance; };
     if (std::none_of(instances_.begin(), instances_.end(), own)) {
         throw SetupError(path + " is not of the process " + name);
     }
@@ -307,9 +308,9 @@ void Process::play_executive(std::shared_ptr<const Messages> modes, std::shared_
 void Process::stand_in(Instance::Maker maker)
 {
     owner_->set_up_again();
-    for (const auto &one : instances_) {
-        one->maker = maker;
-        playback_[one.get()].memory = one->memory();
+    for (const auto &instance : instances_) {
+        instance->maker = maker;
+        playback_[instance.get()].memory = instance->memory();
     }
 }
 
@@ -384,9 +385,9 @@ void Process::play_telemetry(std::vector<Packet> packets)
 Carrier &Process::carrier(const Instance &model)
 {
     owner_->prepare();
-    for (Carrier *one : owner_->structure_.carriers(*this)) {
-        if (dynamic_cast<Model *>(one) == model.model()) {
-            return *one;
+    for (Carrier *carrier : owner_->structure_.carriers(*this)) {
+        if (dynamic_cast<Model *>(carrier) == model.model()) {
+            return *carrier;
         }
     }
     throw SetupError(model.path + " carries no packets of " + name + ": give a model that serves it");

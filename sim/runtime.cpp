@@ -233,7 +233,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
 void Runtime::play(RunProcess &process, Ns t)
 {
     process.requested = process.mode;
-    process.process->executive().say_played(
+    process.process->executive().publish_played(
         now, t,
         [&](Ns at, std::uint32_t mode) {
             process.mode = process.requested = static_cast<std::int32_t>(mode);
@@ -278,7 +278,7 @@ inline void Runtime::end_turn(RunProcess *process, bool down, Ns t)
         see_parameters(*process);
     }
     if (process && process->commands && !down && last_tick(*process->process, t) == t) {
-        process->commands->tell(t);
+        process->commands->send_telemetry(t);
     }
 }
 
@@ -350,7 +350,7 @@ void Runtime::publish_mode(RunProcess &process, Ns t)
     process.process->executive().mode(t, process.mode, process.process->modes()[mode].name);
 }
 
-/// At the end of an instant: processes that began, or whose mode changed, say in which they are.
+/// At the end of an instant: processes that began, or whose mode changed, publish their mode.
 void Runtime::publish_modes(Ns t)
 {
     modes_begin_ = false;

@@ -86,8 +86,8 @@ public:
     Ns time() const { return std::max(now, reached); } ///< see Simulation::time()
     Ns shortest_period() const;
 
-    /// The check before a run until t: takes over the changed parameters, and asks the models whether they
-    /// can go so far. Throws SetupError with all that cannot, RunError if the run has failed.
+    /// The check before a run until t: takes over the changed parameters, and checks that the models can
+    /// go so far. Throws SetupError with all that cannot, RunError if the run has failed.
     void ready_for(Ns t, bool same_parameters = false);
     bool parameters_changed() const;
 

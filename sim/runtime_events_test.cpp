@@ -138,7 +138,7 @@ TEST(Modes, TakeEffectAtTheNextInstantAndResetWhatBecomesActive)
 
 TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
 {
-    // The instants of the world are none of flight's. Who runs before it sees its reset only afterwards.
+    // The instants of the world are none of flight's. A task that runs before it sees its reset only afterwards.
     Simulation sim;
     Process &world = sim.add_process("world");
     Process &flight = sim.add_process("flight");

@@ -88,8 +88,8 @@ void Runtime::visit_process(RunProcess &process, const std::function<void(void *
     for (Tally &tally : process.entered) {
         value(tally);
     }
-    if (const auto said = process.process->executive().memory(); !said.empty()) {
-        block(said.data(), said.size());
+    if (const auto messages = process.process->executive().memory(); !messages.empty()) {
+        block(messages.data(), messages.size());
     }
     if (process.reset) {
         value(process.resets);

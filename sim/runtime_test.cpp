@@ -223,7 +223,7 @@ TEST(Loop, DoesNotAllocate)
     std::remove(path.c_str());
 }
 
-TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
+TEST(Pace, FollowsTheWallClockAndStopsOnRequest)
 {
     Loop loop;
     loop.sim.run_until(0);
@@ -233,14 +233,14 @@ TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
     EXPECT_EQ(loop.sim.pace_report().instants, 20u);
     int polls = 0;
     const auto poll = [&](Ns) { return ++polls < 3; };
-    EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1.0, .poll = poll})) << "asked to stop";
+    EXPECT_FALSE(loop.sim.run_until(3600'000 * ms, {.pace = 1.0, .poll = poll})) << "requested to stop";
     const Ns there = loop.sim.now();
     EXPECT_LT(there, 3600'000 * ms);
     EXPECT_TRUE(loop.sim.run_until(there + 1000 * ms)) << "and can go on";
     const auto refuse = [](Ns) { return false; };
     EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.pace = 1e12, .poll = refuse}))
-        << "asked to stop, while it is late";
-    EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.poll = refuse})) << "asked to stop, without a pace";
+        << "requested to stop, while it is late";
+    EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.poll = refuse})) << "requested to stop, without a pace";
 }
 
 } // namespace runtime_test

@@ -146,13 +146,14 @@ void Simulation::set_seed(std::uint64_t seed)
 
 // ---- run
 
-/// What a model depends on: its parts, and the models that it asks.
+/// What a model depends on: its parts, and the models that it calls.
 static std::vector<const Model *> needed_by(const Instance &instance)
 {
     std::vector<const Model *> found;
-    instance.clone()->model()->copy_setup(*instance.model(), [&](const Model *one) { // a copy asks for each of them
-        found.push_back(one);
-        return const_cast<Model *>(one);
+    // A copy calls this for each of them.
+    instance.clone()->model()->copy_setup(*instance.model(), [&](const Model *needed) {
+        found.push_back(needed);
+        return const_cast<Model *>(needed);
     });
     return found;
 }
@@ -165,8 +166,8 @@ std::vector<Problem> Simulation::problems()
     Faults faults;
     const std::set<const Instance *> bad = check(structure_, decide_roles(structure_), faults);
     std::set<const Model *> bad_models;
-    for (const Instance *one : bad) {
-        bad_models.insert(one->model());
+    for (const Instance *instance : bad) {
+        bad_models.insert(instance->model());
     }
     for (const auto &process : processes()) {
         for (const auto &instance : process->instances()) {
@@ -175,7 +176,7 @@ std::vector<Problem> Simulation::problems()
                 continue;
             }
             // A model computes with the parameters of those that it needs, within their rules.
-            const auto is_bad = [&](const Model *one) { return bad_models.contains(one); };
+            const auto is_bad = [&](const Model *needed) { return bad_models.contains(needed); };
             if (!bad.empty() && std::ranges::any_of(needed_by(*instance), is_bad)) {
                 continue;
             }

@@ -17,20 +17,20 @@ TEST(Process, RefusesWhatCannotBeATask)
 {
     Loop loop;
     Process &world = loop.sim.process("world");
-    const auto one = make(world, "one", source_type), two = make(world, "two", source_type);
+    const auto first = make(world, "one", source_type), second = make(world, "two", source_type);
     const auto refused = [&](const Task &task, const std::string &why) {
         EXPECT_EQ(error_of([&] { world.add_task(task); }), "task world." + task.name + why);
     };
-    refused({"a", 0, 0, 0, {one}}, ": its period must be > 0, found 0 s");
-    refused({"a", -1, 0, 0, {one}}, ": its period must be > 0, found -0.000000001 s");
-    refused({"a", 1, -1, 0, {one}}, ": its offset must be >= 0, found -0.000000001 s");
+    refused({"a", 0, 0, 0, {first}}, ": its period must be > 0, found 0 s");
+    refused({"a", -1, 0, 0, {first}}, ": its period must be > 0, found -0.000000001 s");
+    refused({"a", 1, -1, 0, {first}}, ": its offset must be >= 0, found -0.000000001 s");
     refused({"a", 1, 0, 0, {}}, " runs nothing");
-    refused({"a", 1, 0, 0, {one, two, one}}, " runs world.one, which is already in task world.a");
-    refused({"a", 1, 0, 0, {one, loop.tank}}, " runs world.tank, which is already in task world.dynamics");
+    refused({"a", 1, 0, 0, {first, second, first}}, " runs world.one, which is already in task world.a");
+    refused({"a", 1, 0, 0, {first, loop.tank}}, " runs world.tank, which is already in task world.dynamics");
     refused({"a", 1, 0, 0, {loop.control}}, " runs flight.control, which is not in the process world; it has tank, "
                                             "one and two");
-    EXPECT_EQ(error_of([&] { world.add_task({"a", 1, 0, 0, {one, two}}); }), "");
-    refused({"a", 1, 0, 0, {one}}, " is already there");
+    EXPECT_EQ(error_of([&] { world.add_task({"a", 1, 0, 0, {first, second}}); }), "");
+    refused({"a", 1, 0, 0, {first}}, " is already there");
 }
 
 TEST(Process, NamesWhatItHasNot)

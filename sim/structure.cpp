@@ -22,17 +22,17 @@ void Port::set_fed(bool fed) const
 std::string Mode::guard() const
 {
     std::string text;
-    for (const std::string &one : after) {
-        text += (text.empty() ? "after " : " or ") + one;
+    for (const std::string &mode : after) {
+        text += (text.empty() ? "after " : " or ") + mode;
     }
     return text + (when && !text.empty() ? ", " : "") + (when ? "if " + when->text() : "");
 }
 
 void Event::visit(const std::function<void(std::shared_ptr<Instance> &)> &f)
 {
-    for (std::optional<Condition> *one : {&condition, &until}) {
-        if (*one) {
-            (*one)->visit(f);
+    for (std::optional<Condition> *part : {&condition, &until}) {
+        if (*part) {
+            (*part)->visit(f);
         }
     }
     for (Setting &setting : set) {
@@ -324,18 +324,18 @@ void check_distinct(const Structure &structure, Faults &faults)
             if (other.to.instance != wire.to.instance || std::strcmp(other.to.field->name, distinct)) {
                 continue;
             }
-            const std::byte *one = wire.from.bytes(), *two = other.from.bytes();
+            const std::byte *first = wire.from.bytes(), *second = other.from.bytes();
             const auto written = [](const std::byte *message) {
                 Head head;
                 std::memcpy(&head, message, sizeof head);
                 return head_written(head);
             };
-            const bool same = one == two || (written(one) && written(two) &&
-                                             !std::memcmp(one + sizeof(Head), two + sizeof(Head),
-                                                          wire.to.field->size - sizeof(Head)));
+            const bool same = first == second || (written(first) && written(second) &&
+                                                  !std::memcmp(first + sizeof(Head), second + sizeof(Head),
+                                                               wire.to.field->size - sizeof(Head)));
             if (same) {
                 faults.add(wire.to.path() + " must differ from " + other.to.path() + ": " + wire.from.path() +
-                               (one == two ? " feeds both" : " and " + other.from.path() + " say the same"),
+                               (first == second ? " feeds both" : " and " + other.from.path() + " say the same"),
                            wire.options.at);
             }
         }
@@ -346,11 +346,11 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
                                                                             std::string_view process)
 {
     std::vector<std::pair<std::string, std::string>> found;
-    for (const auto &one : structure.processes) {
+    for (const auto &own : structure.processes) {
         const auto foreign = [&](const auto &is_it) -> const Instance * {
             for (const auto &other : structure.processes) {
                 for (const auto &instance : other->instances()) {
-                    if (other != one && is_it(*instance)) {
+                    if (other != own && is_it(*instance)) {
                         return instance.get();
                     }
                 }
@@ -360,27 +360,27 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
         // The dependency breaks if either of the two processes is removed.
         const auto add = [&](const std::string &what, const Instance *whose) {
             if (whose &&
-                (process.empty() || one->name == process || whose->path.starts_with(std::string(process) + "."))) {
+                (process.empty() || own->name == process || whose->path.starts_with(std::string(process) + "."))) {
                 found.emplace_back(what, whose->path);
             }
         };
-        for (Mode mode : one->modes()) { // a copy, because visit may change what it finds
+        for (Mode mode : own->modes()) { // a copy, because visit may change what it finds
             if (mode.when) {
                 mode.when->visit([&](const std::shared_ptr<Instance> &used) {
-                    add(one->name + "." + mode.name, foreign([&](const Instance &i) { return &i == used.get(); }));
+                    add(own->name + "." + mode.name, foreign([&](const Instance &i) { return &i == used.get(); }));
                 });
             }
         }
-        for (const auto &event : one->events()) {
+        for (const auto &event : own->events()) {
             event->visit([&](const std::shared_ptr<Instance> &used) {
-                add(one->name + "." + event->name, foreign([&](const Instance &i) { return &i == used.get(); }));
+                add(own->name + "." + event->name, foreign([&](const Instance &i) { return &i == used.get(); }));
             });
         }
-        for (const auto &instance : one->instances()) {
+        for (const auto &instance : own->instances()) {
             if (!instance->model()) {
                 continue;
             }
-            // A copy of the model asks for the counterpart of every model that it depends on.
+            // A copy of the model requests the counterpart of every model that it depends on.
             const auto clone = instance->clone();
             clone->model()->copy_setup(*instance->model(), [&](const Model *model) {
                 add(instance->path, foreign([&](const Instance &i) { return i.model() == model; }));

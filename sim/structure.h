@@ -212,7 +212,7 @@ struct CommandReply {
     std::vector<std::uint8_t> data;
 };
 
-/// What was asked of a process before its first instant.
+/// The requests to a process before its first instant.
 struct Requests {
     int mode = -1;                     ///< -1: none
     std::map<std::size_t, bool> armed; ///< by the index of the event
@@ -277,8 +277,8 @@ public:
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;
-    /// The mode that it was last asked to enter, which may be in force.
-    const std::string &asked() const;
+    /// The mode that was requested last, which may be in force.
+    const std::string &requested_mode() const;
     bool armed(const Event &event) const;
     int arming(const Event &event) const; ///< ExecEvent::armed
     void arm(const Event &event, bool armed);
@@ -318,7 +318,7 @@ public:
     /// From now on its packets are these, in the order of time, of a target that flew.
     void play_telemetry(std::vector<Packet> packets);
     const std::optional<std::vector<Packet>> &played_telemetry() const { return played_telemetry_; }
-    Units heard; ///< what carriers brought, each after the time before its instant
+    Units received; ///< what carriers brought, each after the time before its instant
 
 private:
     friend class Simulation;

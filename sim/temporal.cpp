@@ -60,10 +60,10 @@ TemporalMonitor::TemporalMonitor(std::vector<FormulaNode> nodes)
             if (at < 0 || static_cast<std::size_t>(at) >= i || nodes_[static_cast<std::size_t>(at)].parent >= 0) {
                 throw std::invalid_argument("a node of a formula has no operand of its own before it");
             }
-            Node &one = nodes_[static_cast<std::size_t>(at)];
-            one.parent = static_cast<int>(i);
-            one.second = second;
-            node.instant = node.instant && one.instant;
+            Node &child = nodes_[static_cast<std::size_t>(at)];
+            child.parent = static_cast<int>(i);
+            child.second = second;
+            node.instant = node.instant && child.instant;
         };
         if (!leaf(what.kind)) {
             operand(what.a, false);
@@ -320,11 +320,11 @@ void TemporalMonitor::close(Node &node)
         Robustness value = what.kind == FormulaNode::UNTIL ? false_now : true_now;
         std::size_t in = values.size(); // the samples from here on are in the window
         for (std::size_t i = values.size(); i-- > 0;) {
-            const Sample &one = node.samples[i];
+            const Sample &sample = node.samples[i];
             if (what.kind == FormulaNode::UNTIL) {
-                value = greatest(one.other, least(one.value, value));
+                value = greatest(sample.other, least(sample.value, value));
             } else {
-                while (in > 0 && node.samples[in - 1].t >= after(one.t, what.from)) {
+                while (in > 0 && node.samples[in - 1].t >= after(sample.t, what.from)) {
                     value = least(node.samples[--in].value, value);
                 }
             }

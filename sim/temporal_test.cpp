@@ -233,8 +233,8 @@ TEST(TemporalMonitor, HasTheTruthTablesOfThreeValues)
     const Robustness values[] = {Robustness::known(-1), {}, Robustness::known(1)}; // false, unknown, true
     const auto truth = [](const Robustness &x) { return x.low > 0 ? 2 : x.high < 0 ? 0 : 1; };
     for (int a = 0; a < 3; a++) {
-        const Signals one{{0}, {{values[a], values[a]}}, 0};
-        EXPECT_EQ(truth(judged({{Kind::ATOM, 0}, {Kind::NOT, 0}}, one)), 2 - a);
+        const Signals operand{{0}, {{values[a], values[a]}}, 0};
+        EXPECT_EQ(truth(judged({{Kind::ATOM, 0}, {Kind::NOT, 0}}, operand)), 2 - a);
         for (int b = 0; b < 3; b++) {
             const Signals two{{0}, {{values[a], values[b]}}, 0};
             const std::vector<FormulaNode> atoms = {{Kind::ATOM, 0}, {Kind::ATOM, 1}};

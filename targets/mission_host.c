@@ -68,7 +68,7 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
         host->tick(t);
         telemetry_send(host->telemetry, host->mission, t, host->state, send_packet, &link);
         if (host->commands->services != NULL) {
-            host->commands->services->tell(host->telemetry, &context, send_report, send_packet, &link);
+            host->commands->services->telemetry(host->telemetry, &context, send_report, send_packet, &link);
             send_packet(&link, NULL, 0u);
         }
     }

@@ -55,8 +55,8 @@ struct Surroundings {
         light.add_body(body);
         drag_interface.par.Cd = drag_interface.par.area = 1.0;
         solar_interface.par.Cr = solar_interface.par.area = 1.0;
-        drag.ask(air);
-        solar.ask(light);
+        drag.set_source(air);
+        solar.set_source(light);
         const sim::Setup setup{"world.part", 1, f.method.get()};
         for (sim::Model *model : {static_cast<sim::Model *>(&air), static_cast<sim::Model *>(&light),
                                   static_cast<sim::Model *>(&drag), static_cast<sim::Model *>(&solar)}) {

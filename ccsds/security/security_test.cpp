@@ -63,25 +63,27 @@ TEST(AesGcm, has_the_published_vectors)
     Bytes key = from_hex("feffe9928665731c6d6a8f9467308308");
     key.insert(key.end(), key.begin(), key.end());
     const Bytes zeros(32), none;
-    for (const auto &one : vectors) {
+    for (const auto &vector : vectors) {
         AesGcmKey expanded{};
-        ASSERT_TRUE(aes_gcm_expand(&expanded, 3, (one.zeros ? zeros : key).data(), static_cast<std::size_t>(one.key)));
+        ASSERT_TRUE(
+            aes_gcm_expand(&expanded, 3, (vector.zeros ? zeros : key).data(), static_cast<std::size_t>(vector.key)));
         AesGcmKeys keys{&expanded, 1};
         const SdlsCipher cipher = aes_gcm(&keys);
-        Bytes data = one.zeros ? Bytes(one.n) : Bytes(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(one.n));
-        const Bytes plain = data, vector = one.zeros ? Bytes(12) : from_hex("cafebabefacedbaddecaf888");
-        const Bytes &front = one.head ? head : none;
+        Bytes data =
+            vector.zeros ? Bytes(vector.n) : Bytes(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(vector.n));
+        const Bytes plain = data, nonce = vector.zeros ? Bytes(12) : from_hex("cafebabefacedbaddecaf888");
+        const Bytes &front = vector.head ? head : none;
         Bytes tag(16), again(16);
         const SdlsText seal{front.data(), front.size(), data.data(), data.size(), 1, 0};
-        ASSERT_TRUE(cipher.run(cipher.user, 3, vector.data(), &seal, tag.data()));
-        EXPECT_EQ(data, from_hex(one.cipher));
-        EXPECT_EQ(tag, from_hex(one.tag));
+        ASSERT_TRUE(cipher.run(cipher.user, 3, nonce.data(), &seal, tag.data()));
+        EXPECT_EQ(data, from_hex(vector.cipher));
+        EXPECT_EQ(tag, from_hex(vector.tag));
         const SdlsText opened{front.data(), front.size(), data.data(), data.size(), 1, 1};
-        ASSERT_TRUE(cipher.run(cipher.user, 3, vector.data(), &opened, again.data()));
+        ASSERT_TRUE(cipher.run(cipher.user, 3, nonce.data(), &opened, again.data()));
         EXPECT_EQ(data, plain);
         EXPECT_EQ(again, tag);
-        EXPECT_FALSE(cipher.run(cipher.user, 4, vector.data(), &seal, tag.data())); // no such key
-        EXPECT_FALSE(aes_gcm_expand(&expanded, 3, key.data(), static_cast<std::size_t>(one.key) - 1));
+        EXPECT_FALSE(cipher.run(cipher.user, 4, nonce.data(), &seal, tag.data())); // no such key
+        EXPECT_FALSE(aes_gcm_expand(&expanded, 3, key.data(), static_cast<std::size_t>(vector.key) - 1));
     }
 }
 

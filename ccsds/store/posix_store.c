@@ -199,11 +199,11 @@ static int list_directory(void *user, const char *name, CfdpEach each, void *to)
         return directory < 0 ? directory : CFDP_BROKEN;
     }
     int result = 0;
-    for (const struct dirent *one; result >= 0 && (one = readdir(entries)) != NULL;) {
+    for (const struct dirent *entry; result >= 0 && (entry = readdir(entries)) != NULL;) {
         char line[300];
         struct stat of;
-        if (one->d_name[0] != '.' && fstatat(directory, one->d_name, &of, AT_SYMLINK_NOFOLLOW) == 0) {
-            snprintf(line, sizeof line, "%s%s", one->d_name, S_ISDIR(of.st_mode) ? "/" : "");
+        if (entry->d_name[0] != '.' && fstatat(directory, entry->d_name, &of, AT_SYMLINK_NOFOLLOW) == 0) {
+            snprintf(line, sizeof line, "%s%s", entry->d_name, S_ISDIR(of.st_mode) ? "/" : "");
             result = each(to, line);
         }
     }

@@ -13,7 +13,7 @@ extern "C" {
 typedef struct PosixStore {
     int root;       ///< the folder
     uint64_t limit; ///< [bytes] of the largest file; more is CFDP_FULL
-    uint64_t room;  ///< [bytes] that may still be written, as the user last said; none left is CFDP_FULL
+    uint64_t room;  ///< [bytes] that may still be written, as the user last set; none left is CFDP_FULL
 } PosixStore;
 
 /** Open the folder, and fill `store`. Returns 0 with errno if there is no such folder. */

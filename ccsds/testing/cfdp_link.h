@@ -192,38 +192,39 @@ struct End {
     CfdpId put(const std::string &from, const std::string &to, int class1 = 0, const Bytes &options = {},
                std::uint8_t priority = 0, int closure = 0)
     {
-        CfdpPut one{};
-        one.destination = remote.entity;
-        one.from = from.c_str();
-        one.to = to.c_str();
-        one.options = options.data();
-        one.options_n = options.size();
-        one.class1 = static_cast<std::uint8_t>(class1);
-        one.closure = static_cast<std::uint8_t>(closure);
-        one.priority = priority;
+        CfdpPut request{};
+        request.destination = remote.entity;
+        request.from = from.c_str();
+        request.to = to.c_str();
+        request.options = options.data();
+        request.options_n = options.size();
+        request.class1 = static_cast<std::uint8_t>(class1);
+        request.closure = static_cast<std::uint8_t>(closure);
+        request.priority = priority;
         CfdpId id{};
-        EXPECT_EQ(cfdp_put(&cfdp, &one, &id), 0);
+        EXPECT_EQ(cfdp_put(&cfdp, &request, &id), 0);
         return id;
     }
     bool busy() const
     {
-        return cfdp.live.answers_n != 0 || std::any_of(transactions.begin(), transactions.end(),
-                                                       [](const auto &one) { return one.state != CFDP_FREE; });
+        return cfdp.live.answers_n != 0 ||
+               std::any_of(transactions.begin(), transactions.end(),
+                           [](const auto &transaction) { return transaction.state != CFDP_FREE; });
     }
     /// How the last transaction ended; nothing, if none did.
     std::optional<Event> ended() const
     {
-        for (auto one = events.rbegin(); one != events.rend(); one++) {
-            if (one->what == CFDP_EVENT_ENDED || one->what == CFDP_EVENT_ABANDONED) {
-                return *one;
+        for (auto event = events.rbegin(); event != events.rend(); event++) {
+            if (event->what == CFDP_EVENT_ENDED || event->what == CFDP_EVENT_ABANDONED) {
+                return *event;
             }
         }
         return std::nullopt;
     }
     std::ptrdiff_t count(CfdpEventKind what, int condition = -1) const
     {
-        return std::count_if(events.begin(), events.end(), [&](const Event &one) {
-            return one.what == what && (condition < 0 || one.condition == condition);
+        return std::count_if(events.begin(), events.end(), [&](const Event &event) {
+            return event.what == what && (condition < 0 || event.condition == condition);
         });
     }
 };
@@ -276,9 +277,9 @@ struct Link {
         cfdp_time(&ground.cfdp, now);
         cfdp_time(&craft.cfdp, now);
         while (!flying.empty() && flying.begin()->first <= now) {
-            const Flying one = std::move(flying.begin()->second);
+            const Flying packet = std::move(flying.begin()->second);
             flying.erase(flying.begin());
-            cfdp_take(&(one.up ? craft : ground).cfdp, one.bytes.data(), one.bytes.size());
+            cfdp_take(&(packet.up ? craft : ground).cfdp, packet.bytes.data(), packet.bytes.size());
         }
         send(ground, true);
         send(craft, false);
@@ -344,28 +345,28 @@ inline std::function<bool(const CfdpPdu &, bool)> lose(int kind, int nth = 1, in
 
 inline Bytes request(CfdpAction action, const std::string &first, const std::string &second = "")
 {
-    CfdpFilestore one{};
-    one.action = action;
-    one.first = {reinterpret_cast<const std::uint8_t *>(first.data()), static_cast<std::uint8_t>(first.size())};
-    one.second = {reinterpret_cast<const std::uint8_t *>(second.data()), static_cast<std::uint8_t>(second.size())};
+    CfdpFilestore fields{};
+    fields.action = action;
+    fields.first = {reinterpret_cast<const std::uint8_t *>(first.data()), static_cast<std::uint8_t>(first.size())};
+    fields.second = {reinterpret_cast<const std::uint8_t *>(second.data()), static_cast<std::uint8_t>(second.size())};
     Bytes bytes(600);
-    bytes.resize(cfdp_filestore_write(&one, bytes.data(), bytes.size()));
+    bytes.resize(cfdp_filestore_write(&fields, bytes.data(), bytes.size()));
     return bytes;
 }
 
 inline Bytes message(std::uint8_t type, const std::string &first = "", const std::string &second = "",
                      std::uint64_t entity = 0, std::uint8_t value = 0)
 {
-    CfdpMessage one{};
-    one.type = type;
-    one.first = {reinterpret_cast<const std::uint8_t *>(first.data()), static_cast<std::uint8_t>(first.size())};
-    one.second = {reinterpret_cast<const std::uint8_t *>(second.data()), static_cast<std::uint8_t>(second.size())};
-    one.entity = entity;
-    one.entity_bytes = 2;
-    one.sequence_bytes = 4;
-    one.value = value;
+    CfdpMessage fields{};
+    fields.type = type;
+    fields.first = {reinterpret_cast<const std::uint8_t *>(first.data()), static_cast<std::uint8_t>(first.size())};
+    fields.second = {reinterpret_cast<const std::uint8_t *>(second.data()), static_cast<std::uint8_t>(second.size())};
+    fields.entity = entity;
+    fields.entity_bytes = 2;
+    fields.sequence_bytes = 4;
+    fields.value = value;
     Bytes bytes(600);
-    bytes.resize(cfdp_message_write(&one, bytes.data(), bytes.size()));
+    bytes.resize(cfdp_message_write(&fields, bytes.data(), bytes.size()));
     return bytes;
 }
 

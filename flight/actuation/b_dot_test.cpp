@@ -70,7 +70,7 @@ TEST(BDot, energy_never_rises)
         m.par.bang_above = i % 2 ? 0.02 : 0;
         Craft craft;
         craft.I = random.spd(0.02);
-        craft.look(random.attitude());
+        craft.measure(random.attitude());
         craft.omega = random.direction() * 0.15;
         const double first = craft.energy();
         for (int k = 0; k < 20000; k++) {
@@ -122,7 +122,7 @@ void detumble(Random &random, const Tumble &how, double &slow, double &reported,
 {
     const MagneticOrbit orbit = MagneticOrbit::any(random);
     Craft craft;
-    craft.look(random.attitude());
+    craft.measure(random.attitude());
     craft.omega = random.direction() * random.real(5, 10) * degree;
     BDot m = cubesat(three_rods(0.4));
     RodWindow window{};

@@ -60,10 +60,10 @@ TEST(GimbalSteering, the_body_gets_the_wanted_torque)
         gimbal_steering_update(&m, {0, 0});
         Eigen::Matrix3Xd A(3, m.par.n);
         for (std::uint32_t k = 0; k < m.par.n; k++) {
-            GimbalSteering one = m;
-            std::fill(one.out.rates.rate, one.out.rates.rate + WHEELS_MAX, 0.0);
-            one.out.rates.rate[k] = 1;
-            A.col(k) = (momentum(one, 1e-5) - momentum(one, -1e-5)) / (2e-5 * H);
+            GimbalSteering unit = m;
+            std::fill(unit.out.rates.rate, unit.out.rates.rate + WHEELS_MAX, 0.0);
+            unit.out.rates.rate[k] = 1;
+            A.col(k) = (momentum(unit, 1e-5) - momentum(unit, -1e-5)) / (2e-5 * H);
         }
         const double det = Matrix3d(A.lazyProduct(A.transpose())).determinant(), lambda = 0.01 * std::exp(-10 * det);
         EXPECT_EQ(m.out.rates.head.quality, lambda > 0.005 ? QUALITY_DEGRADED : QUALITY_GOOD);
@@ -116,8 +116,8 @@ TEST(GimbalSteering, bad_numbers_change_no_rate)
     gimbal_steering_update(&m, {0, second});
     ASSERT_EQ(m.out.rates.head.quality, QUALITY_GOOD);
     const Doubles inputs = doubles(m.in.torque.torque_B, m.in.rate.omega_BN_B, m.in.gimbals.angle);
-    const auto update = [](GimbalSteering &one) { gimbal_steering_update(&one, {second, second}); };
-    expect_held(m, inputs, update, [](GimbalSteering &one) { return std::vector{&one.out.rates.head}; });
+    const auto update = [](GimbalSteering &module) { gimbal_steering_update(&module, {second, second}); };
+    expect_held(m, inputs, update, [](GimbalSteering &module) { return std::vector{&module.out.rates.head}; });
 }
 
 TEST(GimbalSteering, the_rates_end_without_new_data)

@@ -13,7 +13,7 @@ void propulsion_manager_reset(PropulsionManager *m)
     }
 }
 
-/* Another number wherever the content is another one, so that the card's answer says what it obeys. */
+/* Another number wherever the content is another one, so that the card's answer shows which command it obeys. */
 static void write_times(PropulsionManager *m)
 {
     const ThrusterTimes *times = &m->in.times;

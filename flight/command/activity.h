@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the executive of a process says of itself: the mode in force, the events that fired, what became of commands,
+/* The reports of the executive of a process: the mode in force, the events that fired, what became of commands,
  * and resets of the computer. The desktop and every target write these messages into their records by the functions
  * below, so that both can be compared. */
 #ifndef FLIGHT_COMMAND_ACTIVITY_H

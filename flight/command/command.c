@@ -197,7 +197,7 @@ static int is_ahead(const CommandLink *link, uint16_t sequence)
     return link->begun == 0u || (by > 0u && by <= SEQUENCES / 2u);
 }
 
-/* Whether who sends now may not give this command, nor store it. Its length and code are right. */
+/* Whether the present sender may neither give this command nor store it. Its length and code are right. */
 static int is_barred(const CommandState *s, const uint8_t *packet)
 {
     const uint8_t stored = packet[6] == (uint8_t)COMMAND_STORE ? packet[COMMAND_STORED + 6] : packet[6];
@@ -515,8 +515,9 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
 static uint32_t service_of(const CommandServices *services, uint32_t code)
 {
     for (uint32_t i = 0u; i < services->n; i++) {
-        const CommandService *one = services->list[i];
-        if (code == (uint32_t)COMMAND_PDU ? one->arrive != NULL : code >= one->first && code - one->first < one->n) {
+        const CommandService *service = services->list[i];
+        if (code == (uint32_t)COMMAND_PDU ? service->arrive != NULL
+                                          : code >= service->first && code - service->first < service->n) {
             return i;
         }
     }
@@ -599,7 +600,7 @@ static uint32_t speaker(const CommandServices *services)
     return i;
 }
 
-/* Who takes the packets of a unit. */
+/* The receiver of the packets of a unit. */
 typedef struct Unit {
     const CommandContext *context;
     CommandSink sink;

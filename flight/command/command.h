@@ -159,7 +159,7 @@ typedef struct CommandBlock {
 struct CommandState;
 struct CommandTable;
 
-/** For whom, on what, and when something is done: of what a command starts, to be kept. */
+/** The context of what a command starts: the state, the mission and the instant. A service may store it. */
 typedef struct CommandContext {
     struct CommandState *state;
     const struct CommandTable *table;
@@ -184,7 +184,7 @@ struct CommandReport;
 /** What a service sends. Operators know these streams: append, do not renumber. */
 typedef enum CommandStream { STREAM_EVENTS = 0, STREAM_SELECTED = 1, STREAM_FILES = 2, COMMAND_STREAMS } CommandStream;
 
-/** Takes a packet of a unit. barred: bit i: who sent it may not give the function code i. */
+/** Takes a packet of a unit. barred: bit i: its sender may not give the function code i. */
 typedef void (*CommandPackets)(void *user, const uint8_t *packet, uint32_t n, uint64_t barred);
 typedef void (*CommandBytes)(void *user, const uint8_t *bytes, uint32_t n);
 
@@ -208,10 +208,10 @@ typedef struct CommandService {
     void (*arrive)(const CommandContext *context, void *module, const uint8_t *bytes, uint32_t n);
     /** At the end of an instant, after the packets of outputs: write the content of the next packet, big-endian and at
      *  most COMMAND_DATA_MAX bytes, and return its length; 0: there is none. */
-    uint32_t (*tell)(const CommandContext *context, void *module, uint8_t *content);
+    uint32_t (*telemetry)(const CommandContext *context, void *module, uint8_t *content);
     /** At the end of an instant: the next report of a command that was executed before; 0: there is none. */
     int (*report)(const CommandContext *context, void *module, struct CommandReport *report);
-    CommandStream stream; ///< of what it tells
+    CommandStream stream; ///< of its telemetry
     /** Of the service by which flight speaks frames: a unit of n bytes has come by the link from the ground: give its
      *  packets to the sink. */
     void (*unwrap)(const CommandContext *context, void *module, const uint8_t *unit, uint32_t n, CommandPackets sink,
@@ -240,9 +240,9 @@ typedef struct CommandServices {
                              uint8_t *data);
     void (*run)(const CommandContext *context, void (*sink)(void *, const struct CommandReport *, const uint8_t *),
                 void *user);
-    void (*tell)(const struct TelemetryTable *table, const CommandContext *context,
-                 void (*sink)(void *, const struct CommandReport *, const uint8_t *),
-                 void (*send)(void *, const uint8_t *, uint32_t), void *user);
+    void (*telemetry)(const struct TelemetryTable *table, const CommandContext *context,
+                      void (*sink)(void *, const struct CommandReport *, const uint8_t *),
+                      void (*send)(void *, const uint8_t *, uint32_t), void *user);
     CommandReason (*unwrap)(const CommandContext *context, const uint8_t *unit, uint32_t n,
                             void (*sink)(void *, const struct CommandReport *, const uint8_t *), void *user);
     void (*wrap)(const CommandContext *context, const uint8_t *packet, uint32_t n, CommandBytes sink, void *user);
@@ -333,7 +333,7 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, Command
                              uint32_t n, CommandSink sink, void *user);
 
 /** The same of what came by the link from the ground: a packet or, with a service that speaks frames, a unit of them,
- *  of which only reports tell. */
+ *  whose fate only the reports show. */
 CommandReason command_receive(const CommandContext *context, const uint8_t *unit, uint32_t n, CommandSink sink,
                               void *user);
 

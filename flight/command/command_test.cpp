@@ -58,9 +58,9 @@ void note(void *mission, const std::string &what)
     static_cast<Mission *>(mission)->log += what + ";";
 }
 
-/// Notes what a host of procedures is asked; `verdict` is what it says.
+/// Records the requests to a host of procedures, which answers with `verdict`.
 uint8_t slots[2 * 600];
-std::string asked;
+std::string requests;
 CommandReason verdict;
 
 CommandProcedures procedures = {slots,
@@ -68,17 +68,18 @@ CommandProcedures procedures = {slots,
                                 2,
                                 1,
                                 [](const CommandContext *c, uint16_t slot, uint32_t n, uint32_t turns) {
-                                    asked += "start " + std::to_string(slot) + " " + std::to_string(n) + " " +
-                                             std::to_string(turns) + " " + std::to_string(c->sequence) + " " +
-                                             std::to_string(c->t) + ";";
+                                    requests += "start " + std::to_string(slot) + " " + std::to_string(n) + " " +
+                                                std::to_string(turns) + " " + std::to_string(c->sequence) + " " +
+                                                std::to_string(c->t) + ";";
                                     return verdict;
                                 },
                                 [](const CommandContext *c, uint16_t slot) {
-                                    asked += "stop " + std::to_string(slot) + " " + std::to_string(c->sequence) + ";";
+                                    requests +=
+                                        "stop " + std::to_string(slot) + " " + std::to_string(c->sequence) + ";";
                                     return verdict;
                                 },
                                 [](const CommandContext *, const uint8_t *text, uint32_t n, uint32_t turns) {
-                                    asked += std::string(text, text + n) + " " + std::to_string(turns) + ";";
+                                    requests += std::string(text, text + n) + " " + std::to_string(turns) + ";";
                                     return verdict;
                                 }};
 
@@ -160,7 +161,7 @@ struct Command : testing::Test {
         table.procedures = &procedures;
         procedures.evaluates = 1;
         verdict = COMMAND_OK;
-        asked.clear();
+        requests.clear();
     }
 
     static void sink(void *user, const CommandReport *report, const uint8_t *data)
@@ -546,10 +547,10 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     procedures.evaluates = 0;
     refused(COMMAND_ABSENT, packet(14, version + Bytes{0, 0, 0, 0, 0, 9, 'x'}), "no compiler");
     table.procedures = nullptr;
-    for (const Bytes &one : {packet(11, version + Bytes{0, 0, 0, 0, 0, 0} + Bytes(8)),
-                             packet(12, version + Bytes{0, 1, 0, 0, 0, 9, 1, 1, 0, 0, 0, 1}),
-                             packet(13, version + Bytes{0, 0}), packet(14, version + Bytes{0, 0, 0, 0, 0, 9, 'x'})}) {
-        refused(COMMAND_ABSENT, one, "no interpreter");
+    for (const Bytes &unit : {packet(11, version + Bytes{0, 0, 0, 0, 0, 0} + Bytes(8)),
+                              packet(12, version + Bytes{0, 1, 0, 0, 0, 9, 1, 1, 0, 0, 0, 1}),
+                              packet(13, version + Bytes{0, 0}), packet(14, version + Bytes{0, 0, 0, 0, 0, 9, 'x'})}) {
+        refused(COMMAND_ABSENT, unit, "no interpreter");
     }
     refused(COMMAND_PLACE, packet(9, version + Bytes{0, 1, 0, 0, 0, 0, 0, 0}), "nothing to read");
     refused(COMMAND_PLACE, packet(9, version + Bytes{0, 2, 0, 0, 0, 0, 2, 8}), "too much to read");
@@ -569,12 +570,12 @@ TEST_F(Command, AProcedureStartsWhenItIsStagedAsAWhole)
     EXPECT_EQ(command(packet(11, version + Bytes{0, 1, 0, 0, 2, 0} + high)), COMMAND_OK);
     EXPECT_EQ(command(start), COMMAND_CRC); // a part is missing
     EXPECT_EQ(command(packet(11, version + Bytes{0, 1, 0, 0, 0, 0} + low)), COMMAND_OK);
-    EXPECT_EQ(asked, "");
+    EXPECT_EQ(requests, "");
     EXPECT_EQ(command(start), COMMAND_OK);
-    EXPECT_EQ(asked, "start 1 600 65536 7 115;");
+    EXPECT_EQ(requests, "start 1 600 65536 7 115;");
     EXPECT_EQ(command(packet(13, version + Bytes{0, 1})), COMMAND_OK);
     EXPECT_EQ(command(packet(14, version + Bytes{0, 0, 0, 0, 1, 0} + Bytes{'f', '.', 'K'})), COMMAND_OK);
-    EXPECT_EQ(asked, "start 1 600 65536 7 115;stop 1 7;f.K 256;");
+    EXPECT_EQ(requests, "start 1 600 65536 7 115;stop 1 7;f.K 256;");
     verdict = COMMAND_RUNNING;
     EXPECT_EQ(command(start), COMMAND_RUNNING);
     EXPECT_EQ(state.counters.reasons[COMMAND_RUNNING], 1u);

@@ -141,7 +141,7 @@ Orbits multipliers(bool wheel, double P, double gain)
         change(flight.m);
         const Vector3d theta = small.head<3>();
         const Matrix3d turned = theta.norm() > 0 ? turn(theta, theta.norm()) : Matrix3d::Identity();
-        flight.craft.look(turned * orbit.hill(0));
+        flight.craft.measure(turned * orbit.hill(0));
         flight.craft.omega = turned * Vector3d(0, 0, orbit.n) + small.segment<3>(3);
         flight.craft.h.z() = flight.m.par.h_bias + small[6];
         for (int k = 0; k < steps; k++) {
@@ -165,10 +165,10 @@ TEST(MagneticPointing, small_motions_decay_as_their_floquet_multipliers_say)
 {
     const Orbits rods = multipliers(false, 6e-4, 0), edge = multipliers(false, 2.4e-4, 0);
     const Orbits wheel = multipliers(true, 3e-4, 5e-4);
-    for (const auto &[one, name] : {std::pair{rods, "rods"}, {edge, "rods, P too small"}, {wheel, "with a wheel"}}) {
-        EXPECT_LT(one.difference, 0.01) << name;
-        std::printf("per orbit, %s: %.3f, linear %.3f, matrices differ by %.4f\n", name, one.flown, one.linear,
-                    one.difference);
+    for (const auto &[orbits, name] : {std::pair{rods, "rods"}, {edge, "rods, P too small"}, {wheel, "with a wheel"}}) {
+        EXPECT_LT(orbits.difference, 0.01) << name;
+        std::printf("per orbit, %s: %.3f, linear %.3f, matrices differ by %.4f\n", name, orbits.flown, orbits.linear,
+                    orbits.difference);
     }
     EXPECT_LT(rods.flown, 0.35);
     EXPECT_LT(wheel.flown, 0.3);
@@ -180,7 +180,7 @@ TEST(MagneticPointing, without_rods_gravity_gradient_swings_the_pitch)
 {
     Flight flight({}, false);
     flight.m_max = 1e-30;
-    flight.craft.look(turn(2, 1e-3) * flight.orbit.hill(0));
+    flight.craft.measure(turn(2, 1e-3) * flight.orbit.hill(0));
     flight.craft.omega = Vector3d(0, 0, flight.orbit.n);
     const double quarter = pi / 2 / (flight.orbit.n * std::sqrt(3 * (0.12 - 0.05) / 0.125));
     while (1e-9 * static_cast<double>(flight.t) < 2 * quarter) {
@@ -193,7 +193,7 @@ TEST(MagneticPointing, without_rods_gravity_gradient_swings_the_pitch)
 std::vector<double> errors(Random &random, bool wheel, double orbits, double dipole, double torque)
 {
     Flight flight(MagneticOrbit::any(random), wheel);
-    flight.craft.look(random.attitude());
+    flight.craft.measure(random.attitude());
     flight.craft.omega = random.direction() * 0.15 * degree;
     flight.dipole_B = random.direction() * dipole;
     flight.act.disturbance_B = random.direction() * torque;

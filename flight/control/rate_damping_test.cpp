@@ -28,7 +28,7 @@ TEST(RateDamping, the_body_comes_to_rest_and_wheels_have_its_momentum)
         RateDamping m = any(random, i % 2 ? 2e-3 : 0);
         Craft craft;
         craft.I = random.spd(0.05);
-        craft.look(random.attitude());
+        craft.measure(random.attitude());
         craft.omega = random.vector(0.1);
         craft.h = random.vector(0.02);
         const Vector3d H_N = craft.dcm_BN().transpose() * (craft.I * craft.omega + craft.h);
@@ -90,10 +90,10 @@ TEST(RateDamping, bad_numbers_never_leave_it)
     rate_damping_update(&m, {0, 0});
     expect_held(
         m, doubles(m.in.gyro.omega_BN_B, m.par.P),
-        [](RateDamping &one) {
-            rate_damping_update(&one, {5, 5});
+        [](RateDamping &module) {
+            rate_damping_update(&module, {5, 5});
         },
-        [](RateDamping &one) { return std::vector<Head *>{&one.out.torque.head}; });
+        [](RateDamping &module) { return std::vector<Head *>{&module.out.torque.head}; });
     for (int round = 0; round < runs(20000); round++) {
         throw_numbers(doubles(m.in.gyro.omega_BN_B, m.par), random, round);
         m.in.gyro.head.quality = any_quality(random);

@@ -135,13 +135,13 @@ TEST(RateServo, holds_against_bad_numbers_and_ends_without_new_data)
         [](RateServo &x) { return std::vector{&x.out.torque.head}; });
     for (Head *head : {&in.error.head, &in.command.head}) {
         for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED}) {
-            RateServo one = m;
-            Head *its = head == &in.error.head ? &one.in.error.head : &one.in.command.head;
+            RateServo servo = m;
+            Head *its = head == &in.error.head ? &servo.in.error.head : &servo.in.command.head;
             its->quality = lost;
             for (int k = 1; k < 8; k++) {
-                rate_servo_update(&one, {k * second, second});
-                EXPECT_EQ(one.out.torque.head.quality, QUALITY_DEGRADED);
-                EXPECT_EQ(vec_norm(one.out.torque.torque_B) > 0, k <= 3) << k;
+                rate_servo_update(&servo, {k * second, second});
+                EXPECT_EQ(servo.out.torque.head.quality, QUALITY_DEGRADED);
+                EXPECT_EQ(vec_norm(servo.out.torque.torque_B) > 0, k <= 3) << k;
             }
         }
     }

@@ -30,9 +30,9 @@ TEST(Condition, ComparesNumbersOfAllTypesByTheirValues)
                                           element(FLEDGE_U16, &natural), element(FLEDGE_U64, &high)};
     const auto results = [](const ExecOperand &a, const ExecOperand &b) {
         std::vector<int> all;
-        for (const ExecRelation one :
+        for (const ExecRelation relation :
              {EXEC_LESS, EXEC_LESS_EQUAL, EXEC_GREATER, EXEC_GREATER_EQUAL, EXEC_EQUAL, EXEC_NOT_EQUAL}) {
-            all.push_back(exec_compare(&a, one, &b));
+            all.push_back(exec_compare(&a, relation, &b));
         }
         return all;
     };

@@ -37,9 +37,9 @@ TEST(Message, TheChainOfWiresTakesWhatASearchFinds)
             }
         }
         // As the rules are written: a rank for each, and the first of the highest.
-        const auto rank = [&](const Head &one) -> int64_t {
-            return by == EXEC_NEWEST ? (head_written(one) ? 1 + one.t : 0)
-                                     : std::min<int64_t>(one.quality, by == EXEC_FIRST ? QUALITY_DEGRADED : 3);
+        const auto rank = [&](const Head &head) -> int64_t {
+            return by == EXEC_NEWEST ? (head_written(head) ? 1 + head.t : 0)
+                                     : std::min<int64_t>(head.quality, by == EXEC_FIRST ? QUALITY_DEGRADED : 3);
         };
         const auto found =
             std::max_element(aged.begin(), aged.end(), [&](const Head &a, const Head &b) { return rank(a) < rank(b); });

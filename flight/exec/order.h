@@ -14,8 +14,8 @@ typedef struct ExecRun {
 /** Whether this machine stores the lowest byte of a number first. */
 static inline int exec_little_endian(void)
 {
-    const uint16_t one = 1u;
-    return *(const uint8_t *)&one;
+    const uint16_t probe = 1u;
+    return *(const uint8_t *)&probe;
 }
 
 /** The width of the number that begins at the byte `at` of a struct; 0: none begins there. */

@@ -83,11 +83,11 @@ static inline int exec_switch(ExecTask *task, int active, ExecRate rate, int64_t
     return starts;
 }
 
-/** When a task runs next, after `now`; INT64_MAX: never. `asked`: whether the requested mode runs
- *  the task. */
-static inline int64_t exec_next(const ExecTask *task, ExecRate rate, int asked, int64_t now)
+/** When a task runs next, after `now`; INT64_MAX: never. `requested`: whether the requested mode
+ *  runs the task. */
+static inline int64_t exec_next(const ExecTask *task, ExecRate rate, int requested, int64_t now)
 {
-    return task->active ? task->next : asked ? exec_on_grid(rate, exec_later(now, 1)) : INT64_MAX;
+    return task->active ? task->next : requested ? exec_on_grid(rate, exec_later(now, 1)) : INT64_MAX;
 }
 
 static inline int64_t exec_sooner(int64_t a, int64_t b)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Private to flight/guidance: whether a reference goes on as its motion said, or another one has taken its place. */
+/* Private to flight/guidance: whether a reference continues its motion, or another one has taken its place. */
 #ifndef FLIGHT_GUIDANCE_ATTITUDE_JUMP_H
 #define FLIGHT_GUIDANCE_ATTITUDE_JUMP_H
 

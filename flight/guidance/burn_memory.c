@@ -13,10 +13,10 @@ void burn_memory_reset(BurnMemory *m)
     m->mem.seen = m->mem.begun = m->mem.waited = 0u;
 }
 
-static void say(BurnMemory *m, int64_t t, BurnMemoryEventId id, EventSeverity severity, double first, double second,
-                double third)
+static void publish(BurnMemory *m, int64_t t, BurnMemoryEventId id, EventSeverity severity, double first, double second,
+                    double third)
 {
-    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {first, second, third}});
+    event_publish(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {first, second, third}});
 }
 
 /* A burn that ran before a reset does not any more. */
@@ -25,7 +25,7 @@ static void cut(BurnMemory *m, int64_t t)
     if (m->mem.burn.phase == BURN_RUNS || m->mem.burn.phase == BURN_CUT) {
         m->mem.burn.phase = BURN_CUT;
         m->mem.changed = 1u;
-        say(m, t, BURN_MEMORY_CUT, EVENT_HIGH, m->mem.burn.gained, tick_seconds(m->mem.burn.start), 0.0);
+        publish(m, t, BURN_MEMORY_CUT, EVENT_HIGH, m->mem.burn.gained, tick_seconds(m->mem.burn.start), 0.0);
     }
 }
 
@@ -57,7 +57,7 @@ static void unpack(BurnMemory *m, const uint32_t *words, int64_t t)
 {
     const int has = nvm_has(words, MARK);
     if (has < 0) {
-        say(m, t, BURN_MEMORY_DAMAGED, EVENT_MEDIUM, m->par.slot - 1u, 0.0, 0.0);
+        publish(m, t, BURN_MEMORY_DAMAGED, EVENT_MEDIUM, m->par.slot - 1u, 0.0, 0.0);
     } else if (has > 0 && m->mem.burn.phase == BURN_NONE) {
         get64(words + START, &m->mem.burn.start);
         get64(words + BEGUN, &m->mem.burn.begun);
@@ -97,19 +97,19 @@ static void follow(BurnMemory *m, Tick t)
         m->mem.changed |= other || kept->gained != state->gained;
         *kept = *state;
         if (other && state->phase == BURN_RUNS && before == BURN_CUT) {
-            say(m, t.t, BURN_MEMORY_RESUMED, EVENT_MEDIUM, state->gained, state->to_go, 0.0);
+            publish(m, t.t, BURN_MEMORY_RESUMED, EVENT_MEDIUM, state->gained, state->to_go, 0.0);
         } else if (other && state->phase == BURN_RUNS) {
-            say(m, t.t, BURN_MEMORY_BEGUN, EVENT_INFO, state->to_go, 0.0, 0.0);
+            publish(m, t.t, BURN_MEMORY_BEGUN, EVENT_INFO, state->to_go, 0.0, 0.0);
         } else if (other && state->phase == BURN_COMPLETE) {
-            say(m, t.t, BURN_MEMORY_ENDED, EVENT_INFO, state->gained, state->to_go, 0.0);
+            publish(m, t.t, BURN_MEMORY_ENDED, EVENT_INFO, state->gained, state->to_go, 0.0);
         } else if (other) {
-            say(m, t.t, BURN_MEMORY_ABORTED, EVENT_HIGH, state->abort, state->gained, state->to_go);
+            publish(m, t.t, BURN_MEMORY_ABORTED, EVENT_HIGH, state->abort, state->gained, state->to_go);
         }
     } else if (before == BURN_RUNS && data_lost(t, kept->head.t, m->par.silent)) {
         kept->phase = BURN_ABORTED;
         kept->abort = BURN_LEFT;
         m->mem.changed = 1u;
-        say(m, t.t, BURN_MEMORY_ABORTED, EVENT_HIGH, BURN_LEFT, kept->gained, kept->to_go);
+        publish(m, t.t, BURN_MEMORY_ABORTED, EVENT_HIGH, BURN_LEFT, kept->gained, kept->to_go);
     }
 }
 

@@ -8,7 +8,7 @@
 
 enum { BURN_MEMORY_PATIENCE = 10 };
 
-/** What it says of a burn. */
+/** Its events, of a burn. */
 typedef enum BurnMemoryEventId {
     BURN_MEMORY_BEGUN = 1,   ///< info, left [m/s]: the engines have opened
     BURN_MEMORY_RESUMED = 2, ///< medium, gained [m/s], left [m/s]: they have opened again

@@ -21,7 +21,7 @@ struct Craft {
     NvmPacket reply{};
     int delay = 1, late = 0;
     std::int64_t t = 0;
-    std::vector<std::vector<double>> said{};
+    std::vector<std::vector<double>> events{};
 
     Craft() { m.par.slot = 3; }
 
@@ -41,7 +41,7 @@ struct Craft {
         const std::uint32_t before = m.out.event.count;
         burn_memory_update(&m, {t, period});
         if (m.out.event.count != before) {
-            said.push_back({static_cast<double>(m.out.event.id), m.out.event.arguments[0]});
+            events.push_back({static_cast<double>(m.out.event.id), m.out.event.arguments[0]});
         }
     }
     /// The execution says how far it is, and gains 1 m/s at each update.
@@ -64,7 +64,7 @@ struct Craft {
         burn_memory_reset(&m);
         late = 0;
     }
-    using Said = std::vector<std::vector<double>>;
+    using Events = std::vector<std::vector<double>>;
 };
 
 TEST(BurnMemory, a_reset_of_the_computer_cuts_a_burn_off_that_may_go_on)
@@ -108,11 +108,11 @@ TEST(BurnMemory, a_reset_of_the_computer_cuts_a_burn_off_that_may_go_on)
         }
         EXPECT_EQ(craft.m.out.kept.phase, BURN_COMPLETE);
         EXPECT_EQ(craft.m.out.kept.gained, 70.0);
-        EXPECT_EQ(craft.said, (Craft::Said{{BURN_MEMORY_BEGUN, 0},
-                                           {BURN_MEMORY_CUT, kept.gained},
-                                           {BURN_MEMORY_CUT, kept.gained},
-                                           {BURN_MEMORY_RESUMED, 61},
-                                           {BURN_MEMORY_ENDED, 70}}));
+        EXPECT_EQ(craft.events, (Craft::Events{{BURN_MEMORY_BEGUN, 0},
+                                               {BURN_MEMORY_CUT, kept.gained},
+                                               {BURN_MEMORY_CUT, kept.gained},
+                                               {BURN_MEMORY_RESUMED, 61},
+                                               {BURN_MEMORY_ENDED, 70}}));
     }
 }
 
@@ -133,7 +133,7 @@ TEST(BurnMemory, a_reset_of_flight_cuts_it_off_too_and_a_mode_that_is_left_abort
     craft.step();
     EXPECT_EQ(craft.m.out.kept.phase, BURN_ABORTED);
     EXPECT_EQ(craft.m.out.kept.abort, BURN_LEFT);
-    EXPECT_EQ(craft.said.back(), (std::vector<double>{BURN_MEMORY_ABORTED, BURN_LEFT}));
+    EXPECT_EQ(craft.events.back(), (std::vector<double>{BURN_MEMORY_ABORTED, BURN_LEFT}));
 }
 
 TEST(BurnMemory, a_memory_that_is_silent_damaged_or_empty_is_not_waited_for)
@@ -147,7 +147,7 @@ TEST(BurnMemory, a_memory_that_is_silent_damaged_or_empty_is_not_waited_for)
     }
     EXPECT_EQ(craft.m.out.kept.phase, BURN_NONE);
     EXPECT_EQ(craft.m.out.kept.head.quality, QUALITY_GOOD);
-    EXPECT_EQ(craft.said.back()[0], BURN_MEMORY_DAMAGED);
+    EXPECT_EQ(craft.events.back()[0], BURN_MEMORY_DAMAGED);
 
     craft.reset_computer();
     craft.delay = 1000;

@@ -267,12 +267,12 @@ static double clearance(const KeepOut *m, const Cones *cones)
     double least = INFINITY, sum = 0.0;
     for (uint32_t k = 0; k < cones->boresights; k++) {
         for (uint32_t b = 0; b < cones->bodies; b++) {
-            const Cones one = {1u, 1u, {cones->c_B[k]}, {cones->s_N[b]}, {{0.0}}};
+            const Cones cone = {1u, 1u, {cones->c_B[k]}, {cones->s_N[b]}, {{0.0}}};
             double most = -1.0;
             Vec3 here = m->in.attitude.sigma_BN;
             for (uint32_t i = m->mem.next; i <= m->mem.points; i++) {
                 const Vec3 there = i < m->mem.points ? m->mem.sigma_WN[i] : m->in.target.sigma_RN;
-                const double nearest = turn(&one, here, there).excess;
+                const double nearest = turn(&cone, here, there).excess;
                 most = nearest > most ? nearest : most;
                 sum += nearest;
                 here = there;

@@ -79,8 +79,8 @@ TEST(Nnls, is_the_best_of_all_sets)
         for (double &a : A.reshaped()) {
             a = random.real(-1, 1);
         }
-        for (double &one : b) {
-            one = random.real(-1, 1);
+        for (double &b_i : b) {
+            b_i = random.real(-1, 1);
         }
         const Solution s = solved(A, b, static_cast<std::uint32_t>(random.below(256)));
         ASSERT_TRUE(s.ended);

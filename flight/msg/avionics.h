@@ -142,7 +142,7 @@ typedef struct NvmPacket {
 } NvmPacket;
 
 /** For a module that keeps something in a slot of the memory, given as place + 1, at each update: the request that has
- *  been answered, NVM_NOTHING while it has not. After a start the slot is retrieved, whatever was asked before. */
+ *  been answered, NVM_NOTHING while it has not. After a start the slot is retrieved, whatever was requested before. */
 static inline NvmCode nvm_answered(NvmPacket *request, const NvmPacket *reply, uint32_t slot, int64_t t)
 {
     if (slot == 0u || !head_written(reply->head)) {

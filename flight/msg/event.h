@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a module says when something happens in it. The events of flight.py are others: conditions of the executive. */
+/* The message that a module publishes when something happens in it. The events of flight.py are others: conditions of
+ * the executive. */
 #ifndef FLIGHT_MSG_EVENT_H
 #define FLIGHT_MSG_EVENT_H
 
@@ -18,7 +19,7 @@ typedef struct FlightEvent {
 } FlightEvent;
 
 /** Write an event, of which id, severity and arguments are set, to a module's output. */
-static inline void event_say(FlightEvent *output, int64_t t, FlightEvent event)
+static inline void event_publish(FlightEvent *output, int64_t t, FlightEvent event)
 {
     event.count = output->count + 1u;
     if (event.count > 1u && output->head.t == t && output->severity > event.severity) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What guidance modules tell each other beside the references themselves, and what they report. */
+/* What guidance modules exchange beside the references themselves, and what they report. */
 #ifndef FLIGHT_MSG_GUIDANCE_H
 #define FLIGHT_MSG_GUIDANCE_H
 

@@ -94,7 +94,7 @@ static inline int64_t head_time(Head input, int64_t t)
     return input.t < t ? input.t : t;
 }
 
-/** [ns] The time for which an input says what it holds: at t, a good one says it of t. */
+/** [ns] The time for which the content of an input holds: t if it is good, else the time in its head. */
 static inline int64_t data_time(Head input, int64_t t)
 {
     return input.quality == QUALITY_GOOD || input.t > t ? t : input.t;

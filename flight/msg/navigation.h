@@ -34,7 +34,7 @@ static inline int direction_speaks(const SeenDirection *seen)
            fm_abs(vec_norm2(seen->d_N) - 1.0) < 1e-3 && seen->std > 0.0 && isfinite(seen->std);
 }
 
-/** What a pair of fields, the measured and the known one, says of itself. */
+/** The quality of a pair of fields, the measured and the known one. */
 typedef struct FieldAgreement {
     Head head;
     double differ;    ///< [-] of the last pair: how much stronger the measured field is, relative to the known one

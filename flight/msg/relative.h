@@ -16,7 +16,7 @@ typedef struct HillState {
 
 enum { ROLL_MEMBERS = 8 };
 
-/** Who of a formation is heard. Bit i of a set is that of member i. */
+/** Which members of a formation are heard. Bit i of a set is that of member i. */
 typedef struct FormationState {
     Head head;
     double age[ROLL_MEMBERS]; ///< [s] since the newest message of each, 0: none was heard yet

@@ -413,7 +413,7 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
                                           AttitudeFilterState *state)
 {
     AttitudeFilterMemory next = *mem;
-    NavAttitude said = *attitude;
+    NavAttitude result = *attitude;
     AttitudeFilterState is = *state;
     const int64_t newest = next.n > 0u ? next.times[next.n - 1u] : INT64_MIN;
     const int fresh = gyro_speaks(gyro) && gyro->head.t <= t.t && gyro->head.t > newest &&
@@ -436,20 +436,20 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
     }
     const int known = next.n > 0u && next.running != 0u;
     if (known) {
-        estimate_now(&next, kind, t.t, par, &said, &is);
+        estimate_now(&next, kind, t.t, par, &result, &is);
         const int old = next.running < par->persistence || next.used != next.seen ||
                         tick_seconds(tick_since(t.t, next.used)) > par->coast;
         const Quality quality = old || gyro->head.quality != QUALITY_GOOD ? QUALITY_DEGRADED : QUALITY_GOOD;
-        said.head = head_next(attitude->head, t.t, quality);
+        result.head = head_next(attitude->head, t.t, quality);
         is.head = head_next(state->head, t.t, quality);
     }
-    const int finite = vec_finite(said.sigma_BN) && vec_finite(said.omega_BN_B) && vec_finite(is.attitude_std) &&
+    const int finite = vec_finite(result.sigma_BN) && vec_finite(result.omega_BN_B) && vec_finite(is.attitude_std) &&
                        vec_finite(is.bias_std) && estimate_finite(&next.at);
     if (finite) {
         *mem = next; /* also while it waits for a first attitude, or for a rate */
     }
     if (known && finite) {
-        *attitude = said;
+        *attitude = result;
         *state = is;
     } else {
         attitude->head = head_held(attitude->head);

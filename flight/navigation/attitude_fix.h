@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What attitudes from directions share: which directions count, and what is said of the result.
+/* What attitudes from directions share: which directions count, and what is reported of the result.
  *
  * Directions count that are of about the same time, and of which none was in an attitude before: an attitude is a
  * measurement of its own, whose error is independent of that of the last. Good ones count alone, if there are two. */

@@ -188,28 +188,28 @@ void ground_pass_update(GroundPass *m, Tick t)
         next.mem.search = SEARCH_NONE;
     }
 
-    PassForecast *said = &m->out.forecast;
+    PassForecast *forecast = &m->out.forecast;
     if (next.mem.search == SEARCH_NONE || step == 0) {
-        said->head = head_held(said->head);
+        forecast->head = head_held(forecast->head);
         m->mem.search = SEARCH_NONE;
         return;
     }
     m->mem = next.mem;
     const int lost = !sound || data_lost(t, head_time(head, t.t), 0.0);
     const int done = m->mem.search == SEARCH_DONE;
-    const int kept = !done && !ends && !changed && t.t < said->set; /* the forecast that the search replaces */
+    const int kept = !done && !ends && !changed && t.t < forecast->set; /* the forecast that the search replaces */
     const Quality worst = quality_min(quality_through(head), quality_through(m->in.planet.head));
     PassForecast is;
     memset(&is, 0, sizeof is);
-    is.head = head_next(said->head, t.t, lost || kept ? QUALITY_DEGRADED : worst);
+    is.head = head_next(forecast->head, t.t, lost || kept ? QUALITY_DEGRADED : worst);
     is.state = ends ? PASS_NONE : PASS_SEARCHING;
     is.searches = m->mem.searches;
     if (done || kept) {
-        is.rise = done ? m->mem.rise : said->rise;
-        is.highest = done ? m->mem.highest : said->highest;
-        is.set = done ? m->mem.set : said->set;
-        is.elevation = done ? fm_asin(fm_clamp(m->mem.best, 1.0)) : said->elevation;
+        is.rise = done ? m->mem.rise : forecast->rise;
+        is.highest = done ? m->mem.highest : forecast->highest;
+        is.set = done ? m->mem.set : forecast->set;
+        is.elevation = done ? fm_asin(fm_clamp(m->mem.best, 1.0)) : forecast->elevation;
         is.state = t.t < is.rise ? PASS_FOUND : PASS_NOW;
     }
-    *said = is;
+    *forecast = is;
 }

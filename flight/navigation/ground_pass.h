@@ -21,7 +21,7 @@ typedef enum PassSearch {
  *  planet, between two steps a cubic (Hermite), the elevation has
  *     s = up . d / |d|,   ds/dt = (up . d' - s d . d' / |d|) / |d|;
  *  bisection finds where ds/dt changes its sign, then where s is the sine of the mask. A pass shorter than a step is
- *  found too; two culminations within one step are not told apart.
+ *  found too; two culminations within one step are not distinguished.
  *  The search looks `horizon` ahead of now, and goes on with time where it finds none. It begins anew when the pass is
  *  over, when the station or the mask is changed, when the clock goes back, and when the spacecraft is farther than
  *  `differ` from where it was predicted to be: then the last forecast stands, degraded, until there is another one.

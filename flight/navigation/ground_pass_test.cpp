@@ -237,7 +237,7 @@ TEST(GroundPass, flies_a_day_beside_the_truth)
         c.earth.S22 = -9.0386e-7;
         c.earth.drag = 3e-15;
         const auto passes = search(c.m, c.earth, c.x, 86400);
-        std::vector<PassForecast> said;
+        std::vector<PassForecast> forecasts;
         State x = c.x;
         for (std::int64_t t = 0; t < 86400; t += 5) {
             c.m.in.orbit = {good(t * second), vec(x.head<3>()), vec(x.tail<3>()), {}};
@@ -245,17 +245,19 @@ TEST(GroundPass, flies_a_day_beside_the_truth)
             ground_pass_update(&c.m, {t * second, t > 0 ? 5 * second : 0});
             const PassForecast &pass = c.m.out.forecast;
             if (pass.state != PASS_SEARCHING && pass.state != PASS_NONE) {
-                const bool same = !said.empty() && std::abs(static_cast<double>(pass.rise - said.back().rise)) < 100e9;
-                same ? void(said.back() = pass) : said.push_back(pass);
+                const bool same =
+                    !forecasts.empty() && std::abs(static_cast<double>(pass.rise - forecasts.back().rise)) < 100e9;
+                same ? void(forecasts.back() = pass) : forecasts.push_back(pass);
             }
             x = c.earth.step(static_cast<double>(t), x, 5);
         }
         count += passes.size();
         searches += i % 2 ? c.m.out.forecast.searches : 0;
-        ASSERT_GE(said.size(), passes.size());
-        ASSERT_LE(said.size(), passes.size() + 1);
+        ASSERT_GE(forecasts.size(), passes.size());
+        ASSERT_LE(forecasts.size(), passes.size() + 1);
         for (std::size_t k = 0; k < passes.size(); k++) {
-            const double rise = 1e-9 * static_cast<double>(said[k].rise), set = 1e-9 * static_cast<double>(said[k].set);
+            const double rise = 1e-9 * static_cast<double>(forecasts[k].rise),
+                         set = 1e-9 * static_cast<double>(forecasts[k].set);
             worst[i % 2] = std::max({worst[i % 2], std::abs(rise - passes[k].rise), std::abs(set - passes[k].set)});
         }
     }

@@ -148,8 +148,8 @@ static int all_agree(OrbitFilter *m, const OrbitField *field, OrbitPoint fix)
     return m->mem.agree >= m->par.persistence;
 }
 
-/* Look at a fix that is new; `kept` [s] is how far the estimate may be behind. */
-static void look_at(OrbitFilter *m, const OrbitField *field, int64_t now, double kept)
+/* Process a fix that is new; `kept` [s] is how far the estimate may be behind. */
+static void process_fix(OrbitFilter *m, const OrbitField *field, int64_t now, double kept)
 {
     const Head head = m->in.fix.head;
     const OrbitPoint fix = {m->in.fix.r_BN_N, m->in.fix.v_BN_N};
@@ -259,7 +259,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
     }
     if (fix->head.quality >= QUALITY_DEGRADED && fix->head.t <= t.t &&
         (next.mem.any == 0u || fix->head.t != next.mem.seen || fix->head.sequence != next.mem.sequence)) {
-        look_at(&next, &field, t.t, kept);
+        process_fix(&next, &field, t.t, kept);
     }
     OrbitEstimate now = next.mem.at;
     if (next.mem.running != 0u) {

@@ -95,11 +95,11 @@ struct Flown {
 
     State then(std::int64_t at) const
     {
-        return std::find_if(past.rbegin(), past.rend(), [&](const auto &one) { return one.first <= at; })->second;
+        return std::find_if(past.rbegin(), past.rend(), [&](const auto &entry) { return entry.first <= at; })->second;
     }
 
     Vector3d error() const { return eigen(m.out.orbit.r_BN_N) - Vector3d(x.head<3>()); }
-    double said() const { return vec_norm(m.out.state.position_std); }
+    double formal_std() const { return vec_norm(m.out.state.position_std); }
     Quality quality() const { return m.out.orbit.head.quality; }
     const OrbitFilterState &state() const { return m.out.state; }
 
@@ -249,7 +249,7 @@ TEST(OrbitFilter, random_missions)
         while (f.t < 5400 * second) {
             f.step();
             if (f.quality() == QUALITY_GOOD) {
-                const double ratio = f.error().squaredNorm() / std::pow(f.said(), 2);
+                const double ratio = f.error().squaredNorm() / std::pow(f.formal_std(), 2);
                 const double seconds = 1e-9 * static_cast<double>(f.t);
                 first = first < 0 && f.error().norm() < 10 ? seconds : first;
                 worst = std::max(worst, ratio);
@@ -328,7 +328,7 @@ TEST(OrbitFilter, faults)
         f.run(300);
         EXPECT_EQ(f.state().rejected, 30u);
         EXPECT_EQ(f.state().restarts, 0u);
-        EXPECT_LT(f.error().norm(), 5 * f.said());
+        EXPECT_LT(f.error().norm(), 5 * f.formal_std());
         f.spoil = nullptr;
         f.run(100);
         EXPECT_LT(f.error().norm(), 10);
@@ -341,7 +341,7 @@ TEST(OrbitFilter, faults)
         const NavOrbit stuck = vague.sent.back();
         vague.spoil = [&](NavOrbit &fix) { fix.r_BN_N = stuck.r_BN_N, fix.v_BN_N = stuck.v_BN_N; };
         vague.run(9000);
-        EXPECT_GT(vague.said(), 2e4);
+        EXPECT_GT(vague.formal_std(), 2e4);
         EXPECT_EQ(vague.state().restarts, 0u);
         vague.spoil = nullptr;
         vague.run(60);
@@ -354,12 +354,12 @@ TEST(OrbitFilter, faults)
         bool was_good = false;
         while (f.quality() == QUALITY_GOOD) {
             was_good = true;
-            ASSERT_LT(f.said(), 50);
+            ASSERT_LT(f.formal_std(), 50);
             f.step();
         }
         EXPECT_TRUE(was_good);
-        EXPECT_GT(f.said(), 50);
-        EXPECT_LT(f.error().norm(), 3 * f.said());
+        EXPECT_GT(f.formal_std(), 50);
+        EXPECT_LT(f.error().norm(), 3 * f.formal_std());
         f.speaks = true;
         f.step();
         EXPECT_EQ(f.quality(), QUALITY_GOOD);

@@ -36,30 +36,30 @@ std::int64_t days(int year, int of_year)
 }
 
 /// The elements of two lines, which are taken as right.
-Sgp4Elements elements(const std::string &one, const std::string &two)
+Sgp4Elements elements(const std::string &first, const std::string &second)
 {
     const auto number = [](const std::string &line, std::size_t at, std::size_t n) {
         return std::stod(line.substr(at, n));
     };
     const double turn = 2 * pi, deg = pi / 180;
-    const int year = std::stoi(one.substr(18, 2));
-    const std::string digits = one.substr(53, 6);
+    const int year = std::stoi(first.substr(18, 2));
+    const std::string digits = first.substr(53, 6);
     const double mantissa = std::stod((digits[0] == '-' ? "-." : ".") + digits.substr(1));
-    return {(2 * days(year < 57 ? 2000 + year : 1900 + year, std::stoi(one.substr(20, 3))) - 1) * (day / 2) +
-                std::llround(number(one, 24, 8)) * 864'000,
-            number(two, 52, 11) * turn / 86400,
-            number(two, 26, 7) * 1e-7,
-            number(two, 8, 8) * deg,
-            number(two, 17, 8) * deg,
-            number(two, 34, 8) * deg,
-            number(two, 43, 8) * deg,
-            mantissa * std::pow(10.0, std::stod(one.substr(59, 2)))};
+    return {(2 * days(year < 57 ? 2000 + year : 1900 + year, std::stoi(first.substr(20, 3))) - 1) * (day / 2) +
+                std::llround(number(first, 24, 8)) * 864'000,
+            number(second, 52, 11) * turn / 86400,
+            number(second, 26, 7) * 1e-7,
+            number(second, 8, 8) * deg,
+            number(second, 17, 8) * deg,
+            number(second, 34, 8) * deg,
+            number(second, 43, 8) * deg,
+            mantissa * std::pow(10.0, std::stod(first.substr(59, 2)))};
 }
 
 /// The lines of an orbit of each kind: near the Earth, of 6 hours, of a day, of half a day; and where the published
 /// program has it after a day: r [km], v [km/s] (of tcppver.out of AIAA 2006-6753).
 struct Published {
-    const char *one, *two;
+    const char *first, *second;
     double t;
     Vector3d r, v;
 };
@@ -100,11 +100,11 @@ TEST(OrbitOnBoard, sgp4_is_the_published_one_for_each_kind_of_orbit)
     for (const Published &p : published) {
         Sgp4 s;
         Vec3 r, v;
-        ASSERT_EQ(sgp4_init(&s, elements(p.one, p.two)), ORBIT_ELEMENTS_GOOD);
+        ASSERT_EQ(sgp4_init(&s, elements(p.first, p.second)), ORBIT_ELEMENTS_GOOD);
         ASSERT_EQ(sgp4_state(&s, 60 * p.t, &r, &v), ORBIT_ELEMENTS_GOOD);
-        EXPECT_LT((eigen(r) / 1e3 - p.r).norm(), 1e-7) << p.one;
-        EXPECT_LT((eigen(v) / 1e3 - p.v).norm(), 2e-9) << p.one;
-        EXPECT_EQ(s.deep, p.two[52] == '1' ? 0U : 1U);
+        EXPECT_LT((eigen(r) / 1e3 - p.r).norm(), 1e-7) << p.first;
+        EXPECT_LT((eigen(v) / 1e3 - p.v).norm(), 2e-9) << p.first;
+        EXPECT_EQ(s.deep, p.second[52] == '1' ? 0U : 1U);
     }
 }
 
@@ -119,7 +119,7 @@ TEST(OrbitOnBoard, sgp4_is_the_published_one_for_the_whole_verification)
     // Sets that end before their time, and why.
     const std::map<std::string, int> ends = {{"22312", 1}, {"28350", 1}, {"28872", 6},
                                              {"29141", 6}, {"33333", 4}, {"33334", 3}};
-    std::string one, two, line;
+    std::string line_1, line_2, line;
     double worst = 0, t = 0, last = 0, step = 0;
     int n = 0, points = 0;
     Sgp4 s;
@@ -137,13 +137,13 @@ TEST(OrbitOnBoard, sgp4_is_the_published_one_for_the_whole_verification)
         text >> first >> second;
         if (second == "xx") {
             if (n++ > 0) {
-                ended(two.substr(2, 5));
+                ended(line_2.substr(2, 5));
             }
-            while (std::getline(sets, two) && two[0] != '2') {
-                one = two;
+            while (std::getline(sets, line_2) && line_2[0] != '2') {
+                line_1 = line_2;
             }
-            std::istringstream(two.substr(69)) >> t >> last >> step;
-            ASSERT_EQ(sgp4_init(&s, rounded(elements(one, two))), ORBIT_ELEMENTS_GOOD);
+            std::istringstream(line_2.substr(69)) >> t >> last >> step;
+            ASSERT_EQ(sgp4_init(&s, rounded(elements(line_1, line_2))), ORBIT_ELEMENTS_GOOD);
             continue;
         }
         Vector3d r_km, v_km;
@@ -151,14 +151,14 @@ TEST(OrbitOnBoard, sgp4_is_the_published_one_for_the_whole_verification)
         r_km.x() = std::stod(second);
         text >> r_km.y() >> r_km.z() >> v_km.x() >> v_km.y() >> v_km.z();
         const OrbitElementsCode code = sgp4_state(&s, 60 * t, &r, &v);
-        if (two.substr(2, 5) == "33334") {
+        if (line_2.substr(2, 5) == "33334") {
             EXPECT_EQ(code, ORBIT_ELEMENTS_PERTURBED); // the published line repeats the one before
             continue;
         }
         ASSERT_EQ(code, ORBIT_ELEMENTS_GOOD) << line;
         const double error = (eigen(r) / 1e3 - r_km).norm();
-        EXPECT_LT(error, 5e-7) << two << "\n" << line;
-        EXPECT_LT((eigen(v) / 1e3 - v_km).norm(), 2e-9) << two << "\n" << line;
+        EXPECT_LT(error, 5e-7) << line_2 << "\n" << line;
+        EXPECT_LT((eigen(v) / 1e3 - v_km).norm(), 2e-9) << line_2 << "\n" << line;
         worst = std::max(worst, error);
         points++;
     }
@@ -183,7 +183,7 @@ OrbitOnBoard module_of(const Sgp4Elements &el)
 
 OrbitOnBoard module_of(const Published &p)
 {
-    return module_of(elements(p.one, p.two));
+    return module_of(elements(p.first, p.second));
 }
 
 /// The orbit at a time [s] since the epoch.
@@ -228,7 +228,7 @@ TEST(OrbitOnBoard, the_orbit_is_that_of_TEME_in_N_and_the_acceleration_a_potenti
     }
 }
 
-TEST(OrbitOnBoard, an_orbit_does_not_depend_on_what_was_asked_for_before)
+TEST(OrbitOnBoard, an_orbit_does_not_depend_on_earlier_requests)
 {
     Random random{2};
     for (const Published &p : published) {

@@ -21,10 +21,10 @@ void orbit_propagator_update(OrbitPropagator *m, Tick t)
     int64_t now = m->mem.t, fixed = m->mem.fixed;
     uint32_t sequence = m->mem.sequence;
     Quality quality = t.t < now ? QUALITY_NONE : m->mem.quality;
-    const OrbitPoint said = {fix->r_BN_N, fix->v_BN_N};
+    const OrbitPoint measured = {fix->r_BN_N, fix->v_BN_N};
     const int other = fix->head.t != fixed || fix->head.sequence != sequence || quality == QUALITY_NONE;
-    if (fix->head.quality >= QUALITY_DEGRADED && fix->head.t <= t.t && other && orbit_sound(&field, said)) {
-        at = said;
+    if (fix->head.quality >= QUALITY_DEGRADED && fix->head.t <= t.t && other && orbit_sound(&field, measured)) {
+        at = measured;
         now = fixed = fix->head.t;
         sequence = fix->head.sequence;
         quality = fix->head.quality;

@@ -32,9 +32,9 @@ Matrix3d by_svd(const Sky &sky)
 {
     Matrix3d B = Matrix3d::Zero();
     double sum = 0;
-    for (const SeenDirection &one : sky.seen) {
-        B += eigen(one.d_B) * eigen(one.d_N).transpose() / (one.std * one.std);
-        sum += 1 / (one.std * one.std);
+    for (const SeenDirection &direction : sky.seen) {
+        B += eigen(direction.d_B) * eigen(direction.d_N).transpose() / (direction.std * direction.std);
+        sum += 1 / (direction.std * direction.std);
     }
     const Eigen::JacobiSVD<Matrix3d> svd(B / sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Matrix3d U = svd.matrixU(), V = svd.matrixV();
@@ -44,8 +44,8 @@ Matrix3d by_svd(const Sky &sky)
 double misfit(const Sky &sky, const Matrix3d &A)
 {
     double sum = 0;
-    for (const SeenDirection &one : sky.seen) {
-        sum += (eigen(one.d_B) - A * eigen(one.d_N)).squaredNorm() / (one.std * one.std);
+    for (const SeenDirection &direction : sky.seen) {
+        sum += (eigen(direction.d_B) - A * eigen(direction.d_N)).squaredNorm() / (direction.std * direction.std);
     }
     return sum;
 }
@@ -59,7 +59,7 @@ TEST(Quest, is_the_attitude_of_singular_values)
         if (i % 4 != 0) { // turns by about 180 degrees, where Gibbs' vector is singular, also about the axes of N
             const Vector3d axis = i % 4 == 1 ? Vector3d::Unit(i / 4 % 3).eval() : random.direction();
             sky.dcm_BN = turn(axis, pi + random.real(-1, 1) * std::pow(10, random.real(-16, -1)));
-            sky.look(random, i % 8 < 4 ? 1 : 0);
+            sky.measure(random, i % 8 < 4 ? 1 : 0);
         }
         const Quest m = flown(sky);
         ASSERT_EQ(m.out.attitude.head.quality, QUALITY_GOOD);
@@ -104,9 +104,9 @@ TEST(Quest, leaves_degraded_directions_out_where_good_ones_suffice)
     for (int i = 0; i < 500; i++) {
         Sky sky(random, 4, 0.2, 0.001, 0.01);
         const int bad = random.below(4);
-        SeenDirection &one = sky.seen[static_cast<std::size_t>(bad)];
-        one.head.quality = i % 2 ? QUALITY_DEGRADED : QUALITY_STALE;
-        one.d_B = vec(random.direction());
+        SeenDirection &direction = sky.seen[static_cast<std::size_t>(bad)];
+        direction.head.quality = i % 2 ? QUALITY_DEGRADED : QUALITY_STALE;
+        direction.d_B = vec(random.direction());
         const Quest m = flown(sky, 8);
         EXPECT_EQ(m.out.attitude.head.quality, QUALITY_GOOD);
         EXPECT_EQ(m.out.state.n, 3u);
@@ -120,16 +120,16 @@ TEST(Quest, directions_that_contradict_each_other_are_found_out)
     int found = 0;
     for (int i = 0; i < 1000; i++) {
         Sky sky(random, 3, 0.3, 0.005, 0.005);
-        SeenDirection &one = sky.seen[static_cast<std::size_t>(random.below(3))];
-        one.d_B = vec(Vector3d(turn(eigen(one.d_B).cross(random.direction()), 0.1) * eigen(one.d_B)));
+        SeenDirection &direction = sky.seen[static_cast<std::size_t>(random.below(3))];
+        direction.d_B = vec(Vector3d(turn(eigen(direction.d_B).cross(random.direction()), 0.1) * eigen(direction.d_B)));
         const Quest m = flown(sky, 5);
         found += m.out.state.finding == FIX_MISFIT;
         EXPECT_EQ(m.out.state.finding == FIX_MISFIT, m.out.attitude.head.quality == QUALITY_DEGRADED);
     }
     EXPECT_GT(found, 950) << "of a direction off by 20 standard deviations";
     Sky sky(random, 3, 0.3, 0.005, 0.005);
-    for (SeenDirection &one : sky.seen) { // mirrored: no turn fits
-        one.d_B = vec_neg(one.d_B);
+    for (SeenDirection &direction : sky.seen) { // mirrored: no turn fits
+        direction.d_B = vec_neg(direction.d_B);
     }
     const Quest mirrored = flown(sky, 5);
     EXPECT_EQ(mirrored.out.state.finding, FIX_MISFIT);

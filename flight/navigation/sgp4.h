@@ -65,10 +65,10 @@ typedef struct Sgp4 {
     uint32_t resonance;       ///< [-] 0: none, 1: of a day, 2: of half a day
 } Sgp4;
 
-/** Compute what is computed once. Where the elements are none of an ellipse, the code says so. */
+/** Compute the constants of an orbit. Returns a code, which refuses elements that are not those of an ellipse. */
 OrbitElementsCode sgp4_init(Sgp4 *s, Sgp4Elements elements);
 
-/** Position [m] and velocity [m/s] in TEME at a time [s] since the epoch, the same whatever was asked for before: of s,
+/** Position [m] and velocity [m/s] in TEME at a time [s] since the epoch, which do not depend on earlier calls: of s,
  *  only how far the resonance is integrated changes. Where the code is not GOOD, both are of no use. */
 OrbitElementsCode sgp4_state(Sgp4 *s, double t, Vec3 *r, Vec3 *v);
 

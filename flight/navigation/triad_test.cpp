@@ -22,7 +22,7 @@ TEST(Triad, meets_the_primary_and_turns_about_it_as_the_secondary_says)
         if (i % 3 == 0) { // turns by about 180 degrees
             sky.dcm_BN =
                 turn(i % 2 ? Vector3d::Unit(i % 3).eval() : random.direction(), pi + random.real(-1, 1) * 1e-9);
-            sky.look(random, i % 2);
+            sky.measure(random, i % 2);
         }
         Triad m{};
         m.par = {1e-6, 1, 100};
@@ -61,7 +61,7 @@ TEST(Triad, the_primary_is_the_one_to_trust)
     for (int i = 0; i < 2000; i++) {
         Sky sky(random, 2, 0.5, 0.01, 0.01);
         sky.seen[1].std = 0.1;
-        sky.look(random, 1);
+        sky.measure(random, 1);
         Triad m{};
         m.par = {0.1, 1, 100};
         take(m, sky);

@@ -165,8 +165,8 @@ static int lost(const VectorFilter *m)
     return m->mem.running == 0u || !(vec_norm2(std_of(&m->mem.at, 0)) <= LOST * LOST);
 }
 
-/* Looks at a measurement, if it is good and new. */
-static void look(VectorFilter *m, const Seen *seen, int source, int64_t now)
+/* Process a measurement, if it is good and new. */
+static void process(VectorFilter *m, const Seen *seen, int source, int64_t now)
 {
     const int64_t t = seen->head.t;
     if (seen->head.quality != QUALITY_GOOD || t > now || (m->mem.known[source] != 0u && t <= m->mem.seen[source])) {
@@ -363,11 +363,11 @@ void vector_filter_update(VectorFilter *m, Tick t)
     for (int i = 0; i < FIELD && !lost(&next); i++) {
         const SeenDirection *d = directions[i];
         const Seen seen = {d->head, vec_unit(d->d_B), vec_unit(d->d_N), direction_speaks(d) ? d->std : 0.0};
-        look(&next, &seen, i, t.t);
+        process(&next, &seen, i, t.t);
     }
     if (!lost(&next) && m->par.field_noise > 0.0 && m->in.known_field.head.quality == QUALITY_GOOD) {
         const Seen seen = {m->in.field.head, m->in.field.B_B, m->in.known_field.B_N, m->par.field_noise};
-        look(&next, &seen, FIELD, t.t);
+        process(&next, &seen, FIELD, t.t);
     }
     const VectorEstimate e = estimate_at(&next, t.t);
     const int finite = sound(&next.mem.at) && sound(&e) && vec_finite(next.mem.rate);

@@ -21,7 +21,7 @@ TEST(VectorFilter, its_errors_are_as_large_as_it_says)
         f.run(400);
         while (f.seconds() < from) {
             f.step();
-            fit.look(f.state());
+            fit.measure(f.state());
         }
         EXPECT_EQ(f.state().restarts, 0u);
         if (f.quality() == QUALITY_GOOD) { // not where it waits in the dark for the Sun

@@ -12,9 +12,9 @@ void attitude_miscompare_reset(AttitudeMiscompare *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
-static int good_numbers(const NavAttitude *one)
+static int good_numbers(const NavAttitude *attitude)
 {
-    return head_written(one->head) && vec_finite(one->sigma_BN) && vec_finite(one->omega_BN_B);
+    return head_written(attitude->head) && vec_finite(attitude->sigma_BN) && vec_finite(attitude->omega_BN_B);
 }
 
 void attitude_miscompare_update(AttitudeMiscompare *m, Tick t)

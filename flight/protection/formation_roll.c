@@ -14,26 +14,26 @@ void formation_roll_update(FormationRoll *m, Tick t)
     const BodyState *const in[ROLL_MEMBERS] = {&m->in.a, &m->in.b, &m->in.c, &m->in.d,
                                                &m->in.e, &m->in.f, &m->in.g, &m->in.h};
     FormationState *state = &m->out.state;
-    uint32_t heard = 0u;
+    uint32_t present = 0u;
     for (uint32_t i = 0u; i < ROLL_MEMBERS; i++) {
         if (in[i]->head.quality >= QUALITY_DEGRADED) {
-            heard |= 1u << i;
+            present |= 1u << i;
             m->mem.last[i] = in[i]->head.t;
         }
-        const int known = ((m->mem.known | heard) >> i & 1u) != 0u;
+        const int known = ((m->mem.known | present) >> i & 1u) != 0u;
         state->age[i] = known ? tick_seconds(tick_since(t.t, m->mem.last[i])) : 0.0;
     }
-    const uint32_t gone = state->heard & ~heard, come = heard & ~state->heard;
-    m->mem.known |= heard;
-    state->heard = heard;
-    state->lost = m->mem.known & ~heard;
+    const uint32_t gone = state->heard & ~present, come = present & ~state->heard;
+    m->mem.known |= present;
+    state->heard = present;
+    state->lost = m->mem.known & ~present;
     state->head = head_next(state->head, t.t, QUALITY_GOOD);
     if (come != 0u) {
-        event_say(&m->out.event, t.t,
-                  (FlightEvent){.id = FORMATION_ROLL_HEARD, .severity = EVENT_INFO, .arguments = {come}});
+        event_publish(&m->out.event, t.t,
+                      (FlightEvent){.id = FORMATION_ROLL_HEARD, .severity = EVENT_INFO, .arguments = {come}});
     }
     if (gone != 0u) {
-        event_say(&m->out.event, t.t,
-                  (FlightEvent){.id = FORMATION_ROLL_LOST, .severity = EVENT_MEDIUM, .arguments = {gone}});
+        event_publish(&m->out.event, t.t,
+                      (FlightEvent){.id = FORMATION_ROLL_LOST, .severity = EVENT_MEDIUM, .arguments = {gone}});
     }
 }

@@ -6,13 +6,13 @@
 #include "flight/msg/orbit.h"
 #include "flight/msg/relative.h"
 
-/** What it says. */
+/** Its events. */
 typedef enum FormationRollEventId {
     FORMATION_ROLL_LOST = 1, ///< medium, members [-]: they are not heard any more, a bit for each
     FORMATION_ROLL_HEARD = 2 ///< info, members [-]: they are heard, for the first time or again
 } FormationRollEventId;
 
-/** Who of a formation is heard, by the beacons of its members.
+/** Which members of a formation are heard, by their beacons.
  *  A member is heard while its beacon is neither missing nor stale: give the wires a `stale_after`. One that was heard
  *  since the reset and is not any more is lost. */
 typedef struct FormationRoll {

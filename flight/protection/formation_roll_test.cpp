@@ -32,7 +32,7 @@ Members without(const Members &some, const Members &others)
     return rest;
 }
 
-TEST(FormationRoll, KnowsWhoIsHeardAndWhoIsNotAnyMore)
+TEST(FormationRoll, KnowsWhichMembersArePresentAndWhichAreLost)
 {
     std::mt19937 chance(3);
     const auto pick = [&](int n) { return static_cast<int>(chance() % static_cast<unsigned>(n)); };
@@ -45,21 +45,21 @@ TEST(FormationRoll, KnowsWhoIsHeardAndWhoIsNotAnyMore)
         Members before;
         uint32_t events = 0;
         for (int64_t t = 1'000'000'000; t < 40'000'000'000; t += 1'000'000'000) {
-            for (BodyState *one : in) {
+            for (BodyState *state : in) {
                 switch (pick(8)) {
-                case 0: *one = {}; break; // its messages are gone
-                case 1: one->head.quality = head_written(one->head) ? QUALITY_STALE : QUALITY_NONE; break;
-                case 2: one->head = {t - pick(2), QUALITY_GOOD, one->head.sequence + 1}; break;
-                case 3: one->head = {t, QUALITY_DEGRADED, one->head.sequence + 1}; break;
+                case 0: *state = {}; break; // its messages are gone
+                case 1: state->head.quality = head_written(state->head) ? QUALITY_STALE : QUALITY_NONE; break;
+                case 2: state->head = {t - pick(2), QUALITY_GOOD, state->head.sequence + 1}; break;
+                case 3: state->head = {t, QUALITY_DEGRADED, state->head.sequence + 1}; break;
                 default: break;
                 }
             }
             formation_roll_update(&m, {t, 1'000'000'000});
 
-            Members heard, known;
+            Members present, known;
             for (uint32_t i = 0; i < ROLL_MEMBERS; i++) {
                 if (in[i]->head.quality == QUALITY_GOOD || in[i]->head.quality == QUALITY_DEGRADED) {
-                    heard.insert(i);
+                    present.insert(i);
                     newest[i] = in[i]->head.t;
                 }
                 const double age = newest.count(i) ? static_cast<double>(t - newest[i]) / 1e9 : 0.0;
@@ -68,10 +68,10 @@ TEST(FormationRoll, KnowsWhoIsHeardAndWhoIsNotAnyMore)
             for (const auto &[i, when] : newest) {
                 known.insert(i);
             }
-            EXPECT_EQ(m.out.state.heard, bits(heard));
-            EXPECT_EQ(m.out.state.lost, bits(without(known, heard)));
+            EXPECT_EQ(m.out.state.heard, bits(present));
+            EXPECT_EQ(m.out.state.lost, bits(without(known, present)));
             EXPECT_EQ(m.out.state.head.quality, QUALITY_GOOD);
-            const Members gone = without(before, heard), come = without(heard, before);
+            const Members gone = without(before, present), come = without(present, before);
             events += !gone.empty() + !come.empty();
             EXPECT_EQ(m.out.event.count, events);
             if (!gone.empty() || !come.empty()) {
@@ -80,15 +80,15 @@ TEST(FormationRoll, KnowsWhoIsHeardAndWhoIsNotAnyMore)
                 EXPECT_EQ(m.out.event.head.t, t);
             }
             lost += !gone.empty();
-            again += before.size() < heard.size();
-            before = heard;
+            again += before.size() < present.size();
+            before = present;
         }
     }
     EXPECT_GT(lost, 100);
     EXPECT_GT(again, 100);
 }
 
-TEST(FormationRoll, SaysNothingOfWhoWasNeverHeard)
+TEST(FormationRoll, ReportsNothingOfMembersThatWereNeverPresent)
 {
     FormationRoll m{};
     formation_roll_reset(&m);

@@ -26,12 +26,12 @@ TEST(StarSelect, TheFirstThatIsInUseAndSpeaksIsPassedOnAsByAWire)
         int before = -2, source = -1;
         unsigned seen = 0;
         for (int64_t t = 1; t < 60; t++) {
-            for (StarAttitude *one : {&m.in.a, &m.in.b}) {
+            for (StarAttitude *stars : {&m.in.a, &m.in.b}) {
                 if (pick(3) > 0) {
-                    one->head = {t - pick(2), static_cast<Quality>(1 + pick(3)), one->head.sequence + 1};
-                    one->sigma_BN.v[0] = static_cast<double>(chance());
-                } else if (head_written(one->head) && pick(4) == 0) {
-                    one->head.quality = QUALITY_STALE;
+                    stars->head = {t - pick(2), static_cast<Quality>(1 + pick(3)), stars->head.sequence + 1};
+                    stars->sigma_BN.v[0] = static_cast<double>(chance());
+                } else if (head_written(stars->head) && pick(4) == 0) {
+                    stars->head.quality = QUALITY_STALE;
                 }
             }
             if (table && (t == 1 || pick(9) == 0)) {

@@ -98,8 +98,8 @@ TEST(WheelMonitor, of_the_last_wheels_no_fault_is_believed)
     Wheels w;
     w.m.par.least = 3;
     w.fly(20);
-    for (double &one : w.given) {
-        one = 0;
+    for (double &given : w.given) {
+        given = 0;
     }
     w.fly(20);
     EXPECT_EQ(w.available(), "nyyy");

@@ -46,11 +46,11 @@ struct Flown {
         for (unsigned i = 0; i < 8; i++) {
             corners.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
         }
-        look(corners);
+        measure(corners);
     }
 
     /// Sensors along these axes, four of them with less noise than the others.
-    void look(const std::vector<Vector3d> &axes)
+    void measure(const std::vector<Vector3d> &axes)
     {
         SunCosines &cosines = m.in.cosines;
         cosines.n = static_cast<std::uint32_t>(axes.size());
@@ -142,7 +142,7 @@ Flown any_flown(std::uint64_t seed, bool gyro, int sensors, double fade = 0)
         axes.push_back(random.direction());
     }
     if (sensors > 0) {
-        f.look(axes);
+        f.measure(axes);
     }
     const bool lit = random.below(4) != 0;
     const double bright = 1 + f.m.par.length * random.normal();
@@ -223,7 +223,7 @@ TEST(SunLine, two_sensors_have_two_suns_until_a_third_is_lit)
 {
     for (std::uint64_t seed = 1; seed <= 20; seed++) {
         Flown f(seed, seed % 2);
-        f.look({{1, 0, 1}, {1, 0, -1}, {0, 1, 1}, {0, 1, -1}, {-1, 0, 1}, {-1, 0, -1}, {0, -1, 1}, {0, -1, -1}});
+        f.measure({{1, 0, 1}, {1, 0, -1}, {0, 1, 1}, {0, 1, -1}, {-1, 0, 1}, {-1, 0, -1}, {0, -1, 1}, {0, -1, -1}});
         f.omega *= 0;
         f.m.par.rate_std = 1e-5;
         f.m.par.walk = 1e-14;

@@ -6,7 +6,7 @@
 #include "flight/sensing/sun_fit.h"
 
 /* Which sensors speak and are in use. */
-static uint32_t look(SunPyramids *m, SunView *v)
+static uint32_t sample(SunPyramids *m, SunView *v)
 {
     uint32_t used = 0u;
     memset(v, 0, sizeof *v);
@@ -66,9 +66,10 @@ static uint32_t blame(SunPyramids *m, const SunView *v, const uint32_t of[2], ui
     return 2u;
 }
 
-static void say(SunPyramids *m, int64_t t, SunPyramidsEventId id, EventSeverity severity, double which, double sensors)
+static void publish(SunPyramids *m, int64_t t, SunPyramidsEventId id, EventSeverity severity, double which,
+                    double sensors)
 {
-    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {which, sensors}});
+    event_publish(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {which, sensors}});
 }
 
 static void forget(SunPyramids *m)
@@ -94,7 +95,7 @@ static uint32_t count(SunPyramids *m, int64_t t, uint32_t which, uint32_t single
         m->out.status.faulty |= 1u << which;
         m->out.status.unused |= out;
         forget(m);
-        say(m, t, SUN_PYRAMIDS_FAULTY, EVENT_HIGH, 1u << which, out);
+        publish(m, t, SUN_PYRAMIDS_FAULTY, EVENT_HIGH, 1u << which, out);
     }
     return out;
 }
@@ -109,7 +110,7 @@ void sun_pyramids_update(SunPyramids *m, Tick t)
 {
     SunView v;
     SunPyramidsStatus *status = &m->out.status;
-    uint32_t used = look(m, &v), single = 0u;
+    uint32_t used = sample(m, &v), single = 0u;
     const uint32_t of[2] = {used & 0x0Fu, used & 0xF0u};
     SunFit f = sun_fit(&v, used);
     const int whole = f.misfit <= m->par.differ;
@@ -137,7 +138,7 @@ void sun_pyramids_update(SunPyramids *m, Tick t)
     status->unresolved = status->suspects == 3u ? status->unresolved + 1u : 0u;
     if (status->unresolved == m->par.persistence) {
         forget(m);
-        say(m, t.t, SUN_PYRAMIDS_UNRESOLVED, EVENT_MEDIUM, 0.0, 0.0);
+        publish(m, t.t, SUN_PYRAMIDS_UNRESOLVED, EVENT_MEDIUM, 0.0, 0.0);
     }
     Quality quality = QUALITY_GOOD;
     for (uint32_t k = 0u; k < 2u; k++) {

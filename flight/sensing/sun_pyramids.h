@@ -9,7 +9,7 @@
 
 #define SUN_PYRAMID (SUN_SENSORS_MAX / 2)
 
-/** What geometry says of two converters, each of a pyramid of sun sensors. */
+/** What geometry shows of two converters, each of a pyramid of sun sensors. */
 typedef struct SunPyramidsStatus {
     Head head;
     uint32_t faulty;   ///< [-] converters that were found faulty: 1: A, 2: B
@@ -18,7 +18,7 @@ typedef struct SunPyramidsStatus {
     uint32_t unresolved; ///< [-] updates in a row with a contradiction that may be of either
 } SunPyramidsStatus;
 
-/** What it says. */
+/** Its events. */
 typedef enum SunPyramidsEventId {
     SUN_PYRAMIDS_FAULTY = 1, ///< high, converter [-], sensors [-]: a converter (1: A, 2: B) has been found faulty; the
                              ///< sensors, a bit for each, are out of use from now on

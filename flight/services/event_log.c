@@ -29,8 +29,8 @@ static void keep(EventLog *m, EventSource *source, uint16_t output, const Flight
     source->before = 0u;
 }
 
-/* Look at an output. */
-static void look(EventLog *m, EventSource *source, uint16_t output, const FlightEvent *e)
+/* Take the event of an output into the log, if it is new and the rules allow it. */
+static void log_event(EventLog *m, EventSource *source, uint16_t output, const FlightEvent *e)
 {
     if (!head_written(e->head) || (e->head.sequence == source->sequence && e->head.t == source->t)) {
         return;
@@ -60,7 +60,7 @@ static void look(EventLog *m, EventSource *source, uint16_t output, const Flight
     keep(m, source, output, e);
 }
 
-static void look_at_all(EventLog *m, const CommandContext *context)
+static void log_all(EventLog *m, const CommandContext *context)
 {
     const CommandServices *services = context->table->services;
     if (m->mem.begun == 0u && context->t <= m->mem.seen) { /* the records are of another run */
@@ -73,16 +73,16 @@ static void look_at_all(EventLog *m, const CommandContext *context)
         uint32_t size;
         FlightEvent e;
         memcpy(&e, services->output(context->mission, services->events[i], &size), sizeof e);
-        look(m, &m->mem.sources[i], services->events[i], &e);
+        log_event(m, &m->mem.sources[i], services->events[i], &e);
     }
 }
 
-static uint32_t tell(const CommandContext *context, void *module, uint8_t *content)
+static uint32_t telemetry(const CommandContext *context, void *module, uint8_t *content)
 {
     EventLog *m = module;
     uint32_t number;
     if (m->mem.sent == m->mem.number) {
-        look_at_all(m, context);
+        log_all(m, context);
     }
     const uint32_t oldest = m->mem.number > EVENTS_KEPT ? m->mem.number - EVENTS_KEPT + 1u : 1u;
     m->mem.again = m->mem.again > oldest ? m->mem.again : oldest;
@@ -119,8 +119,12 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     return COMMAND_OK;
 }
 
-const CommandService event_log_service = {
-    .first = COMMAND_EVENTS, .n = 1u, .check = check, .execute = execute, .tell = tell, .stream = STREAM_EVENTS};
+const CommandService event_log_service = {.first = COMMAND_EVENTS,
+                                          .n = 1u,
+                                          .check = check,
+                                          .execute = execute,
+                                          .telemetry = telemetry,
+                                          .stream = STREAM_EVENTS};
 
 /* ---- the module */
 

@@ -20,7 +20,7 @@ constexpr uint16_t outputs = 30;
 
 struct Mission {
     EventLog log;
-    FlightEvent said[outputs];
+    FlightEvent written[outputs];
 };
 
 const CommandService *const kinds[] = {&event_log_service};
@@ -49,19 +49,19 @@ protected:
         table_.reset = [](void *m, int64_t) {
             auto &mission = *static_cast<Mission *>(m);
             event_log_reset(&mission.log);
-            std::memset(mission.said, 0, sizeof mission.said);
+            std::memset(mission.written, 0, sizeof mission.written);
         };
         command_begin(&state_);
         event_log_reset(&mission_.log);
     }
 
-    void say(int output, uint32_t id, EventSeverity severity, double first = 0.0)
+    void publish(int output, uint32_t id, EventSeverity severity, double first = 0.0)
     {
-        FlightEvent one{};
-        one.id = id;
-        one.severity = severity;
-        one.arguments[0] = first;
-        event_say(&mission_.said[output], t_, one);
+        FlightEvent event{};
+        event.id = id;
+        event.severity = severity;
+        event.arguments[0] = first;
+        event_publish(&mission_.written[output], t_, event);
     }
 
     /// The end of the instant; returns the numbers of the events that it sends.
@@ -74,7 +74,7 @@ protected:
         sent_.clear();
         const CommandContext context{&state_, &table_, &mission_, t_, 0};
         uint8_t content[COMMAND_DATA_MAX];
-        while (const uint32_t n = event_log_service.tell(&context, &mission_.log, content)) {
+        while (const uint32_t n = event_log_service.telemetry(&context, &mission_.log, content)) {
             EXPECT_EQ(n, 56u);
             take(content);
             numbers += std::to_string(sent_.back().number) + " ";
@@ -85,16 +85,16 @@ protected:
 
     void take(const uint8_t *p)
     {
-        Sent one{static_cast<uint32_t>(number(p + 8, 4)),
-                 static_cast<uint16_t>(number(p + 16, 2)),
-                 static_cast<uint32_t>(number(p + 20, 4)),
-                 static_cast<uint16_t>(number(p + 18, 2)),
-                 static_cast<uint32_t>(number(p + 12, 4)),
-                 static_cast<int64_t>(number(p, 8)),
-                 0.0};
+        Sent packet{static_cast<uint32_t>(number(p + 8, 4)),
+                    static_cast<uint16_t>(number(p + 16, 2)),
+                    static_cast<uint32_t>(number(p + 20, 4)),
+                    static_cast<uint16_t>(number(p + 18, 2)),
+                    static_cast<uint32_t>(number(p + 12, 4)),
+                    static_cast<int64_t>(number(p, 8)),
+                    0.0};
         const uint64_t bits = number(p + 24, 8);
-        std::memcpy(&one.first, &bits, sizeof bits);
-        sent_.push_back(one);
+        std::memcpy(&packet.first, &bits, sizeof bits);
+        sent_.push_back(packet);
     }
 
     CommandReason command(uint8_t code)
@@ -118,7 +118,7 @@ protected:
         kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->log; },
         [](const void *m, uint16_t place, uint32_t *size) -> const void * {
             *size = sizeof(FlightEvent);
-            return &static_cast<const Mission *>(m)->said[place];
+            return &static_cast<const Mission *>(m)->written[place];
         });
     CommandTable table_ = command_table(&services_, queue, sizeof queue);
     CommandState state_{};
@@ -130,8 +130,8 @@ protected:
 TEST_F(Log, EachEventIsSentOnceAtTheEndOfItsInstant)
 {
     EXPECT_EQ(ends(), "");
-    say(2, 7, EVENT_MEDIUM, 0.25);
-    say(1, 9, EVENT_INFO);
+    publish(2, 7, EVENT_MEDIUM, 0.25);
+    publish(1, 9, EVENT_INFO);
     EXPECT_EQ(ends(false), "1 2 ");
     EXPECT_EQ(sent_[0].output, 1);
     EXPECT_EQ(sent_[0].id, 9u);
@@ -142,10 +142,10 @@ TEST_F(Log, EachEventIsSentOnceAtTheEndOfItsInstant)
     EXPECT_EQ(sent_[1].t, 110);
     EXPECT_EQ(sent_[1].before, 0u);
     EXPECT_EQ(ends(), "");
-    say(2, 8, EVENT_LOW);
+    publish(2, 8, EVENT_LOW);
     EXPECT_EQ(ends(), "3 ");
     t_ -= 10;
-    say(2, 9, EVENT_LOW); // at the same time, after it was seen
+    publish(2, 9, EVENT_LOW); // at the same time, after it was seen
     EXPECT_EQ(ends(), "4 ");
     EXPECT_EQ(sent_[0].id, 9u);
     EXPECT_EQ(shown().kept, 4u);
@@ -155,28 +155,28 @@ TEST_F(Log, EachEventIsSentOnceAtTheEndOfItsInstant)
 
 TEST_F(Log, OfOneInstantTheGravestIsLoggedAndTheOthersAreCounted)
 {
-    say(0, 1, EVENT_INFO);
-    say(0, 2, EVENT_HIGH);
-    say(0, 3, EVENT_LOW);
-    say(1, 4, EVENT_LOW);
-    say(1, 5, EVENT_LOW);
+    publish(0, 1, EVENT_INFO);
+    publish(0, 2, EVENT_HIGH);
+    publish(0, 3, EVENT_LOW);
+    publish(1, 4, EVENT_LOW);
+    publish(1, 5, EVENT_LOW);
     EXPECT_EQ(ends(), "1 2 ");
     EXPECT_EQ(sent_[0].id, 2u);
     EXPECT_EQ(sent_[0].before, 2u);
     EXPECT_EQ(sent_[1].id, 5u); // of equal ones the last
     EXPECT_EQ(sent_[1].before, 1u);
-    say(0, 4, EVENT_LOW);
+    publish(0, 4, EVENT_LOW);
     EXPECT_EQ(ends(), "3 ");
     EXPECT_EQ(sent_[0].before, 0u);
     for (uint32_t i = 0; i < 2; i++) {
-        mission_.said[0] = {}; // its module was reset
+        mission_.written[0] = {}; // its module was reset
         EXPECT_EQ(ends(), "");
-        say(0, 5, EVENT_LOW);
+        publish(0, 5, EVENT_LOW);
         EXPECT_EQ(ends(), std::to_string(4 + i) + " ");
         EXPECT_EQ(sent_[0].before, 0u);
     }
-    mission_.said[0] = {};
-    say(0, 6, EVENT_LOW); // where the last one had the same sequence
+    mission_.written[0] = {};
+    publish(0, 6, EVENT_LOW); // where the last one had the same sequence
     EXPECT_EQ(ends(), "6 ");
     EXPECT_EQ(shown().replaced, 3u);
 }
@@ -188,32 +188,33 @@ TEST_F(Log, WhatIsNotGraveEnoughIsCountedByTheRulesOfItsOutput)
     mission_.log.par.filters[6] = {1, 2, 5, 0};
     mission_.log.par.filters[7] = {1, 3, EVENT_INFO, 0};
     for (int i = 0; i < 4; i++) {
-        say(i, 1, EVENT_LOW);
+        publish(i, 1, EVENT_LOW);
     }
     EXPECT_EQ(ends(), "1 ");
     EXPECT_EQ(sent_[0].output, 3);
     for (int i = 0; i < 4; i++) {
-        say(i, 1, i == 0 ? EVENT_MEDIUM : EVENT_HIGH);
+        publish(i, 1, i == 0 ? EVENT_MEDIUM : EVENT_HIGH);
     }
     EXPECT_EQ(ends(), "2 3 4 ");
     EXPECT_EQ(shown().below, 4u);
     event_log_reset(&mission_.log);
-    std::memset(mission_.said, 0, sizeof mission_.said);
+    std::memset(mission_.written, 0, sizeof mission_.written);
     EXPECT_EQ(shown().below, 0u);
 }
 
-TEST_F(Log, TooManyInATimeAreSuppressedCountedAndSaid)
+TEST_F(Log, TooManyInATimeAreSuppressedAndCounted)
 {
     mission_.log.par.most = 2;
     mission_.log.par.window = 50e-9;
     mission_.log.par.filters[0] = {1, 1, 0, 3};
     std::string first, second;
     for (int i = 0; i < 10; i++) {
-        say(0, static_cast<uint32_t>(i), EVENT_INFO);
-        say(1, static_cast<uint32_t>(i), EVENT_INFO);
+        publish(0, static_cast<uint32_t>(i), EVENT_INFO);
+        publish(1, static_cast<uint32_t>(i), EVENT_INFO);
         ends();
-        for (const Sent &one : sent_) {
-            (one.output == 0 ? first : second) += std::to_string(one.id) + ":" + std::to_string(one.before) + " ";
+        for (const Sent &packet : sent_) {
+            (packet.output == 0 ? first : second) +=
+                std::to_string(packet.id) + ":" + std::to_string(packet.before) + " ";
         }
     }
     EXPECT_EQ(first, "0:0 1:0 5:3 6:0 ");
@@ -222,10 +223,10 @@ TEST_F(Log, TooManyInATimeAreSuppressedCountedAndSaid)
     mission_.log.par.window = 300e-9;
     std::string third; // the window begins with the first event, at 210
     for (int i = 0; i < 40; i++) {
-        say(2, static_cast<uint32_t>(i), EVENT_INFO);
+        publish(2, static_cast<uint32_t>(i), EVENT_INFO);
         ends();
-        for (const Sent &one : sent_) {
-            third += std::to_string(one.id) + " ";
+        for (const Sent &packet : sent_) {
+            third += std::to_string(packet.id) + " ";
         }
     }
     EXPECT_EQ(third, "0 1 30 31 ");
@@ -237,7 +238,7 @@ TEST_F(Log, TheLastAreSentAgainByCommand)
     EXPECT_EQ(command(COMMAND_EVENTS), COMMAND_OK);
     EXPECT_EQ(ends(), ""); // there is none
     for (uint32_t i = 1; i <= 40; i++) {
-        say(0, i, EVENT_INFO);
+        publish(0, i, EVENT_INFO);
         ends();
     }
     EXPECT_EQ(command(COMMAND_EVENTS), COMMAND_OK);
@@ -245,7 +246,7 @@ TEST_F(Log, TheLastAreSentAgainByCommand)
     EXPECT_EQ(ends(), "9 10 11 12 ");
     EXPECT_EQ(sent_[0].id, 9u);
     EXPECT_EQ(ends(false), ""); // four at each update
-    say(1, 77, EVENT_INFO);     // in place of number 9; a new one comes first
+    publish(1, 77, EVENT_INFO); // in place of number 9; a new one comes first
     EXPECT_EQ(ends(), "41 13 14 15 16 ");
     std::string rest;
     for (int i = 0; i < 8; i++) {
@@ -255,7 +256,7 @@ TEST_F(Log, TheLastAreSentAgainByCommand)
     command(COMMAND_EVENTS);
     for (int i = 0; i < 20; i++) { // those that are overwritten meanwhile are left out
         for (int output = 0; output < 4; output++) {
-            say(output, 1, EVENT_INFO);
+            publish(output, 1, EVENT_INFO);
         }
         const std::string numbers = ends();
         EXPECT_EQ(sent_.size(), i < 7 ? 8u : 4u) << i << ": " << numbers;
@@ -265,11 +266,11 @@ TEST_F(Log, TheLastAreSentAgainByCommand)
 
 TEST_F(Log, AResetOfFlightKeepsTheRecordsAndTheirNumbers)
 {
-    say(0, 1, EVENT_HIGH);
+    publish(0, 1, EVENT_HIGH);
     ends();
     command(COMMAND_RESET_FLIGHT);
     EXPECT_EQ(mission_.log.out.state.logged, 0u);
-    say(0, 2, EVENT_HIGH);
+    publish(0, 2, EVENT_HIGH);
     EXPECT_EQ(ends(), "2 ");
     EXPECT_EQ(sent_[0].before, 0u);
     command(COMMAND_EVENTS);
@@ -290,18 +291,18 @@ TEST_F(Log, AnotherRunBeginsWithoutRecords)
     for (const int64_t begins : {5, 5, 0, 0}) { // the same event as in the one before
         t_ = begins;
         event_log_reset(&mission_.log);
-        mission_.said[0] = {};
-        say(0, 3, EVENT_HIGH);
+        mission_.written[0] = {};
+        publish(0, 3, EVENT_HIGH);
         EXPECT_EQ(ends(), "1 ") << begins;
     }
 }
 
-TEST_F(Log, OutputsBeyondItsMemoryAreSaid)
+TEST_F(Log, OutputsBeyondItsMemoryAreReported)
 {
     services_.n_events = outputs;
-    say(outputs - 1, 1, EVENT_HIGH);
-    say(EVENT_SOURCES, 1, EVENT_HIGH);
-    say(EVENT_SOURCES - 1, 1, EVENT_HIGH);
+    publish(outputs - 1, 1, EVENT_HIGH);
+    publish(EVENT_SOURCES, 1, EVENT_HIGH);
+    publish(EVENT_SOURCES - 1, 1, EVENT_HIGH);
     EXPECT_EQ(ends(), "1 ");
     EXPECT_EQ(shown().unseen, outputs - EVENT_SOURCES);
     EXPECT_EQ(shown().head.quality, QUALITY_DEGRADED);

@@ -14,11 +14,11 @@ static int has(uint32_t set, uint32_t i)
     return (set >> i & 1u) != 0u;
 }
 
-static void say(FaultProtection *m, int64_t t, FaultProtectionEventId id, EventSeverity severity, double first,
-                double second, double third, double fourth)
+static void publish(FaultProtection *m, int64_t t, FaultProtectionEventId id, EventSeverity severity, double first,
+                    double second, double third, double fourth)
 {
-    event_say(&m->out.event, t,
-              (FlightEvent){.id = id, .severity = severity, .arguments = {first, second, third, fourth}});
+    event_publish(&m->out.event, t,
+                  (FlightEvent){.id = id, .severity = severity, .arguments = {first, second, third, fourth}});
 }
 
 /* ---- units */
@@ -148,7 +148,7 @@ static void respond(FaultProtection *m, uint32_t place, int64_t t)
     const double value = m->mem.watched[place].last;
     uint8_t *responded = &m->mem.responded[place];
     if (rule->limit > 0u && *responded >= rule->limit) {
-        say(m, t, FAULT_PROTECTION_STOPPED, EVENT_LOW, place, value, 0.0, 0.0);
+        publish(m, t, FAULT_PROTECTION_STOPPED, EVENT_LOW, place, value, 0.0, 0.0);
         return;
     }
     if (*responded < FAULT_LIMIT) {
@@ -162,20 +162,20 @@ static void respond(FaultProtection *m, uint32_t place, int64_t t)
     m->mem.modes |= (rule->mode > 0u ? 1u : 0u) << place;
     m->mem.lists |= (rule->check.list > 0u ? 1u : 0u) << place;
     if (rule->unit == 0u) {
-        say(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, NO_UNIT, NO_UNIT);
+        publish(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, NO_UNIT, NO_UNIT);
         return;
     }
     const uint32_t unit = rule->unit - 1u, kind = m->par.units[unit].kind;
     const int was_lost = is_lost(m, kind);
     const int successor = rule->becomes == UNIT_ABSENT ? NO_UNIT : set_state(m, unit, rule->becomes);
     if (is_lost(m, kind) && !was_lost) {
-        say(m, t, FAULT_PROTECTION_LOST, EVENT_HIGH, place, value, unit, kind);
+        publish(m, t, FAULT_PROTECTION_LOST, EVENT_HIGH, place, value, unit, kind);
     } else {
-        say(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, unit, successor);
+        publish(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, unit, successor);
     }
 }
 
-static void look(FaultProtection *m, uint32_t place, const CommandContext *context)
+static void evaluate(FaultProtection *m, uint32_t place, const CommandContext *context)
 {
     const FaultRule *rule = &m->par.rules[place];
     MonitorMemory *memory = &m->mem.watched[place];
@@ -185,11 +185,11 @@ static void look(FaultProtection *m, uint32_t place, const CommandContext *conte
         *memory = monitor_new();
         return;
     }
-    switch (monitor_look(&rule->check, memory, context)) {
+    switch (monitor_evaluate(&rule->check, memory, context)) {
     case MONITOR_BAD:
         m->mem.bad |= bit;
         if (bad == 0u) {
-            say(m, context->t, FAULT_PROTECTION_BAD, EVENT_LOW, place, 0.0, 0.0, 0.0);
+            publish(m, context->t, FAULT_PROTECTION_BAD, EVENT_LOW, place, 0.0, 0.0, 0.0);
         }
         break;
     case MONITOR_FIRES: respond(m, place, context->t); break;
@@ -203,7 +203,7 @@ static void look(FaultProtection *m, uint32_t place, const CommandContext *conte
 /* A run whose time begins anew begins as built. */
 static void begin(FaultProtection *m, int64_t t)
 {
-    if (t < m->mem.looked) {
+    if (t < m->mem.evaluated) {
         memset(&m->mem, 0, sizeof m->mem);
         fault_protection_reset(m);
     }
@@ -213,14 +213,14 @@ static void begin(FaultProtection *m, int64_t t)
 static uint32_t take(const CommandContext *context, void *module, uint8_t *packet, CommandReport *report)
 {
     FaultProtection *m = module;
-    if (m->mem.begun == 0u || m->mem.looked != context->t) {
+    if (m->mem.begun == 0u || m->mem.evaluated != context->t) {
         begin(m, context->t);
         const uint32_t before = m->mem.responses + m->mem.begun;
         for (uint32_t i = 0u; i < FAULT_RULES; i++) {
-            look(m, i, context);
+            evaluate(m, i, context);
         }
         m->mem.begun = 1u;
-        m->mem.looked = context->t;
+        m->mem.evaluated = context->t;
         if (m->mem.responses + m->mem.begun != before) { /* or it is the first instant */
             write_table(m, context->t);
         }
@@ -232,7 +232,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
             const uint16_t mode = (uint16_t)(rule->mode - 1u);
             m->mem.modes &= ~(1u << i);
             if (!command_may_enter(context, mode)) {
-                say(m, context->t, FAULT_PROTECTION_GUARDED, EVENT_MEDIUM, i, mode, 0.0, 0.0);
+                publish(m, context->t, FAULT_PROTECTION_GUARDED, EVENT_MEDIUM, i, mode, 0.0, 0.0);
             }
             return monitor_command(context->table, COMMAND_MODE, &mode, 1u, m->mem.responses, packet);
         }
@@ -309,8 +309,8 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     }
     m->mem.changed = 1u;
     m->mem.kept = 0u;
-    say(m, context->t, FAULT_PROTECTION_SET, EVENT_INFO, unit == COMMAND_ALL ? NO_UNIT : (double)unit,
-        unit == COMMAND_ALL ? 0.0 : (double)m->mem.state[unit], successor, 0.0);
+    publish(m, context->t, FAULT_PROTECTION_SET, EVENT_INFO, unit == COMMAND_ALL ? NO_UNIT : (double)unit,
+            unit == COMMAND_ALL ? 0.0 : (double)m->mem.state[unit], successor, 0.0);
     write_table(m, context->t);
     return COMMAND_OK;
 }
@@ -343,7 +343,7 @@ static void unpack(FaultProtection *m, const uint32_t *words, int64_t t)
         return;
     }
     if (has_states < 0) {
-        say(m, t, FAULT_PROTECTION_DAMAGED, EVENT_MEDIUM, m->par.slot - 1u, 0.0, 0.0, 0.0);
+        publish(m, t, FAULT_PROTECTION_DAMAGED, EVENT_MEDIUM, m->par.slot - 1u, 0.0, 0.0, 0.0);
         return;
     }
     for (uint32_t i = 0u; i < UNITS_MAX; i++) {
@@ -366,7 +366,7 @@ static void unpack(FaultProtection *m, const uint32_t *words, int64_t t)
         used += m->mem.state[i] == UNIT_PRIMARY;
         faulted += m->mem.state[i] == UNIT_FAULTED;
     }
-    say(m, t, FAULT_PROTECTION_RESTORED, EVENT_INFO, used, faulted, 0.0, 0.0);
+    publish(m, t, FAULT_PROTECTION_RESTORED, EVENT_INFO, used, faulted, 0.0, 0.0);
 }
 
 static void keep(FaultProtection *m, int64_t t)

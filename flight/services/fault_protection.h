@@ -27,7 +27,7 @@ typedef struct FaultRule {
     uint32_t limit;    ///< [-] in [0, 15]: responses after which it only says that it fired; 0: none
 } FaultRule;
 
-/** What it says. Of a unit or a rule the place; -1: none. */
+/** Its events. Units and rules are given by their places; -1: none. */
 typedef enum FaultProtectionEventId {
     FAULT_PROTECTION_FIRED = 1, ///< medium, rule [-], value [SI], unit [-], successor [-]: a rule has responded
     FAULT_PROTECTION_LOST = 2,  ///< high, rule [-], value [SI], unit [-], kind [-]: and none of the kind is in use now
@@ -82,7 +82,7 @@ typedef struct FaultProtection {
         MonitorMemory watched[FAULT_RULES];
         UnitState state[UNITS_MAX];
         uint8_t responded[FAULT_RULES]; ///< [-] how often, up to 15
-        int64_t looked;                 ///< [ns] at the last instant
+        int64_t evaluated;              ///< [ns] at the last instant
         int64_t fired_at;               ///< [ns] when a rule responded last
         uint32_t begun;                 ///< [-] 1: there was an instant since the reset
         uint32_t fired;                 ///< [-] place + 1 of the rule that responded last

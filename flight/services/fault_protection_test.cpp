@@ -85,18 +85,18 @@ struct Craft {
     /// x[number] in [low, high], else the unit (-1: none) becomes something.
     FaultRule &rule(int place, int number, double low, double high, int unit = -1, UnitState becomes = UNIT_FAULTED)
     {
-        FaultRule &one = protection().par.rules[place];
-        one = {};
-        one.check.low = low;
-        one.check.high = high;
-        one.check.kind = MONITOR_LIMITS;
-        one.check.on = 1;
-        one.check.offset = static_cast<uint32_t>(offsetof(Output, x) + sizeof(double) * static_cast<size_t>(number));
-        one.check.type = FLEDGE_F64;
-        one.check.n = 1;
-        one.unit = static_cast<uint32_t>(unit + 1);
-        one.becomes = unit < 0 ? UNIT_ABSENT : becomes;
-        return one;
+        FaultRule &added = protection().par.rules[place];
+        added = {};
+        added.check.low = low;
+        added.check.high = high;
+        added.check.kind = MONITOR_LIMITS;
+        added.check.on = 1;
+        added.check.offset = static_cast<uint32_t>(offsetof(Output, x) + sizeof(double) * static_cast<size_t>(number));
+        added.check.type = FLEDGE_F64;
+        added.check.n = 1;
+        added.unit = static_cast<uint32_t>(unit + 1);
+        added.becomes = unit < 0 ? UNIT_ABSENT : becomes;
+        return added;
     }
 
     /// Send command 27; it is executed at the next instant. Returns whether it is accepted.
@@ -185,12 +185,12 @@ struct Paper {
     bool lost(int kind) const { return in_use(kind, true) > 0 && in_use(kind, false) == 0; }
     void change(int unit, char to)
     {
-        Unit &one = units[static_cast<size_t>(unit)];
-        const bool leaves = one.now == 'P' && to != 'P';
-        one.now = to;
-        if (leaves && in_use(one.kind, false) < in_use(one.kind, true)) {
+        Unit &changed = units[static_cast<size_t>(unit)];
+        const bool leaves = changed.now == 'P' && to != 'P';
+        changed.now = to;
+        if (leaves && in_use(changed.kind, false) < in_use(changed.kind, true)) {
             const auto heir = std::find_if(units.begin(), units.end(), [&](const Unit &u) {
-                return &u != &one && u.kind == one.kind && u.now == 'R';
+                return &u != &changed && u.kind == changed.kind && u.now == 'R';
             });
             if (heir != units.end()) {
                 heir->now = 'P';
@@ -199,9 +199,9 @@ struct Paper {
     }
     void clear(int unit)
     {
-        Unit &one = units[static_cast<size_t>(unit)];
-        if (one.now == 'F') {
-            one.now = in_use(one.kind, false) < in_use(one.kind, true) ? 'P' : 'R';
+        Unit &changed = units[static_cast<size_t>(unit)];
+        if (changed.now == 'F') {
+            changed.now = in_use(changed.kind, false) < in_use(changed.kind, true) ? 'P' : 'R';
         }
         for (size_t i = 0; i < rules.size(); i++) {
             if (rules[i].unit == unit) {
@@ -211,21 +211,21 @@ struct Paper {
     }
     bool command(int unit, char to, bool even)
     {
-        const Unit &one = units[static_cast<size_t>(unit)];
+        const Unit &changed = units[static_cast<size_t>(unit)];
         if (to == '-') {
             clear(unit);
             return true;
         }
         const bool spare = std::any_of(units.begin(), units.end(), [&](const Unit &u) {
-            return &u != &one && u.kind == one.kind && (u.now == 'P' || u.now == 'R');
+            return &u != &changed && u.kind == changed.kind && (u.now == 'P' || u.now == 'R');
         });
-        if (one.now == 'P' && to != 'P' && !spare && !even) {
+        if (changed.now == 'P' && to != 'P' && !spare && !even) {
             return false;
         }
         change(unit, to);
         return true;
     }
-    void look(int place, int64_t t, bool fresh)
+    void evaluate(int place, int64_t t, bool fresh)
     {
         const Rule &rule = rules[static_cast<size_t>(place)];
         Watch &watch = watches[place];
@@ -278,7 +278,7 @@ struct Paper {
     {
         written = written || fresh;
         for (size_t i = 0; i < rules.size(); i++) {
-            look(static_cast<int>(i), t, fresh);
+            evaluate(static_cast<int>(i), t, fresh);
         }
         std::string log;
         for (int i = 0; i < COMMAND_AT_ONCE && !waiting.empty(); i++) {
@@ -523,7 +523,7 @@ TEST_F(Pair, ALimitEndsResponsesUntilItIsCleared)
     EXPECT_EQ(craft.at(2.0), "l3 ");
 }
 
-TEST_F(Pair, ARuleThatNamesNoNumberIsSaidToBeBadAndOneThatIsOffForgets)
+TEST_F(Pair, ARuleThatNamesNoNumberIsReportedAsBadAndOneThatIsOffForgets)
 {
     craft.protection().par.rules[0].check.output = 2;
     craft.at(2.0);

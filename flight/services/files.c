@@ -46,7 +46,7 @@ static MemoryStore *store_of(Files *m)
     return (MemoryStore *)(void *)m->mem.store;
 }
 
-/* ---- what the protocol says */
+/* ---- events of the protocol */
 
 static FilesJob *job_of(Files *m, uint64_t transaction)
 {
@@ -59,13 +59,13 @@ static FilesJob *job_of(Files *m, uint64_t transaction)
     return NULL;
 }
 
-static void say(Files *m, int64_t t, FilesEventId id, EventSeverity severity, const CfdpEvent *of)
+static void publish(Files *m, int64_t t, FilesEventId id, EventSeverity severity, const CfdpEvent *of)
 {
-    event_say(&m->out.event, t,
-              (FlightEvent){.id = id,
-                            .severity = severity,
-                            .arguments = {(double)of->id.source, (double)of->id.sequence, (double)of->size,
-                                          severity >= EVENT_LOW ? (double)of->condition : 0.0}});
+    event_publish(&m->out.event, t,
+                  (FlightEvent){.id = id,
+                                .severity = severity,
+                                .arguments = {(double)of->id.source, (double)of->id.sequence, (double)of->size,
+                                              severity >= EVENT_LOW ? (double)of->condition : 0.0}});
 }
 
 static void end(Files *m, int64_t t, const CfdpEvent *event)
@@ -75,11 +75,11 @@ static void end(Files *m, int64_t t, const CfdpEvent *event)
     if (!good) {
         m->mem.failed++;
         m->mem.condition = event->condition;
-        say(m, t, FILES_FAILED, EVENT_MEDIUM, event);
+        publish(m, t, FILES_FAILED, EVENT_MEDIUM, event);
     } else if (event->to[0] != '\0') { /* else it had messages alone */
         m->mem.received += event->receiver != 0u;
         m->mem.sent += event->receiver == 0u;
-        say(m, t, event->receiver != 0u ? FILES_RECEIVED : FILES_SENT, EVENT_INFO, event);
+        publish(m, t, event->receiver != 0u ? FILES_RECEIVED : FILES_SENT, EVENT_INFO, event);
     }
     if (job != NULL) {
         job->ended = 1u;
@@ -96,10 +96,10 @@ static void notify(void *user, const CfdpEvent *event)
     case CFDP_EVENT_ABANDONED: end(e->files, e->t, event); break;
     case CFDP_EVENT_FAULT:
         e->files->mem.condition = event->condition;
-        say(e->files, e->t, FILES_FAULT, EVENT_LOW, event);
+        publish(e->files, e->t, FILES_FAULT, EVENT_LOW, event);
         break;
-    case CFDP_EVENT_SUSPENDED: say(e->files, e->t, FILES_SUSPENDED, EVENT_LOW, event); break;
-    case CFDP_EVENT_RESUMED: say(e->files, e->t, FILES_RESUMED, EVENT_INFO, event); break;
+    case CFDP_EVENT_SUSPENDED: publish(e->files, e->t, FILES_SUSPENDED, EVENT_LOW, event); break;
+    case CFDP_EVENT_RESUMED: publish(e->files, e->t, FILES_RESUMED, EVENT_INFO, event); break;
     default: break;
     }
 }
@@ -214,8 +214,8 @@ static void arrive(const CommandContext *context, void *module, const uint8_t *b
     Files *m = module;
     if (n + 2u > (uint32_t)FILES_INPUT - m->mem.used) {
         m->mem.lost++;
-        event_say(&m->out.event, context->t,
-                  (FlightEvent){.id = FILES_LOST, .severity = EVENT_LOW, .arguments = {m->mem.lost}});
+        event_publish(&m->out.event, context->t,
+                      (FlightEvent){.id = FILES_LOST, .severity = EVENT_LOW, .arguments = {m->mem.lost}});
         return;
     }
     ccsds_put16(m->mem.input + m->mem.used, n);
@@ -223,7 +223,7 @@ static void arrive(const CommandContext *context, void *module, const uint8_t *b
     m->mem.used += n + 2u;
 }
 
-static uint32_t tell(const CommandContext *context, void *module, uint8_t *content)
+static uint32_t telemetry(const CommandContext *context, void *module, uint8_t *content)
 {
     Files *m = module;
     run(context, m);
@@ -417,10 +417,10 @@ static CommandReason load(const Entity *e, const CommandContext *context, uint16
     }
     if (reason == COMMAND_OK) {
         e->files->mem.tables++;
-        event_say(&e->files->out.event, context->t,
-                  (FlightEvent){.id = FILES_LOADED,
-                                .severity = EVENT_INFO,
-                                .arguments = {module, context->table->blocks[module].size}});
+        event_publish(&e->files->out.event, context->t,
+                      (FlightEvent){.id = FILES_LOADED,
+                                    .severity = EVENT_INFO,
+                                    .arguments = {module, context->table->blocks[module].size}});
     }
     return reason;
 }
@@ -544,10 +544,10 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
         uint16_t of = COMMAND_ALL, detail = 0u;
         const CommandReason reason = load(&e, context, &of, name, &detail);
         if (reason != COMMAND_OK) {
-            event_say(&m->out.event, context->t,
-                      (FlightEvent){.id = FILES_REFUSED,
-                                    .severity = EVENT_MEDIUM,
-                                    .arguments = {m->mem.tried, reason, of, detail}});
+            event_publish(&m->out.event, context->t,
+                          (FlightEvent){.id = FILES_REFUSED,
+                                        .severity = EVENT_MEDIUM,
+                                        .arguments = {m->mem.tried, reason, of, detail}});
         }
         m->mem.tried++;
     }
@@ -568,7 +568,7 @@ const CommandService files_service = {.first = COMMAND_FILE_SEND,
                                       .take = take,
                                       .next = next,
                                       .arrive = arrive,
-                                      .tell = tell,
+                                      .telemetry = telemetry,
                                       .report = report,
                                       .stream = STREAM_FILES};
 

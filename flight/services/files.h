@@ -28,7 +28,7 @@ typedef enum FilesChecksum { FILES_MODULAR = 0, FILES_CRC32 = 3, FILES_UNCHECKED
 /** What COMMAND_FILE_CONTROL does with a transaction. */
 typedef enum FileAction { FILE_SUSPEND = 0, FILE_RESUME = 1, FILE_CANCEL = 2 } FileAction;
 
-/** What it says. */
+/** Its events. */
 typedef enum FilesEventId {
     FILES_RECEIVED = 1,  ///< info, source [-], sequence [-], size [-]: a file has come
     FILES_SENT = 2,      ///< info, source [-], sequence [-], size [-]: a file was sent, and in class 2 delivered

@@ -48,7 +48,7 @@ const CommandService *const kinds[] = {&files_service};
 CommandServices services = [] {
     CommandServices made =
         command_services(kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->files; });
-    made.tell = telemetry_services;
+    made.telemetry = telemetry_services;
     return made;
 }();
 uint8_t queue[64 * COMMAND_MAX], staged[sizeof(Gains)], packet_memory[TELEMETRY_REPORT_MAX];
@@ -119,7 +119,7 @@ struct Ground {
     CfdpPast past[64];
     uint8_t work[1024];
     Cfdp cfdp{};
-    std::vector<CfdpEvent> told{};
+    std::vector<CfdpEvent> events{};
 
     Ground()
     {
@@ -134,7 +134,9 @@ struct Ground {
         CfdpSetup setup{};
         setup.entity = 1;
         setup.store = memory_store_files(store);
-        setup.notify = [](void *user, const CfdpEvent *event) { static_cast<Ground *>(user)->told.push_back(*event); };
+        setup.notify = [](void *user, const CfdpEvent *event) {
+            static_cast<Ground *>(user)->events.push_back(*event);
+        };
         setup.user = this;
         setup.remotes = &craft;
         setup.remotes_n = 1;
@@ -155,17 +157,17 @@ struct Ground {
     const CfdpStore &store() const { return cfdp.set.store; }
     CfdpId put(const std::string &from, const std::string &to, int class1 = 0, const Bytes &options = {})
     {
-        const CfdpPut one{2, from.c_str(), to.c_str(), options.data(), options.size(), static_cast<uint8_t>(class1), 0,
-                          0};
+        const CfdpPut request{
+            2, from.c_str(), to.c_str(), options.data(), options.size(), static_cast<uint8_t>(class1), 0, 0};
         CfdpId id{};
-        EXPECT_EQ(cfdp_put(&cfdp, &one, &id), 0);
+        EXPECT_EQ(cfdp_put(&cfdp, &request, &id), 0);
         return id;
     }
     int ended() const
     {
-        const auto one = std::find_if(told.rbegin(), told.rend(),
-                                      [](const CfdpEvent &event) { return event.what == CFDP_EVENT_ENDED; });
-        return one == told.rend() ? -1 : one->condition;
+        const auto last = std::find_if(events.rbegin(), events.rend(),
+                                       [](const CfdpEvent &event) { return event.what == CFDP_EVENT_ENDED; });
+        return last == events.rend() ? -1 : last->condition;
     }
 };
 
@@ -208,8 +210,8 @@ protected:
         if (up_.size() > 1 && loss_ > 0) {
             std::swap(up_.front(), up_.back());
         }
-        for (const Bytes &one : up_) {
-            EXPECT_EQ(send(packet(COMMAND_PDU, one)), COMMAND_OK);
+        for (const Bytes &bytes : up_) {
+            EXPECT_EQ(send(packet(COMMAND_PDU, bytes)), COMMAND_OK);
         }
         up_.clear();
         command_execute(&state_, &table, mission_.get(), t_, note, this);
@@ -273,9 +275,9 @@ protected:
     Rows reported(int sequence) const
     {
         Rows rows;
-        for (const CommandReport &one : reports_) {
-            if (one.sequence == sequence) {
-                rows.push_back({one.executed, one.reason, one.detail});
+        for (const CommandReport &report : reports_) {
+            if (report.sequence == sequence) {
+                rows.push_back({report.executed, report.reason, report.detail});
             }
         }
         return rows;
@@ -287,17 +289,17 @@ protected:
         if (send(p) == COMMAND_OK) {
             step();
         }
-        const auto one = std::find_if(
+        const auto first = std::find_if(
             reports_.begin() + static_cast<std::ptrdiff_t>(before), reports_.end(), [&](const CommandReport &report) {
                 return report.code == p[6] && (report.executed != COMMAND_ACCEPTED || report.reason != COMMAND_OK);
             });
-        detail_ = one->detail;
-        return static_cast<CommandReason>(one->reason);
+        detail_ = first->detail;
+        return static_cast<CommandReason>(first->reason);
     }
-    int said(FilesEventId id) const
+    int count(FilesEventId id) const
     {
         return static_cast<int>(
-            std::count_if(events_.begin(), events_.end(), [&](const FlightEvent &one) { return one.id == id; }));
+            std::count_if(events_.begin(), events_.end(), [&](const FlightEvent &event) { return event.id == id; }));
     }
     const FilesState &state() const { return mission_->files.out.state; }
     CfdpStore store() { return memory_store_files(reinterpret_cast<MemoryStore *>(mission_->files.mem.store)); }
@@ -327,7 +329,7 @@ TEST_F(FilesTest, files_go_both_ways_over_a_link_that_loses)
     run(60 * s);
     EXPECT_EQ(get_file(store(), "next"), plan);
     EXPECT_EQ(ground_.ended(), CFDP_NO_ERROR);
-    EXPECT_EQ(said(FILES_RECEIVED), 1);
+    EXPECT_EQ(count(FILES_RECEIVED), 1);
     EXPECT_EQ(events_.back().arguments[0], 1.0);
     EXPECT_EQ(events_.back().arguments[2], 20'000.0);
 
@@ -335,7 +337,7 @@ TEST_F(FilesTest, files_go_both_ways_over_a_link_that_loses)
     send(command(COMMAND_FILE_SEND, 2, "science>got", 77));
     run(90 * s);
     EXPECT_EQ(get_file(ground_.store(), "got"), science);
-    EXPECT_EQ(said(FILES_SENT), 1);
+    EXPECT_EQ(count(FILES_SENT), 1);
     const Rows rows = reported(77);
     ASSERT_EQ(rows.size(), 13u); // accepted, started, at 10 % to 100 %, done
     EXPECT_EQ(rows[0], (std::vector<int>{COMMAND_ACCEPTED, COMMAND_OK, 0}));
@@ -377,9 +379,9 @@ TEST_F(FilesTest, the_rate_holds_whatever_waits)
     step();
     const auto bytes = [&] {
         size_t n = 0;
-        for (const Bytes &one : sent_) {
-            n += one.size();
-            EXPECT_LE(one.size(), static_cast<size_t>(COMMAND_DATA_MAX));
+        for (const Bytes &unit : sent_) {
+            n += unit.size();
+            EXPECT_LE(unit.size(), static_cast<size_t>(COMMAND_DATA_MAX));
         }
         return static_cast<double>(n);
     };
@@ -392,24 +394,24 @@ TEST_F(FilesTest, what_the_ground_may_ask_for)
 {
     run(1 * s);
     put_file(store(), "science", any_bytes(6, 700));
-    const auto asked = [&](CfdpMessageType type, const char *first, const char *second) {
-        CfdpMessage one{};
-        one.type = static_cast<uint8_t>(type);
-        one.entity = 1;
-        one.entity_bytes = 1;
-        one.first = {reinterpret_cast<const uint8_t *>(first), static_cast<uint8_t>(std::strlen(first))};
-        one.second = {reinterpret_cast<const uint8_t *>(second), static_cast<uint8_t>(std::strlen(second))};
+    const auto request = [&](CfdpMessageType type, const char *first, const char *second) {
+        CfdpMessage message{};
+        message.type = static_cast<uint8_t>(type);
+        message.entity = 1;
+        message.entity_bytes = 1;
+        message.first = {reinterpret_cast<const uint8_t *>(first), static_cast<uint8_t>(std::strlen(first))};
+        message.second = {reinterpret_cast<const uint8_t *>(second), static_cast<uint8_t>(std::strlen(second))};
         Bytes options(300);
-        options.resize(cfdp_message_write(&one, options.data(), options.size()));
+        options.resize(cfdp_message_write(&message, options.data(), options.size()));
         ground_.put("", "", 0, options);
         run(10 * s);
         return get_file(ground_.store(), second);
     };
-    EXPECT_EQ(asked(CFDP_PROXY_PUT, "science", "got"), any_bytes(6, 700));
-    EXPECT_EQ(asked(CFDP_LIST, "", "names"), text("science\n"));
+    EXPECT_EQ(request(CFDP_PROXY_PUT, "science", "got"), any_bytes(6, 700));
+    EXPECT_EQ(request(CFDP_LIST, "", "names"), text("science\n"));
     mission_->files.par.allowed = CFDP_ALLOW_LIST;
-    EXPECT_EQ(asked(CFDP_PROXY_PUT, "science", "again"), Bytes{0xEE});
-    EXPECT_EQ(asked(CFDP_LIST, "", "more"), text("science\n"));
+    EXPECT_EQ(request(CFDP_PROXY_PUT, "science", "again"), Bytes{0xEE});
+    EXPECT_EQ(request(CFDP_LIST, "", "more"), text("science\n"));
     EXPECT_EQ(state().failed, 0u);
 }
 
@@ -432,7 +434,7 @@ TEST_F(FilesTest, suspended_and_cancelled_by_command)
     EXPECT_EQ(did(control(FILE_CANCEL, 1, 1)), COMMAND_OK);
     run(5 * s);
     EXPECT_EQ(reported(31).back(), (std::vector<int>{COMMAND_DONE, COMMAND_FAILED, CFDP_CANCEL_REQUEST}));
-    EXPECT_EQ(said(FILES_SUSPENDED) + said(FILES_RESUMED) + said(FILES_FAILED), 3);
+    EXPECT_EQ(count(FILES_SUSPENDED) + count(FILES_RESUMED) + count(FILES_FAILED), 3);
     EXPECT_EQ(get_file(ground_.store(), "long"), Bytes{0xEE});
 
     put_file(ground_.store(), "up", any_bytes(9, 40'000));
@@ -473,8 +475,8 @@ TEST_F(FilesTest, a_ground_that_is_gone)
     EXPECT_EQ(reported(5).back(), (std::vector<int>{COMMAND_DONE, COMMAND_FAILED, CFDP_ACK_LIMIT}));
     EXPECT_EQ(state().condition, static_cast<uint32_t>(CFDP_ACK_LIMIT));
     EXPECT_EQ(state().sending, 0u);
-    EXPECT_GE(said(FILES_FAULT), 1);
-    EXPECT_EQ(said(FILES_FAILED), 1);
+    EXPECT_GE(count(FILES_FAULT), 1);
+    EXPECT_EQ(count(FILES_FAILED), 1);
 }
 
 TEST_F(FilesTest, a_store_that_is_full_refuses_the_file_and_keeps_the_others)
@@ -543,7 +545,7 @@ TEST_F(FilesTest, what_comes_beyond_the_room_or_damaged_is_counted)
     const uint32_t room = FILES_INPUT / 522;
     EXPECT_EQ(state().refused, room);
     EXPECT_EQ(state().lost, 20u - room);
-    EXPECT_EQ(said(FILES_LOST), 1);
+    EXPECT_EQ(count(FILES_LOST), 1);
     EXPECT_EQ(events_.back().arguments[0], 20.0 - room);
     EXPECT_TRUE(reports_.empty()); // PDUs are not reported
     put_file(ground_.store(), "up", any_bytes(9, 4000));
@@ -661,9 +663,9 @@ TEST_F(FilesTest, a_copy_of_the_memory_goes_on_alike)
 Bytes table_of(const Gains &gains, uint16_t version = 0x1234, uint16_t module = 0)
 {
     Bytes block;
-    for (const double one : gains.K) {
+    for (const double gain : gains.K) {
         uint64_t bits;
-        std::memcpy(&bits, &one, sizeof bits);
+        std::memcpy(&bits, &gain, sizeof bits);
         block = block + big(bits, 8);
     }
     block = block + big(gains.n, 4) + big(gains.spare, 4);
@@ -707,7 +709,7 @@ TEST_F(FilesTest, a_table_counts_whole_or_not_at_all)
     EXPECT_EQ(load(good), COMMAND_OK);
     EXPECT_EQ(std::memcmp(&next, &mission_->gains, sizeof next), 0);
     EXPECT_EQ(mission_->published, 1);
-    EXPECT_EQ(said(FILES_LOADED), 1);
+    EXPECT_EQ(count(FILES_LOADED), 1);
 
     EXPECT_EQ(did(command(COMMAND_TABLE_DUMP, 0, "down")), COMMAND_OK);
     EXPECT_EQ(get_file(store(), "down"), good);
@@ -761,19 +763,19 @@ TEST_F(FilesTest, tables_of_the_start_count_after_a_reset_of_the_computer)
     EXPECT_EQ(state().tables, 2u);
     EXPECT_EQ(mission_->gains.n, 1u) << "b, then c";
     EXPECT_EQ(mission_->published, 2);
-    std::vector<std::vector<double>> said;
+    std::vector<std::vector<double>> count;
     for (size_t i = before; i < events_.size(); i++) {
-        said.emplace_back(events_[i].arguments, events_[i].arguments + 4);
-        said.back().insert(said.back().begin(), events_[i].id);
+        count.emplace_back(events_[i].arguments, events_[i].arguments + 4);
+        count.back().insert(count.back().begin(), events_[i].id);
     }
     const double loaded = FILES_LOADED, refused = FILES_REFUSED, none = COMMAND_ALL;
-    EXPECT_EQ(said, (std::vector<std::vector<double>>{{refused, 0, COMMAND_RULE, 0, 0},
-                                                      {loaded, 0, sizeof(Gains), 0, 0},
-                                                      {loaded, 0, sizeof(Gains), 0, 0},
-                                                      {refused, 3, COMMAND_VALUE, none, 0},
-                                                      {refused, 4, COMMAND_VERSION, 0, 0},
-                                                      {refused, 5, COMMAND_PLACE, 1, 0},
-                                                      {refused, 6, COMMAND_VALUE, none, 0}}));
+    EXPECT_EQ(count, (std::vector<std::vector<double>>{{refused, 0, COMMAND_RULE, 0, 0},
+                                                       {loaded, 0, sizeof(Gains), 0, 0},
+                                                       {loaded, 0, sizeof(Gains), 0, 0},
+                                                       {refused, 3, COMMAND_VALUE, none, 0},
+                                                       {refused, 4, COMMAND_VERSION, 0, 0},
+                                                       {refused, 5, COMMAND_PLACE, 1, 0},
+                                                       {refused, 6, COMMAND_VALUE, none, 0}}));
 
     mission_->gains.n = 9; // a reset of flight keeps parameters, so nothing is loaded again
     files_reset(&mission_->files);
@@ -803,7 +805,7 @@ TEST_F(FilesTest, tables_of_the_start_in_a_store_of_the_host)
     EXPECT_EQ(mission_->gains.n, 5u);
     EXPECT_EQ(state().booted, 1u);
     EXPECT_EQ(state().tables, 1u);
-    EXPECT_EQ(said(FILES_REFUSED), 0) << "a folder is no table";
+    EXPECT_EQ(count(FILES_REFUSED), 0) << "a folder is no table";
     services.store = nullptr;
 }
 

@@ -42,17 +42,17 @@ static uint16_t crc_of(const HousekeepingReport *report)
 {
     uint8_t bytes[HOUSEKEEPING_CHOICES * sizeof(HousekeepingChoice)];
     for (uint32_t i = 0u; i < count_of(report); i++) {
-        const HousekeepingChoice *one = &report->choices[i];
-        uint8_t *row = bytes + i * sizeof *one;
-        ccsds_put16(row, one->output);
-        ccsds_put16(row + 2, one->offset);
-        ccsds_put16(row + 4, one->type);
-        ccsds_put16(row + 6, one->n);
+        const HousekeepingChoice *choice = &report->choices[i];
+        uint8_t *row = bytes + i * sizeof *choice;
+        ccsds_put16(row, choice->output);
+        ccsds_put16(row + 2, choice->offset);
+        ccsds_put16(row + 4, choice->type);
+        ccsds_put16(row + 6, choice->n);
     }
     return ccsds_crc16(bytes, count_of(report) * (uint32_t)sizeof(HousekeepingChoice));
 }
 
-static uint32_t tell(const CommandContext *context, void *module, uint8_t *content)
+static uint32_t telemetry(const CommandContext *context, void *module, uint8_t *content)
 {
     Housekeeping *m = module;
     uint32_t place = 0u, at = NUMBERS, left_out = 0u;
@@ -79,7 +79,7 @@ static uint32_t tell(const CommandContext *context, void *module, uint8_t *conte
     return at;
 }
 
-const CommandService housekeeping_service = {.tell = tell, .stream = STREAM_SELECTED};
+const CommandService housekeeping_service = {.telemetry = telemetry, .stream = STREAM_SELECTED};
 
 /* ---- the module */
 

@@ -66,7 +66,7 @@ protected:
         const CommandContext context{&state_, &table_, &mission_, t, 0};
         std::string sent;
         uint8_t content[COMMAND_DATA_MAX];
-        while (const uint32_t n = housekeeping_service.tell(&context, &mission_.housekeeping, content)) {
+        while (const uint32_t n = housekeeping_service.telemetry(&context, &mission_.housekeeping, content)) {
             EXPECT_EQ(ccsds_get64(content), static_cast<uint64_t>(t));
             sent += std::to_string(content[9]);
             contents_.emplace_back(content, content + n);
@@ -126,7 +126,7 @@ TEST_F(Reports, AReportIsSentWhenItIsTurnedOnAndAtEachPeriod)
     EXPECT_EQ(at(149), "3");
 }
 
-TEST_F(Reports, AChoiceThatNamesNoNumberIsLeftOutAndSaid)
+TEST_F(Reports, AChoiceThatNamesNoNumberIsLeftOutAndReported)
 {
     mission_.output.word = 0x1234;
     choose(1, 3, 0, FLEDGE_F64, 1); // no such output

@@ -20,11 +20,11 @@ static void take(Mirror *mirror, MemoryStore *store, const RecorderReply *reply,
     }
 }
 
-static void ask(Mirror *mirror, RecorderRequest *request, RecorderCode code, uint32_t page)
+static void send(Mirror *mirror, RecorderRequest *request, RecorderCode code, uint32_t page)
 {
     request->code = code;
     request->number++;
-    request->page = mirror->asked = page;
+    request->page = mirror->requested = page;
     mirror->waits = 1u;
 }
 
@@ -37,7 +37,7 @@ void mirror_update(Mirror *mirror, MemoryStore *store, const RecorderReply *repl
     if (request->code == RECORDER_NOTHING) {
         request->number = reply->number + 1u; /* that may be a request of before this start, and under way */
         if (mirror->waits != 0u && store->mounted != 0u) {
-            memory_store_mark(store, mirror->asked, 1); /* flight was reset, and its memory stayed */
+            memory_store_mark(store, mirror->requested, 1); /* flight was reset, and its memory stayed */
         }
         mirror->waits = 0u;
     } else if (mirror->waits != 0u && reply->number == request->number) {
@@ -46,7 +46,7 @@ void mirror_update(Mirror *mirror, MemoryStore *store, const RecorderReply *repl
     const uint32_t kept = reply->pages < store->pages ? reply->pages : store->pages;
     const uint32_t used = reply->used < kept ? reply->used : kept;
     if (mirror->waits == 0u && store->mounted == 0u && mirror->page < used) {
-        ask(mirror, request, RECORDER_READ, mirror->page);
+        send(mirror, request, RECORDER_READ, mirror->page);
         mirror->left = used - mirror->page;
     } else if (mirror->waits == 0u) {
         if (store->mounted == 0u) {
@@ -56,7 +56,7 @@ void mirror_update(Mirror *mirror, MemoryStore *store, const RecorderReply *repl
         uint32_t n;
         const int32_t dirty = memory_store_dirty(store, &n);
         if (dirty >= 0) {
-            ask(mirror, request, RECORDER_WRITE, (uint32_t)dirty);
+            send(mirror, request, RECORDER_WRITE, (uint32_t)dirty);
             memcpy(request->data, memory_store_page(store, (uint32_t)dirty), MEMORY_PAGE);
             memory_store_mark(store, (uint32_t)dirty, 0);
         }

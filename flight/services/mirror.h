@@ -15,12 +15,12 @@ extern "C" {
 
 /** How far it is. All zero: a start. It may stay where the request is reset. */
 typedef struct Mirror {
-    uint32_t page;    ///< [-] the next to be read back
-    uint32_t waits;   ///< [-] 1: for the answer to its request
-    uint32_t damaged; ///< [-] pages that the recorder could not read
-    uint32_t worn;    ///< [-] pages that it did not take
-    uint32_t left;    ///< [-] pages that are to be read back, or to be written
-    uint32_t asked;   ///< [-] the page of its request
+    uint32_t page;      ///< [-] the next to be read back
+    uint32_t waits;     ///< [-] 1: for the answer to its request
+    uint32_t damaged;   ///< [-] pages that the recorder could not read
+    uint32_t worn;      ///< [-] pages that it did not take
+    uint32_t left;      ///< [-] pages that are to be read back, or to be written
+    uint32_t requested; ///< [-] the page of its request
 } Mirror;
 
 /** At each update, after the files were used: read the answer, make the next request. The store has begun

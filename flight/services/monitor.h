@@ -59,46 +59,47 @@ static inline MonitorMemory monitor_new(void)
 }
 
 /** Whether the numbers are wrong. NaN is. */
-static inline int monitor_wrong(const Monitor *one, MonitorMemory *memory, const void *numbers)
+static inline int monitor_wrong(const Monitor *monitor, MonitorMemory *memory, const void *numbers)
 {
-    const double value = exec_measured((ExecMeasure)one->measure, (FledgeType)one->type, numbers, one->n);
+    const double value = exec_measured((ExecMeasure)monitor->measure, (FledgeType)monitor->type, numbers, monitor->n);
     const double change = value - memory->last;
     const int first = memory->sequence == 0u;
     memory->last = value;
-    switch (one->kind) {
-    case MONITOR_LIMITS: return !(value >= one->low && value <= one->high);
-    case MONITOR_DELTA: return !first && !(change >= one->low && change <= one->high);
-    case MONITOR_EXPECTED: return !(value >= one->low && value <= one->low);
-    case MONITOR_BITS: return ((uint32_t)(int64_t)value & one->bits) != 0u;
+    switch (monitor->kind) {
+    case MONITOR_LIMITS: return !(value >= monitor->low && value <= monitor->high);
+    case MONITOR_DELTA: return !first && !(change >= monitor->low && change <= monitor->high);
+    case MONITOR_EXPECTED: return !(value >= monitor->low && value <= monitor->low);
+    case MONITOR_BITS: return ((uint32_t)(int64_t)value & monitor->bits) != 0u;
     default: return 0;
     }
 }
 
-/** Look at the output as the last instant left it. One that is off forgets. */
-static inline MonitorFinding monitor_look(const Monitor *one, MonitorMemory *memory, const CommandContext *context)
+/** Evaluate a monitor on the output of the last instant. A monitor that is off forgets. */
+static inline MonitorFinding monitor_evaluate(const Monitor *monitor, MonitorMemory *memory,
+                                              const CommandContext *context)
 {
-    if (one->on == 0u || one->kind == MONITOR_NOTHING) {
+    if (monitor->on == 0u || monitor->kind == MONITOR_NOTHING) {
         *memory = monitor_new();
         return MONITOR_SAME;
     }
     uint32_t size = 0u;
-    const void *output = one->output < context->table->n_outputs
-                             ? context->table->services->output(context->mission, (uint16_t)one->output, &size)
+    const void *output = monitor->output < context->table->n_outputs
+                             ? context->table->services->output(context->mission, (uint16_t)monitor->output, &size)
                              : NULL;
-    const int whole = one->type >= (uint32_t)FLEDGE_I8 && one->type <= (uint32_t)FLEDGE_U32;
-    if (element_span(one->type, one->offset, one->n, size) == 0u ||
-        (one->kind == MONITOR_BITS && (!whole || one->measure != (uint32_t)EXEC_ELEMENT))) {
+    const int whole = monitor->type >= (uint32_t)FLEDGE_I8 && monitor->type <= (uint32_t)FLEDGE_U32;
+    if (element_span(monitor->type, monitor->offset, monitor->n, size) == 0u ||
+        (monitor->kind == MONITOR_BITS && (!whole || monitor->measure != (uint32_t)EXEC_ELEMENT))) {
         return MONITOR_BAD;
     }
     Head head;
     memcpy(&head, output, sizeof head);
     /* The quality in a head may change without a writing, so limits look at each instant. */
-    if (head_written(head) && (head.sequence != memory->sequence || one->kind != MONITOR_DELTA)) {
-        memory->wrong = (uint32_t)monitor_wrong(one, memory, (const uint8_t *)output + one->offset);
+    if (head_written(head) && (head.sequence != memory->sequence || monitor->kind != MONITOR_DELTA)) {
+        memory->wrong = (uint32_t)monitor_wrong(monitor, memory, (const uint8_t *)output + monitor->offset);
         memory->sequence = head.sequence;
     }
     const int was = memory->event.armed < 0, wrong = memory->wrong != 0u;
-    if (exec_fires(&memory->event, wrong, !wrong, one->hold, (int32_t)one->count, 0, context->t)) {
+    if (exec_fires(&memory->event, wrong, !wrong, monitor->hold, (int32_t)monitor->count, 0, context->t)) {
         return MONITOR_FIRES;
     }
     return was && memory->event.armed > 0 ? MONITOR_ENDS : MONITOR_SAME;

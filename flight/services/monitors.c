@@ -5,31 +5,31 @@
 
 /* ---- checks */
 
-static void say(Monitors *m, MonitorsEventId id, EventSeverity severity, uint32_t place, double value, int64_t t)
+static void publish(Monitors *m, MonitorsEventId id, EventSeverity severity, uint32_t place, double value, int64_t t)
 {
-    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {place, value}});
+    event_publish(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {place, value}});
 }
 
-static void look(Monitors *m, uint32_t place, const CommandContext *context)
+static void evaluate(Monitors *m, uint32_t place, const CommandContext *context)
 {
-    const Monitor *one = &m->par.monitors[place];
+    const Monitor *monitor = &m->par.monitors[place];
     MonitorMemory *memory = &m->mem.watched[place];
     const uint32_t bit = 1u << place;
     const uint32_t bad = m->mem.bad & bit;
     m->mem.bad &= ~bit;
-    switch (monitor_look(one, memory, context)) {
+    switch (monitor_evaluate(monitor, memory, context)) {
     case MONITOR_BAD:
         m->mem.bad |= bit;
         if (bad == 0u) {
-            say(m, MONITORS_BAD, EVENT_LOW, place, 0.0, context->t);
+            publish(m, MONITORS_BAD, EVENT_LOW, place, 0.0, context->t);
         }
         break;
     case MONITOR_FIRES:
         m->mem.fired++;
-        m->mem.pending |= one->list > 0u ? bit : 0u;
-        say(m, MONITORS_FIRED, EVENT_MEDIUM, place, memory->last, context->t);
+        m->mem.pending |= monitor->list > 0u ? bit : 0u;
+        publish(m, MONITORS_FIRED, EVENT_MEDIUM, place, memory->last, context->t);
         break;
-    case MONITOR_ENDS: say(m, MONITORS_RIGHT, EVENT_INFO, place, memory->last, context->t); break;
+    case MONITOR_ENDS: publish(m, MONITORS_RIGHT, EVENT_INFO, place, memory->last, context->t); break;
     case MONITOR_SAME: break;
     }
 }
@@ -39,12 +39,12 @@ static void look(Monitors *m, uint32_t place, const CommandContext *context)
 static uint32_t take(const CommandContext *context, void *module, uint8_t *packet, CommandReport *report)
 {
     Monitors *m = module;
-    if (m->mem.begun == 0u || m->mem.looked != context->t) {
+    if (m->mem.begun == 0u || m->mem.evaluated != context->t) {
         for (uint32_t i = 0u; i < MONITORS; i++) {
-            look(m, i, context);
+            evaluate(m, i, context);
         }
         m->mem.begun = 1u;
-        m->mem.looked = context->t;
+        m->mem.evaluated = context->t;
     }
     for (uint32_t i = 0u; i < MONITORS; i++) {
         if ((m->mem.pending >> i & 1u) != 0u) {

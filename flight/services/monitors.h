@@ -8,7 +8,7 @@
 
 enum { MONITORS = 16 };
 
-/** What it says. */
+/** Its events. */
 typedef enum MonitorsEventId {
     MONITORS_FIRED = 1, ///< medium, monitor [-], value [SI]: its check stayed wrong; value: of the last one
     MONITORS_RIGHT = 2, ///< info, monitor [-], value [SI]: the check of one that had fired is right again
@@ -35,11 +35,11 @@ typedef struct Monitors {
     } par;
     struct {
         MonitorMemory watched[MONITORS];
-        int64_t looked;   ///< [ns] at the last instant
-        uint32_t begun;   ///< [-] 1: there was one
-        uint32_t fired;   ///< [-] how often monitors fired
-        uint32_t pending; ///< [-] bit i: the sequence of monitor i is to be started
-        uint32_t bad;     ///< [-] bit i: monitor i names no number
+        int64_t evaluated; ///< [ns] at the last instant
+        uint32_t begun;    ///< [-] 1: there was one
+        uint32_t fired;    ///< [-] how often monitors fired
+        uint32_t pending;  ///< [-] bit i: the sequence of monitor i is to be started
+        uint32_t bad;      ///< [-] bit i: monitor i names no number
     } mem;
 } Monitors;
 

@@ -61,17 +61,17 @@ protected:
 
     static Monitor limits(double low, double high, uint32_t list, uint32_t at = offsetof(Output, x))
     {
-        Monitor one{};
-        one.low = low;
-        one.high = high;
-        one.kind = MONITOR_LIMITS;
-        one.on = 1;
-        one.output = 2;
-        one.offset = at;
-        one.type = FLEDGE_F64;
-        one.n = 1;
-        one.list = list;
-        return one;
+        Monitor monitor{};
+        monitor.low = low;
+        monitor.high = high;
+        monitor.kind = MONITOR_LIMITS;
+        monitor.on = 1;
+        monitor.output = 2;
+        monitor.offset = at;
+        monitor.type = FLEDGE_F64;
+        monitor.n = 1;
+        monitor.list = list;
+        return monitor;
     }
 
     Monitor &monitor(int i) { return mission_.monitors.par.monitors[i]; }
@@ -215,7 +215,7 @@ TEST_F(Watch, BitsOfAWholeNumber)
     }
 }
 
-TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsSaidToBeBad)
+TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsReportedAsBad)
 {
     monitor(0) = limits(0.0, 1.0, 1);
     EXPECT_EQ(sees(5.0), "1");

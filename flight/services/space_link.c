@@ -42,19 +42,19 @@ static void add(Security *security, const SpaceLink *m, uint32_t place)
 {
     const LinkNumbers *numbers = &m->mem.numbers[place];
     const int telecommand = place != (uint32_t)TELEMETRY;
-    SdlsAssociation *one = &security->associations[security->sdls.n];
-    memset(one, 0, sizeof *one);
-    one->spi = (uint16_t)(place + 1u);
-    one->fixed = place + 1u; /* one key may serve several */
-    one->free = telecommand ? ~7u : 0u;
-    one->telecommand = (uint8_t)telecommand;
-    one->virtual_channel = (uint8_t)(telecommand ? m->par.command_channel : m->par.telemetry_channel);
-    one->service = (uint8_t)m->par.secured;
-    one->window = 200u;
-    one->key = (uint16_t)(telecommand ? m->par.roles[place].key : m->par.telemetry_key);
-    one->state = SDLS_OPERATIONAL;
-    one->next = numbers->next;
-    memcpy(one->seen, numbers->seen, sizeof one->seen);
+    SdlsAssociation *association = &security->associations[security->sdls.n];
+    memset(association, 0, sizeof *association);
+    association->spi = (uint16_t)(place + 1u);
+    association->fixed = place + 1u; /* one key may serve several */
+    association->free = telecommand ? ~7u : 0u;
+    association->telecommand = (uint8_t)telecommand;
+    association->virtual_channel = (uint8_t)(telecommand ? m->par.command_channel : m->par.telemetry_channel);
+    association->service = (uint8_t)m->par.secured;
+    association->window = 200u;
+    association->key = (uint16_t)(telecommand ? m->par.roles[place].key : m->par.telemetry_key);
+    association->state = SDLS_OPERATIONAL;
+    association->next = numbers->next;
+    memcpy(association->seen, numbers->seen, sizeof association->seen);
     security->places[security->sdls.n++] = place;
 }
 
@@ -81,11 +81,11 @@ static const SpaceLinkSecurity *begin(Security *security, const SpaceLink *m, co
 static void end(const Security *security, SpaceLink *m)
 {
     for (uint32_t i = 0u; i < security->sdls.n; i++) {
-        const SdlsAssociation *one = &security->associations[i];
+        const SdlsAssociation *association = &security->associations[i];
         LinkNumbers *numbers = &m->mem.numbers[security->places[i]];
-        numbers->next = one->next;
-        memcpy(numbers->seen, one->seen, sizeof numbers->seen);
-        numbers->accepted += one->accepted;
+        numbers->next = association->next;
+        memcpy(numbers->seen, association->seen, sizeof numbers->seen);
+        numbers->accepted += association->accepted;
     }
 }
 
@@ -128,7 +128,7 @@ static int is_ready(const CommandContext *context, SpaceLink *m, const SpaceLink
     return space_link_is_possible(setup, m->par.secured != 0u) && (m->par.secured == 0u || keys != NULL);
 }
 
-/* Who takes the commands of a unit. */
+/* The receiver of the commands of a unit. */
 typedef struct Commands {
     SpaceLink *m;
     CommandPackets sink;
@@ -204,7 +204,7 @@ static int64_t next(const void *module)
 {
     const SpaceLink *m = module;
     const SpaceLinkCraft *craft = (const SpaceLinkCraft *)(const void *)m->mem.craft;
-    if (craft->asked != 0u || craft->filled != 0u) {
+    if (craft->received != 0u || craft->filled != 0u) {
         return 0; /* at the next instant */
     }
     return m->par.idle > 0.0 && m->par.idle < 9e9 ? m->mem.sent + (int64_t)(m->par.idle * 1e9) : INT64_MAX;

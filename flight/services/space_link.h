@@ -8,7 +8,7 @@
 
 enum { LINK_ROLES = 4 };
 
-/** Who gives commands: the holder of a key, with an association of its own. Role i has the association i + 1. */
+/** A sender of commands: the holder of a key, with an association of its own. Role i has the association i + 1. */
 typedef struct LinkRole {
     uint64_t barred; ///< [-] bit i: it may not give the function code i, nor store such a command
     uint32_t key;    ///< [-] in [0, 65535]: the id of its key; 0: there is no such role

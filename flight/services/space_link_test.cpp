@@ -102,13 +102,16 @@ struct SpaceLinkService : testing::Test {
         space_link_ground_begin(ground.get(), &setup, sdls.n != 0 ? &security : nullptr, &sinks, 2'500'000'000, 5);
     }
 
-    void send(const Bytes &one) { ASSERT_TRUE(space_link_ground_send(ground.get(), 1, one.data(), one.size())); }
+    void send(const Bytes &packet)
+    {
+        ASSERT_TRUE(space_link_ground_send(ground.get(), 1, packet.data(), packet.size()));
+    }
 
     const SpaceLinkCraft &craft() const { return *reinterpret_cast<const SpaceLinkCraft *>(link.mem.craft); }
     CommandContext context() { return {&state, &table, this, t, 0}; }
-    static void report(void *me, const CommandReport *one, const std::uint8_t *)
+    static void report(void *me, const CommandReport *received, const std::uint8_t *)
     {
-        static_cast<SpaceLinkService *>(me)->reports.push_back(*one);
+        static_cast<SpaceLinkService *>(me)->reports.push_back(*received);
     }
     void put(const Bytes &bytes)
     {
@@ -134,8 +137,8 @@ struct SpaceLinkService : testing::Test {
         }
         command_execute(&state, &table, this, t, report, this);
         space_link_update(&link, Tick{t, 1'000'000'000});
-        for (const Bytes &one : telemetry) {
-            put(one);
+        for (const Bytes &packet : telemetry) {
+            put(packet);
         }
         put({});
         seen_down.insert(seen_down.end(), down.begin(), down.end());

@@ -98,17 +98,17 @@ static uint32_t first(const StoredCommands *m, int all, int64_t *due)
     return found;
 }
 
-static void say(StoredCommands *m, int64_t t, StoredCommandsEventId id, EventSeverity severity, uint32_t list,
-                uint32_t step, double late)
+static void publish(StoredCommands *m, int64_t t, StoredCommandsEventId id, EventSeverity severity, uint32_t list,
+                    uint32_t step, double late)
 {
-    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {list, step, late}});
+    event_publish(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {list, step, late}});
 }
 
 static void end_list(StoredCommands *m, uint32_t list, int64_t t)
 {
     if (m->mem.lists[list].state != 0u) {
         m->mem.lists[list].state = 0u;
-        say(m, t, STORED_COMMANDS_ENDED, EVENT_INFO, list, 0u, 0.0);
+        publish(m, t, STORED_COMMANDS_ENDED, EVENT_INFO, list, 0u, 0.0);
     }
 }
 
@@ -151,9 +151,9 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     m->mem.released += reason == COMMAND_OK;
     m->mem.skipped += reason != COMMAND_OK;
     switch (reason) {
-    case COMMAND_CRC: say(m, context->t, STORED_COMMANDS_DAMAGED, EVENT_HIGH, c->list, c->step, 0.0); break;
-    case COMMAND_INHIBITED: say(m, context->t, STORED_COMMANDS_INHIBITED, EVENT_LOW, c->list, c->step, 0.0); break;
-    case COMMAND_LATE: say(m, context->t, STORED_COMMANDS_LATE, EVENT_MEDIUM, c->list, c->step, late); break;
+    case COMMAND_CRC: publish(m, context->t, STORED_COMMANDS_DAMAGED, EVENT_HIGH, c->list, c->step, 0.0); break;
+    case COMMAND_INHIBITED: publish(m, context->t, STORED_COMMANDS_INHIBITED, EVENT_LOW, c->list, c->step, 0.0); break;
+    case COMMAND_LATE: publish(m, context->t, STORED_COMMANDS_LATE, EVENT_MEDIUM, c->list, c->step, late); break;
     default: break;
     }
     if (c->list == 0u) {
@@ -307,7 +307,7 @@ static CommandReason start(StoredCommands *m, uint32_t i, uint16_t crc, int64_t 
             return COMMAND_CONFLICT;
         }
     }
-    say(m, t, STORED_COMMANDS_STARTED, EVENT_INFO, i, 0u, 0.0);
+    publish(m, t, STORED_COMMANDS_STARTED, EVENT_INFO, i, 0u, 0.0);
     return COMMAND_OK;
 }
 
@@ -392,7 +392,7 @@ static void drop_over(StoredCommands *m, int64_t t)
         }
     }
     if (n > 0u) {
-        say(m, t, STORED_COMMANDS_OVER, EVENT_INFO, n, 0u, 0.0);
+        publish(m, t, STORED_COMMANDS_OVER, EVENT_INFO, n, 0u, 0.0);
     }
 }
 
@@ -408,22 +408,22 @@ static void keep(StoredCommands *m, int64_t t)
     }
     m->mem.waited = 0u;
     if (done == NVM_STORE) {
-        m->mem.kept = m->mem.asked;
+        m->mem.kept = m->mem.wanted;
     } else if (m->mem.restored == 0u && nvm_has(reply->data, MARK) > 0) {
         m->mem.over = m->mem.kept = get_place(reply->data);
     }
     m->mem.restored = 1u;
     drop_over(m, t);
-    m->mem.asked = m->mem.kept;
+    m->mem.wanted = m->mem.kept;
     for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
         const StoredCommand *c = &m->par.commands[i];
-        if (c->list == 0u && due_at(m, c) <= t && !is_before(c, m->mem.asked.time, m->mem.asked.step)) {
-            m->mem.asked = (StoredPlace){c->time, (int64_t)c->step + 1};
+        if (c->list == 0u && due_at(m, c) <= t && !is_before(c, m->mem.wanted.time, m->mem.wanted.step)) {
+            m->mem.wanted = (StoredPlace){c->time, (int64_t)c->step + 1};
         }
     }
-    if (m->mem.asked.time != m->mem.kept.time || m->mem.asked.step != m->mem.kept.step) {
+    if (m->mem.wanted.time != m->mem.kept.time || m->mem.wanted.step != m->mem.kept.step) {
         memset(request->data, 0, sizeof request->data);
-        put_place(request->data, m->mem.asked);
+        put_place(request->data, m->mem.wanted);
         nvm_store(request, MARK);
     }
 }

@@ -11,7 +11,7 @@ enum { STORED_COMMANDS = 24, STORED_LISTS = 16 };
 enum { STORED_RUNS = 1, STORED_HELD = 2 }; ///< of a list
 enum { STORED_PATIENCE = 10 };
 
-/** What it says. */
+/** Its events. */
 typedef enum StoredCommandsEventId {
     STORED_COMMANDS_STARTED = 1,   ///< info, list [-]: a sequence was started
     STORED_COMMANDS_ENDED = 2,     ///< info, list [-]: nothing is left of a sequence, or a command stopped it
@@ -96,9 +96,9 @@ typedef struct StoredCommands {
         uint32_t waited;   ///< [-] updates since the memory answered, up to 10
         uint32_t restored; ///< [-] 1: it has been read since the computer began
         uint32_t spare;
-        StoredPlace over;  ///< what comes before it on list 0 is over
-        StoredPlace kept;  ///< what the memory has of that, or of what may be executed now
-        StoredPlace asked; ///< what it shall have
+        StoredPlace over;   ///< what comes before it on list 0 is over
+        StoredPlace kept;   ///< what the memory has of that, or of what may be executed now
+        StoredPlace wanted; ///< what it shall have
     } mem;
 } StoredCommands;
 

@@ -102,7 +102,7 @@ protected:
     }
 
     /// The last event as text: which, and its list and step.
-    std::string said() const
+    std::string last_event() const
     {
         const FlightEvent &e = mission_.stored.out.event;
         return std::to_string(e.id) + ":" + std::to_string(static_cast<int>(e.arguments[0])) + "," +
@@ -138,10 +138,10 @@ TEST_F(Stored, AnAbsoluteCommandIsExecutedOnceAtTheFirstInstantFromItsTimeOn)
     EXPECT_EQ(accepted.executed, 0);
     EXPECT_EQ(executed.executed, 1);
     EXPECT_EQ(executed.t, 103);
-    for (const CommandReport &one : {accepted, executed}) {
-        EXPECT_EQ(one.code, COMMAND_MODE);
-        EXPECT_EQ(one.origin, 1); // list 0
-        EXPECT_EQ(one.sequence, 9);
+    for (const CommandReport &report : {accepted, executed}) {
+        EXPECT_EQ(report.code, COMMAND_MODE);
+        EXPECT_EQ(report.origin, 1); // list 0
+        EXPECT_EQ(report.sequence, 9);
     }
 }
 
@@ -179,11 +179,11 @@ TEST_F(Stored, ASequenceRunsFromItsStartAsOftenAsItIsStarted)
         accept(control(LIST_START, 5));
         EXPECT_EQ(at(t), "a"); // in the instant of its start
         EXPECT_EQ(shown().running, 1u << 5);
-        EXPECT_EQ(said(), "1:5,0");
+        EXPECT_EQ(last_event(), "1:5,0");
         EXPECT_EQ(send(control(LIST_START, 5), t + 1), COMMAND_RUNNING);
         EXPECT_EQ(at(t + 19), "");
         EXPECT_EQ(at(t + 20), "bc");
-        EXPECT_EQ(said(), "2:5,0");
+        EXPECT_EQ(last_event(), "2:5,0");
         EXPECT_EQ(mission_.stored.out.event.head.t, t + 20);
         EXPECT_EQ(shown().running, 0u);
     }
@@ -204,7 +204,7 @@ TEST_F(Stored, StopHoldAndRelease)
     EXPECT_EQ(at(509), "");
     EXPECT_EQ(at(510), "a");
     EXPECT_EQ(send(control(LIST_STOP, 1), 511), COMMAND_OK);
-    EXPECT_EQ(said(), "2:1,0");
+    EXPECT_EQ(last_event(), "2:1,0");
     EXPECT_EQ(send(control(LIST_STOP, 1), 512), COMMAND_RUNNING);
     EXPECT_EQ(at(900), "");
     // List 0 can be held, too, and all lists at once.
@@ -227,7 +227,7 @@ TEST_F(Stored, WhatComesDueOnAnInhibitedListIsReportedAndNotExecuted)
     EXPECT_EQ(reports_.back().origin, 2);
     EXPECT_EQ(reports_.back().code, COMMAND_MODE);
     EXPECT_EQ(shown().skipped, 1u);
-    EXPECT_EQ(said(), "4:1,0");
+    EXPECT_EQ(last_event(), "4:1,0");
     EXPECT_EQ(mission_.stored.out.event.severity, EVENT_LOW);
     send(control(LIST_ALLOW, COMMAND_ALL), 116);
     EXPECT_EQ(at(120), "b");
@@ -317,7 +317,7 @@ TEST_F(Stored, WhatWasDamagedInMemoryIsNotExecuted)
     mission_.stored.par.commands[0].time++;
     EXPECT_EQ(at(20), "b");
     EXPECT_EQ(shown().skipped, 1u);
-    EXPECT_EQ(said(), "5:1,0"); // not that the list has ended at the same instant, which is less grave
+    EXPECT_EQ(last_event(), "5:1,0"); // not that the list has ended at the same instant, which is less grave
     EXPECT_EQ(mission_.stored.out.event.count, 3u);
     mission_.stored.par.commands[1].size = 0xFFFF;
     send(control(LIST_START, 1), 30);
@@ -587,10 +587,10 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
             const Entry *best = nullptr;
             std::tuple<int64_t, int, int64_t, int> order;
             for (const Entry &e : entries) {
-                const std::tuple one{due(e), e.list, e.time, e.step};
-                if (due(e) >= 0 && due(e) <= t && (!best || one < order)) {
+                const std::tuple place{due(e), e.list, e.time, e.step};
+                if (due(e) >= 0 && due(e) <= t && (!best || place < order)) {
                     best = &e;
-                    order = one;
+                    order = place;
                 }
             }
             if (!best) {

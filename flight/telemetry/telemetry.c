@@ -12,7 +12,7 @@ static const ExecRun housekeeping[] = {{8u, 1u}, {4u, 5u + (uint32_t)COMMAND_REA
                      report[] = {{8u, 1u}, {2u, 8u}}, text[] = {{8u, 1u}, {2u, 4u}, {4u, 2u}};
 
 /* Between the order of this machine and big-endian: the n bytes of a content in table->packet. Those read back, which
- * are big-endian, and letters follow the numbers. What services tell is big-endian. */
+ * are big-endian, and letters follow the numbers. The content from services is big-endian already. */
 static void swap(const TelemetryTable *table, uint32_t stream, uint32_t n)
 {
     uint8_t *content = table->packet + TELEMETRY_HEADER;

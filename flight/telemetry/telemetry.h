@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Telemetry of flight: a packet for each output, with the rate that COMMAND_TELEMETRY sets, a packet of housekeeping,
- * the reports of commands, texts of a host with an interpreter, and what services tell. Outputs and housekeeping are
- * off until a command turns them on.
+ * the reports of commands, texts of a host with an interpreter, and the packets of services. Outputs and housekeeping
+ * are off until a command turns them on.
  *
  * A packet has the telemetry header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_TelemetryHeader_t):
  *
@@ -11,7 +11,7 @@
  *          6  flight's time: 32 bits of seconds, 16 bits of 2^-16 s, big-endian
  *         12  four spare bytes
  *         16  the message, TelemetryHousekeeping, CommandReport and the bytes read back, or TelemetryText and its
- *             letters: as in memory, but each number big-endian, whatever the target; or what a service tells
+ *             letters: as in memory, but each number big-endian, whatever the target; or the content from a service
  *
  * A host whose readers expect structs of its own machine (the software bus of cFS) calls telemetry_native for a packet
  * that it sends there.

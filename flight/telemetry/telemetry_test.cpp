@@ -84,14 +84,14 @@ struct Telemetry : testing::Test {
 
 TEST_F(Telemetry, AServiceTellsAndReportsUntilItHasNothing)
 {
-    static int told, done;
+    static int written, done;
     static std::vector<uint16_t> stages;
-    told = done = 0;
+    written = done = 0;
     stages.clear();
     CommandService files{};
-    files.tell = [](const CommandContext *, void *, uint8_t *content) -> uint32_t {
+    files.telemetry = [](const CommandContext *, void *, uint8_t *content) -> uint32_t {
         content[0] = 0xAB;
-        return told++ < 2 ? 1 : 0;
+        return written++ < 2 ? 1 : 0;
     };
     files.report = [](const CommandContext *, void *, CommandReport *report) {
         report->executed = done == 0 ? COMMAND_UNDER_WAY : COMMAND_DONE;
@@ -213,10 +213,10 @@ TEST_F(Telemetry, TextsGoOutAtTheEndOfTheInstantInTheirOrder)
     run(2);
     ASSERT_EQ(packets.size(), 4u); // two of fast
     EXPECT_EQ(packets[1][1], 0x94);
-    const Packet one{0, 0, 0, 0, 0, 0, 0, 0, 0, 5, 0, 7, 0xFF, 0xFF, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 'o', 'n', 'e'},
-        two{0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 8, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
-    EXPECT_EQ(Packet(packets[1].begin() + 16, packets[1].end()), one);
-    EXPECT_EQ(Packet(packets[2].begin() + 16, packets[2].end()), two);
+    const Packet first{0, 0, 0, 0, 0, 0, 0, 0, 0, 5, 0, 7, 0xFF, 0xFF, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 'o', 'n', 'e'},
+        second{0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 8, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    EXPECT_EQ(Packet(packets[1].begin() + 16, packets[1].end()), first);
+    EXPECT_EQ(Packet(packets[2].begin() + 16, packets[2].end()), second);
     EXPECT_EQ(packets[2][3], 1); // the sequence counts the texts
 }
 

@@ -46,7 +46,7 @@ struct Craft {
     Eigen::Vector4d q{1, 0, 0, 0};
     Vector3d omega = Vector3d::Zero(), h = Vector3d::Zero(); ///< h: of the wheels
 
-    void look(const Matrix3d &dcm_BN)
+    void measure(const Matrix3d &dcm_BN)
     {
         const Eigen::Quaterniond from(dcm_BN.transpose());
         q << from.w(), from.x(), from.y(), from.z();

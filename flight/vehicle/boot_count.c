@@ -21,7 +21,7 @@ void boot_count_update(BootCount *m, Tick t)
     const int answered = reply->number == request->number && reply->refused == 0u;
     if (request->code == NVM_NOTHING) {
         request->code = NVM_RETRIEVE;
-        request->number = reply->number + 1u; /* whatever was asked before this start */
+        request->number = reply->number + 1u; /* whatever was requested before this start */
         request->slot = m->par.slot;
     } else if (request->code == NVM_RETRIEVE && answered) {
         request->code = NVM_STORE;

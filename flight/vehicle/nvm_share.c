@@ -11,7 +11,7 @@ void nvm_share_reset(NvmShare *m)
 
 void nvm_share_update(NvmShare *m, Tick t)
 {
-    const NvmPacket *asked[NVM_CLIENTS] = {&m->in.ask_a, &m->in.ask_b, &m->in.ask_c, &m->in.ask_d};
+    const NvmPacket *requests[NVM_CLIENTS] = {&m->in.ask_a, &m->in.ask_b, &m->in.ask_c, &m->in.ask_d};
     NvmPacket *replies[NVM_CLIENTS] = {&m->out.reply_a, &m->out.reply_b, &m->out.reply_c, &m->out.reply_d};
     const NvmPacket *reply = &m->in.reply;
     NvmPacket *request = &m->out.request;
@@ -32,13 +32,13 @@ void nvm_share_update(NvmShare *m, Tick t)
     }
     for (uint32_t i = 1u; i <= NVM_CLIENTS && m->mem.under_way == 0u; i++) {
         const uint32_t next = (m->mem.served + i) % NVM_CLIENTS;
-        if (asked[next]->code != NVM_NOTHING && asked[next]->number != replies[next]->number) {
+        if (requests[next]->code != NVM_NOTHING && requests[next]->number != replies[next]->number) {
             const uint32_t last = request->code == NVM_NOTHING ? reply->number : request->number;
             const Head head = request->head;
-            *request = *asked[next];
+            *request = *requests[next];
             request->head = head;
             request->number = last + 1u;
-            m->mem.number = asked[next]->number;
+            m->mem.number = requests[next]->number;
             m->mem.served = next;
             m->mem.under_way = 1u;
         }

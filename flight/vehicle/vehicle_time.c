@@ -16,9 +16,9 @@ static void give(ClockCommand *command, const ClockReading *clock, ClockCode cod
     command->value = clock_time(value);
 }
 
-static void say(VehicleTime *m, int64_t t, VehicleTimeEventId id, EventSeverity severity)
+static void publish(VehicleTime *m, int64_t t, VehicleTimeEventId id, EventSeverity severity)
 {
-    event_say(
+    event_publish(
         &m->out.event, t,
         (FlightEvent){.id = id, .severity = severity, .arguments = {(double)m->out.time.error, m->out.time.jams}});
 }
@@ -41,13 +41,13 @@ void vehicle_time_update(VehicleTime *m, Tick t)
         const uint32_t synchronized = size <= m->par.jam_beyond ? 1u : 0u;
         if (synchronized != time->synchronized) {
             time->synchronized = synchronized;
-            say(m, t.t, synchronized != 0u ? VEHICLE_TIME_FOUND : VEHICLE_TIME_LOST,
-                synchronized != 0u ? EVENT_INFO : EVENT_LOW);
+            publish(m, t.t, synchronized != 0u ? VEHICLE_TIME_FOUND : VEHICLE_TIME_LOST,
+                    synchronized != 0u ? EVENT_INFO : EVENT_LOW);
         }
         if (!waits && clock->busy == 0u && size > m->par.jam_beyond) {
             give(command, clock, CLOCK_ALIGN, clock_ns(clock->master) + m->par.pulse);
             time->jams++;
-            say(m, t.t, VEHICLE_TIME_JUMPS, EVENT_MEDIUM);
+            publish(m, t.t, VEHICLE_TIME_JUMPS, EVENT_MEDIUM);
         } else if (!waits && clock->busy == 0u && size > m->par.allowed) {
             give(command, clock, CLOCK_SLEW, -time->error);
         }

@@ -5,7 +5,7 @@
 #include "flight/msg/avionics.h"
 #include "flight/msg/event.h"
 
-/** What it says. */
+/** Its events. */
 typedef enum VehicleTimeEventId {
     VEHICLE_TIME_JUMPS = 1, ///< medium, error [ns], jams [-]: the clock is aligned at the next pulse; error: of the
                             ///< slave's time; jams: how many alignments there were

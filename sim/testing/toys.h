@@ -101,7 +101,7 @@ struct Update {
     const void *memory;
     Ns t;
 };
-extern std::vector<Update> *updates; ///< null: not noted
+extern std::vector<Update> *updates; ///< null: not recorded
 
 template <class T> T &interface(const std::shared_ptr<Instance> &instance)
 {

@@ -142,8 +142,8 @@ LANES_INLINE Quad ControlMomentGyrosModel::gimbal_torque(std::size_t i, const Fo
     const Motors &motors = state_.motors;
     const Quad most = quad_at(motors.most + i), servo = quad_at(motors.servo + i);
     const Quad rate = quad_at(motors.wanted + i) - now.rate;
-    const Quad asked = quad_at(motors.gimbal + i) + quad_at(motors.per_lag + i) * rate - servo * now.gyration;
-    const Quad below = asked < most ? asked : most;
+    const Quad wanted = quad_at(motors.gimbal + i) + quad_at(motors.per_lag + i) * rate - servo * now.gyration;
+    const Quad below = wanted < most ? wanted : most;
     return below > -most ? below : -most;
 }
 
@@ -186,42 +186,42 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
     const auto &par = interface_.par;
     const auto acts = [&](Head head) { return dt > 0.0 && head_written(head); };
     const bool faulty = dt > 0.0 && state_.faults.any(), servo = acts(rates.head);
-    Asked &asked = state_.asked;
-    bool same = !faulty && state_.again == 0.0 && asked.dt == dt && (asked.servo != 0.0) == servo;
-    const auto ask = [&](double *held, bool is_asked, const double *from) {
+    Commanded &commanded = state_.commanded;
+    bool same = !faulty && state_.again == 0.0 && commanded.dt == dt && (commanded.servo != 0.0) == servo;
+    const auto latch_command = [&](double *held, bool active, const double *from) {
         for (std::size_t b = 0; b < padded_; b += sim::state_block) {
-            const Quad now = is_asked ? quad_at(from + b) : Quad{};
+            const Quad now = active ? quad_at(from + b) : Quad{};
             const auto differ = now != quad_at(held + b);
             same &= !(differ[0] | differ[1] | differ[2] | differ[3]);
             put_quad(held + b, now);
         }
     };
-    ask(asked.wheel, acts(command.head), command.u);
-    ask(asked.rate, servo, rates.rate);
-    ask(asked.torque, acts(torques.head), torques.u);
+    latch_command(commanded.wheel, acts(command.head), command.u);
+    latch_command(commanded.rate, servo, rates.rate);
+    latch_command(commanded.torque, acts(torques.head), torques.u);
     if (same) {
         return false;
     }
-    asked.dt = dt;
-    asked.servo = servo ? 1.0 : 0.0;
+    commanded.dt = dt;
+    commanded.servo = servo ? 1.0 : 0.0;
     state_.again = faulty ? 1.0 : 0.0;
     const Motors before = state_.motors;
     Motors &motors = state_.motors = {};
-    bool look_first = true;
+    bool unobserved = true;
     Seen now{};
     for (std::size_t i = 0; i < n_; i++) {
-        const double torque = asked.torque[i];
-        double wheel = limited(asked.wheel[i], par.u_max[i]);
-        double gimbal = servo ? limited(asked.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
+        const double torque = commanded.torque[i];
+        double wheel = limited(commanded.wheel[i], par.u_max[i]);
+        double gimbal = servo ? limited(commanded.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
         if (faulty) {
             fail(of_wheels + i, wheel, par.u_max[i]);
             fail(of_gimbals + i, gimbal, servo ? par.rate_max[i] : par.torque_max[i]);
         }
         const bool fast = par.Omega_max[i] > 0.0 && wheel != 0.0;
         if (fast || (!servo && par.rate_max[i] > 0.0 && gimbal != 0.0)) {
-            if (look_first) {
-                sim::in_registers<&ControlMomentGyrosModel::look>(*this, x, rate, now);
-                look_first = false;
+            if (unobserved) {
+                sim::in_registers<&ControlMomentGyrosModel::observe>(*this, x, rate, now);
+                unobserved = false;
                 state_.again = 1.0;
             }
             wheel = no_faster(wheel, now.Omega[i], par.Omega_max[i],
@@ -231,7 +231,7 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
                                    par.J_g[i] / dt);
             }
         }
-        if (std::abs(wheel - asked.wheel[i]) > 1e-9 * std::abs(asked.wheel[i]) ||
+        if (std::abs(wheel - commanded.wheel[i]) > 1e-9 * std::abs(commanded.wheel[i]) ||
             (!servo && std::abs(gimbal - torque) > 1e-9 * std::abs(torque))) {
             motors.limited = 1.0;
         }
@@ -246,7 +246,7 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
     return std::memcmp(&motors, &before, sizeof motors) != 0;
 }
 
-LANES_INLINE void ControlMomentGyrosModel::look(const double *x, const BodyRate &rate, Seen &seen) const
+LANES_INLINE void ControlMomentGyrosModel::observe(const double *x, const BodyRate &rate, Seen &seen) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
         const Four now = four(i, x, rate.omega);

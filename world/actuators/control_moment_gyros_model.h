@@ -76,15 +76,15 @@ private:
 
     enum Channels : std::size_t { of_wheels = 0, of_gimbals = 8, of_speeds = 16, of_angles = 24, channels = 32 };
     /// What is commanded, for how long [s]; what is not is 0.
-    struct Asked {
+    struct Commanded {
         double dt, servo;
         double wheel[WHEELS_MAX], rate[WHEELS_MAX], torque[WHEELS_MAX];
     };
     struct State {
         Fours gyros;
         Motors motors;
-        Asked asked;  ///< in the last update
-        double again; ///< 1: the motors may change although the commands do not
+        Commanded commanded; ///< in the last update
+        double again;        ///< 1: the motors may change although the commands do not
         Faults<channels> faults;
     };
 
@@ -92,7 +92,7 @@ private:
     Vec3 axis(std::size_t i, double angle) const;
     Four four(std::size_t i, const double *x, const Vec3 &omega) const;
     Quad gimbal_torque(std::size_t i, const Four &now) const;
-    void look(const double *x, const BodyRate &rate, Seen &seen) const;
+    void observe(const double *x, const BodyRate &rate, Seen &seen) const;
     void couple_in_lanes(const double *x, const Motion &motion, Loads &loads, Whole &whole);
     void accelerate_in_lanes(double *dx) const;
 

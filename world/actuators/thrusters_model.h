@@ -32,7 +32,7 @@
 #pragma once
 
 #include "world/actuators/thrusters.h"
-#include "world/asks.h"
+#include "world/consumer.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/hinged_panels_model.h"
 #include "world/dynamics/lanes.h"
@@ -42,13 +42,13 @@
 
 namespace fledge::world {
 
-class ThrustersModel final : public Effector, public Asks {
+class ThrustersModel final : public Effector, public Consumer {
 public:
     explicit ThrustersModel(Thrusters &interface) : interface_(interface) {}
 
-    const char *asks() const override { return "HingedPanels"; }
-    bool ask(sim::Model &source) override { return (panels_ = dynamic_cast<HingedPanelsModel *>(&source)); }
-    const sim::Model *asked() const override { return panels_; }
+    const char *source_kind() const override { return "HingedPanels"; }
+    bool set_source(sim::Model &source) override { return (panels_ = dynamic_cast<HingedPanelsModel *>(&source)); }
+    const sim::Model *source() const override { return panels_; }
 
     void prepare(const sim::Setup &setup) override;
     void refresh() override;

@@ -80,7 +80,7 @@ struct Craft : Assembly {
     void mount(std::size_t k, std::size_t panel)
     {
         i.par.panel[k] = static_cast<std::uint32_t>(panel + 1);
-        model.ask(panels);
+        model.set_source(panels);
     }
     /// Where a thruster is and how it moves in B, its axis, and the hinge of its panel; all of B.
     struct Nozzle {

@@ -53,9 +53,9 @@ bool TorqueRodsModel::stretch(sim::Ns t, sim::Ns &)
     const bool commanded = head_written(command.head);
     bool same = !state_.faults.begin(t, par.n_faults, par.faults, injected) && state_.again == 0;
     for (std::size_t i = 0; i < par.n; i++) {
-        const double asked = commanded ? command.dipole[i] : 0.0;
-        same &= asked == state_.asked[i];
-        state_.asked[i] = asked;
+        const double requested = commanded ? command.dipole[i] : 0.0;
+        same &= requested == state_.requested[i];
+        state_.requested[i] = requested;
     }
     const Vec3 before = state_.dipole_B;
     if (!same) {
@@ -65,7 +65,7 @@ bool TorqueRodsModel::stretch(sim::Ns t, sim::Ns &)
     return vec_norm2(vec_sub(state_.dipole_B, before)) != 0.0;
 }
 
-/// The faults and limits of what is asked.
+/// Apply faults and limits to the requested dipoles.
 void TorqueRodsModel::apply()
 {
     const auto &par = interface_.par;
@@ -73,9 +73,10 @@ void TorqueRodsModel::apply()
     state_.dipole_B = {};
     state_.saturated = 0;
     for (std::size_t i = 0; i < par.n; i++) {
-        const double most = par.m_max[i] > 0.0 ? par.m_max[i] : unlimited, asked = state_.asked[i];
-        double m = std::clamp(asked, -most, most);
-        state_.saturated |= std::abs(m - asked) > 1e-9 * std::abs(asked); // flight's scaling may exceed it by rounding
+        const double most = par.m_max[i] > 0.0 ? par.m_max[i] : unlimited, requested = state_.requested[i];
+        double m = std::clamp(requested, -most, most);
+        state_.saturated |=
+            std::abs(m - requested) > 1e-9 * std::abs(requested); // flight's scaling may exceed it by rounding
         state_.faults.apply(i, {&m, 1}, -most, most);
         m = std::clamp(m, -most, most);
         interface_.out.applied.dipole[i] = m;

@@ -11,13 +11,13 @@
 
 namespace fledge::world {
 
-class TorqueRodsModel final : public Effector, public Asks {
+class TorqueRodsModel final : public Effector, public Consumer {
 public:
     explicit TorqueRodsModel(TorqueRods &interface) : interface_(interface) {}
 
-    const char *asks() const override { return MagnetismModel::kind; }
-    bool ask(sim::Model &source) override { return field_.set(source); }
-    const sim::Model *asked() const override { return field_.model(); }
+    const char *source_kind() const override { return MagnetismModel::kind; }
+    bool set_source(sim::Model &source) override { return field_.set(source); }
+    const sim::Model *source() const override { return field_.model(); }
 
     void prepare(const sim::Setup &setup) override;
     void refresh() override;
@@ -39,10 +39,10 @@ public:
 private:
     struct State {
         Vec3 dipole_B;
-        double asked[RODS_MAX];  ///< in the last update
-        std::uint32_t is_new;    ///< 1: an update begins
-        std::uint32_t again;     ///< 1: the dipole may change although the commands do not
-        std::uint64_t saturated; ///< 1: a limit reduces a dipole
+        double requested[RODS_MAX]; ///< in the last update
+        std::uint32_t is_new;       ///< 1: an update begins
+        std::uint32_t again;        ///< 1: the dipole may change although the commands do not
+        std::uint64_t saturated;    ///< 1: a limit reduces a dipole
         Faults<RODS_MAX> faults;
     };
 
@@ -52,7 +52,7 @@ private:
     TorqueRods &interface_;
     std::string name_;
     sim::Random seeded_;
-    Asked<MagnetismModel> field_;
+    SourceOf<MagnetismModel> field_;
     Vec3 axes_B_[RODS_MAX]{}; ///< of length 1
     State state_{};
     mutable Vec3 torque_{}; ///< of the last derive(), for the output

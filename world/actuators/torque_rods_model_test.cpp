@@ -36,7 +36,7 @@ struct Craft : Flyer {
         set_inertia(Vector3d(5.0, 6.0, 8.0).asDiagonal());
         craft_interface.par.r_BN_N = vec3(7e6, 0, 1e6);
         craft_interface.par.v_BN_N = vec3(0, 5000, 5500);
-        rods.ask(field);
+        rods.set_source(field);
     }
     void add(const Vector3d &axis, double most)
     {

@@ -20,7 +20,7 @@ void PropulsionCardModel::shut(std::size_t i, Tick tick)
     times.off[i] = std::min(times.off[i], std::max(tick.t - tick.dt, times.on[i]));
 }
 
-/// What the command says of a thruster, of a card that is armed.
+/// The command of a thruster, of a card that is armed.
 void PropulsionCardModel::command(std::size_t i, Tick tick)
 {
     const auto &par = interface_.par;

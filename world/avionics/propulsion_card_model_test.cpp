@@ -62,12 +62,12 @@ TEST(PropulsionCard, ABurnHasItsStartAndItsDuration)
     EXPECT_EQ(c.thrusters().burns[1], 1u) << "once for a command that stands";
 }
 
-TEST(PropulsionCard, PulsesOfAllThrustersAtTheRateOfControlAreThoseThatWereAsked)
+TEST(PropulsionCard, PulsesOfAllThrustersAtTheRateOfControlAreThoseThatWereCommanded)
 {
     // Each 250 ms, on-times of zero to the whole period, which go on without a gap where they meet.
     std::mt19937 random(8);
     Card c;
-    Ns asked[3] = {0, 0, 0}, open[3] = {0, 0, 0}, begun[3] = {0, 0, 0}, until[3] = {0, 0, 0};
+    Ns requested[3] = {0, 0, 0}, open[3] = {0, 0, 0}, begun[3] = {0, 0, 0}, until[3] = {0, 0, 0};
     for (int k = 0; k < 4000; k++) {
         if (c.t % (250 * ms) == 0) {
             c.i.in.command.number++;
@@ -78,7 +78,7 @@ TEST(PropulsionCard, PulsesOfAllThrustersAtTheRateOfControlAreThoseThatWereAsked
                 until[i] = c.t + w;
                 c.i.in.command.start[i] = w > 0 ? begun[i] : 0;
                 c.i.in.command.duration[i] = w > 0 ? until[i] - begun[i] : 0;
-                asked[i] += w;
+                requested[i] += w;
             }
         }
         c.step(50 * ms);
@@ -89,8 +89,8 @@ TEST(PropulsionCard, PulsesOfAllThrustersAtTheRateOfControlAreThoseThatWereAsked
     }
     EXPECT_EQ(c.state().refused, 0u);
     for (std::size_t i = 0; i < 3; i++) {
-        EXPECT_EQ(asked[i], open[i]) << i;
-        EXPECT_GT(asked[i], 60 * second);
+        EXPECT_EQ(requested[i], open[i]) << i;
+        EXPECT_GT(requested[i], 60 * second);
     }
 }
 

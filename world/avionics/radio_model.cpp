@@ -258,7 +258,7 @@ void RadioModel::settle(Ns t)
     while (s.up.open < s.up.end && unit(s.up, s.up.open).ends + s.up.light_time <= s.now) {
         decide(s.up, unit(s.up, s.up.open));
     }
-    deliver(s.down, s.now, [this](Ns at, sim::Unit one) { ground_.put(at, one); });
+    deliver(s.down, s.now, [this](Ns at, sim::Unit unit) { ground_.put(at, unit); });
 }
 
 void RadioModel::decide(Way &way, Sent &sent)
@@ -268,7 +268,7 @@ void RadioModel::decide(Way &way, Sent &sent)
     sent.fate = !way.lock ? Sent::lost : damage(way, bytes(sent)) ? Sent::damaged : Sent::whole;
 }
 
-bool RadioModel::damage(Way &way, std::span<std::uint8_t> one)
+bool RadioModel::damage(Way &way, std::span<std::uint8_t> bytes)
 {
     const double p = way.bit_error_rate;
     if (!(p > 0.0)) {
@@ -276,12 +276,12 @@ bool RadioModel::damage(Way &way, std::span<std::uint8_t> one)
     }
     // From wrong bit to wrong bit: how many right ones are between has a geometric distribution.
     const double scale = p < 1e-8 ? -p : fm_log(1.0 - p);
-    const double n = 8.0 * static_cast<double>(one.size());
+    const double n = 8.0 * static_cast<double>(bytes.size());
     double at = -1.0;
     bool wrong = false;
     while ((at += 1.0 + std::floor(fm_log(1.0 - way.random.uniform()) / scale)) < n) {
         const auto bit = static_cast<std::size_t>(at);
-        one[bit / 8] ^= static_cast<std::uint8_t>(0x80u >> bit % 8);
+        bytes[bit / 8] ^= static_cast<std::uint8_t>(0x80u >> bit % 8);
         wrong = true;
     }
     return wrong;
@@ -307,7 +307,7 @@ void RadioModel::deliver(Way &way, Ns t, const std::function<void(Ns, sim::Unit)
 void RadioModel::receive(Ns t, const std::function<void(sim::Unit)> &to)
 {
     settle(t);
-    deliver(state().up, t, [&](Ns, sim::Unit one) { to(one); });
+    deliver(state().up, t, [&](Ns, sim::Unit unit) { to(unit); });
 }
 
 std::vector<sim::Packet> RadioModel::take(Ns t)

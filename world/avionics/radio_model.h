@@ -9,13 +9,13 @@
 
 namespace fledge::world {
 
-class RadioModel final : public EnvironmentModel, public Asks, public sim::Carrier {
+class RadioModel final : public EnvironmentModel, public Consumer, public sim::Carrier {
 public:
     explicit RadioModel(Radio &interface) : EnvironmentModel("sun", false, false), interface_(interface) {}
 
-    const char *asks() const override { return GroundStationModel::kind; }
-    bool ask(sim::Model &source) override { return station_.set(source); }
-    const sim::Model *asked() const override { return station_.model(); }
+    const char *source_kind() const override { return GroundStationModel::kind; }
+    bool set_source(sim::Model &source) override { return station_.set(source); }
+    const sim::Model *source() const override { return station_.model(); }
 
     void set_serves(std::string process) { serves_ = std::move(process); }
     const std::string &serves() const override { return serves_; }
@@ -84,7 +84,7 @@ private:
 
     Radio &interface_;
     std::string serves_ = "flight";
-    Asked<GroundStationModel> station_;
+    SourceOf<GroundStationModel> station_;
     sim::Random seeded_down_, seeded_up_;
     std::vector<std::uint64_t> memory_; ///< State, and the units of both directions
     sim::Units ground_;

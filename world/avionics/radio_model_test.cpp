@@ -30,13 +30,13 @@ using Bytes = std::vector<std::uint8_t>;
 
 GravityBody body(const char *name, int naif, double radius, const Vector3d &r = Vector3d::Zero())
 {
-    GravityBody one;
-    one.name = name;
-    one.naif = naif;
-    one.mu = 1e10;
-    one.radius = radius;
-    one.r_PN_N = r;
-    return one;
+    GravityBody made;
+    made.name = name;
+    made.naif = naif;
+    made.mu = 1e10;
+    made.radius = radius;
+    made.r_PN_N = r;
+    return made;
 }
 
 /// A station on the equator of an Earth that stands still, a craft over it, and their radio.
@@ -54,7 +54,7 @@ struct Link : ::testing::Test {
         i.par.down_eirp_dBW = i.par.up_eirp_dBW = 50.0;
         i.in.truth.head.quality = QUALITY_GOOD;
         place(Vector3d(1e6, 0, 0));
-        radio.ask(station);
+        radio.set_source(station);
     }
     void prepare(std::uint64_t seed = 1)
     {
@@ -71,10 +71,10 @@ struct Link : ::testing::Test {
         radio.update({t, second});
         return i.out.down;
     }
-    std::vector<Bytes> heard(Ns t)
+    std::vector<Bytes> received(Ns t)
     {
         std::vector<Bytes> found;
-        radio.receive(t, [&](sim::Unit one) { found.emplace_back(one.begin(), one.end()); });
+        radio.receive(t, [&](sim::Unit unit) { found.emplace_back(unit.begin(), unit.end()); });
         return found;
     }
 };
@@ -197,8 +197,8 @@ TEST_F(Link, AUnitWaitsForTheTransmitterAndArrivesOneLightTimeLater)
 
     radio.send_up(10 * second, Bytes{1, 2, 3});
     EXPECT_EQ(radio.next_up(), 11 * second + 1500 * 1000);
-    EXPECT_TRUE(heard(11 * second + 1499 * 1000).empty());
-    EXPECT_EQ(heard(11 * second + 1500 * 1000), std::vector<Bytes>(1, {1, 2, 3}));
+    EXPECT_TRUE(received(11 * second + 1499 * 1000).empty());
+    EXPECT_EQ(received(11 * second + 1500 * 1000), std::vector<Bytes>(1, {1, 2, 3}));
     radio.update({12 * second, second});
     const RadioTraffic &down = i.out.down_traffic, &up = i.out.up_traffic;
     EXPECT_EQ(down.sent, 3u);
@@ -225,7 +225,7 @@ TEST_F(Link, WithoutLockAUnitIsLostAndWithoutRoomItIsDropped)
     radio.update({1500 * ms, second});
     EXPECT_EQ(radio.take(10 * second).size(), 2u);
     radio.send_up(10 * second, Bytes(10, 0));
-    EXPECT_TRUE(heard(20 * second).empty());
+    EXPECT_TRUE(received(20 * second).empty());
     radio.update({20 * second, second});
     EXPECT_EQ(i.out.down_traffic.lost, 1u);
     EXPECT_EQ(i.out.up_traffic.lost, 1u);
@@ -252,9 +252,9 @@ TEST_F(Link, BitsAreWrongAtTheBitErrorRate)
         std::array<std::uint64_t, 8> places{};
         for (int k = 0; k < units; k++) {
             radio.send_down(k * second, Bytes(n, 0));
-            for (const sim::Packet &one : radio.take((k + 1) * second)) {
+            for (const sim::Packet &packet : radio.take((k + 1) * second)) {
                 std::uint64_t here = 0;
-                for (const std::uint8_t byte : one.bytes) {
+                for (const std::uint8_t byte : packet.bytes) {
                     here += static_cast<std::uint64_t>(std::popcount(byte));
                     for (unsigned bit = 0; bit < 8; bit++) {
                         places[bit] += byte >> bit & 1u;
@@ -275,9 +275,9 @@ TEST_F(Link, BitsAreWrongAtTheBitErrorRate)
     }
 }
 
-/// Random units over a link that changes: what arrives, and when, does not depend on when anybody looks, and the
+/// Random units over a link that changes: what arrives, and when, does not depend on when it is taken, and the
 /// memory is the whole state.
-TEST_F(Link, WhatArrivesDoesNotDependOnWhoLooks)
+TEST_F(Link, WhatArrivesDoesNotDependOnWhenItIsTaken)
 {
     const auto fly = [this](bool looks, bool copied) {
         i.par.down_room = i.par.up_room = 700;
@@ -289,8 +289,8 @@ TEST_F(Link, WhatArrivesDoesNotDependOnWhoLooks)
         std::vector<sim::Packet> came;
         std::vector<Bytes> up;
         const auto look = [&](Ns t) {
-            for (sim::Packet &one : radio.take(t)) {
-                came.push_back(std::move(one));
+            for (sim::Packet &packet : radio.take(t)) {
+                came.push_back(std::move(packet));
             }
         };
         for (int k = 1; k < 2000; k++) {
@@ -306,8 +306,8 @@ TEST_F(Link, WhatArrivesDoesNotDependOnWhoLooks)
             if (looks && looker() % 2) {
                 look(t);
             }
-            for (Bytes &one : heard(t)) { // by flight, at its instants
-                up.push_back(std::move(one));
+            for (Bytes &bytes : received(t)) { // by flight, at its instants
+                up.push_back(std::move(bytes));
             }
             if (copied && k == 1000) { // as a snapshot does
                 const auto memory = radio.memory();
@@ -328,11 +328,11 @@ TEST_F(Link, WhatArrivesDoesNotDependOnWhoLooks)
         look(1000 * second);
         return std::tuple(came.size(),
                           std::accumulate(came.begin(), came.end(), std::uint64_t{0},
-                                          [](auto sum, auto &one) {
-                                              for (const std::uint8_t byte : one.bytes) {
+                                          [](auto sum, auto &packet) {
+                                              for (const std::uint8_t byte : packet.bytes) {
                                                   sum = 31 * sum + byte;
                                               }
-                                              return 31 * sum + static_cast<std::uint64_t>(one.t);
+                                              return 31 * sum + static_cast<std::uint64_t>(packet.t);
                                           }),
                           up, i.out.down_traffic.lost, i.out.down_traffic.damaged, i.out.down_traffic.dropped,
                           i.out.up_traffic.dropped);

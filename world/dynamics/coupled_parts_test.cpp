@@ -192,11 +192,11 @@ TEST(CoupledParts, PublishTheDerivativesOfWhatTheyPublish)
 TEST(CoupledParts, GoOnFromTheirMemoryBitForBit)
 {
     Assembly a, b; // of one set-up and two pasts
-    for (Assembly *one : {&a, &b}) {
-        assemble(*one, every_kind - 1, 5, 0.1);
-        one->panel_interface.in.command.head.quality = QUALITY_GOOD;
-        one->panel_interface.in.command.theta[1] = one == &a ? 0.1 : 0.4;
-        one->fly(one == &a ? second : 3 * second, 100 * ms);
+    for (Assembly *assembly : {&a, &b}) {
+        assemble(*assembly, every_kind - 1, 5, 0.1);
+        assembly->panel_interface.in.command.head.quality = QUALITY_GOOD;
+        assembly->panel_interface.in.command.theta[1] = assembly == &a ? 0.1 : 0.4;
+        assembly->fly(assembly == &a ? second : 3 * second, 100 * ms);
     }
     sim::Model *from[] = {&a.craft, &a.wheels, &a.panels, &a.slosh, &a.pendulums};
     sim::Model *to[] = {&b.craft, &b.wheels, &b.panels, &b.slosh, &b.pendulums};
@@ -205,8 +205,8 @@ TEST(CoupledParts, GoOnFromTheirMemoryBitForBit)
     }
     b.panel_interface = a.panel_interface;
     b.t = a.t;
-    for (Assembly *one : {&a, &b}) {
-        one->fly(5 * second, 100 * ms);
+    for (Assembly *assembly : {&a, &b}) {
+        assembly->fly(5 * second, 100 * ms);
     }
     for (int i = 0; i < 3; i++) {
         EXPECT_EQ(a.r()[i], b.r()[i]);
@@ -249,12 +249,12 @@ TEST(CoupledParts, AreTheSameBitForBitInNarrowRegisters)
 TEST(CoupledParts, ParametersOfAPartChangeAtOnce)
 {
     Assembly a, b;
-    for (Assembly *one : {&a, &b}) {
-        assemble(*one, with_panels | with_slosh | with_pendulum, 9);
-        one->fly(second, 100 * ms);
-        one->panel_interface.par.stiffness[0] = one->slosh_interface.par.stiffness[1] = 40.0;
-        one->pendulum_interface.par.damping[2] = 3.0;
-        for (sim::Model *part : one->craft.parts()) {
+    for (Assembly *assembly : {&a, &b}) {
+        assemble(*assembly, with_panels | with_slosh | with_pendulum, 9);
+        assembly->fly(second, 100 * ms);
+        assembly->panel_interface.par.stiffness[0] = assembly->slosh_interface.par.stiffness[1] = 40.0;
+        assembly->pendulum_interface.par.damping[2] = 3.0;
+        for (sim::Model *part : assembly->craft.parts()) {
             part->refresh();
         }
     }
@@ -429,9 +429,9 @@ TEST(ExternalForces, AddUp)
         EXPECT_LT((a.v() - acted).norm(), 1e-15) << "nothing acts any more";
         return acted;
     };
-    const Vector3d one = fly(false);
-    EXPECT_GT(one.norm(), 0.5);
-    EXPECT_LT((fly(true) - one).norm(), 1e-13);
+    const Vector3d velocity = fly(false);
+    EXPECT_GT(velocity.norm(), 0.5);
+    EXPECT_LT((fly(true) - velocity).norm(), 1e-13);
 }
 
 } // namespace coupled_parts_test

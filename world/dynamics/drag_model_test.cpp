@@ -39,12 +39,12 @@ struct Craft {
         f.craft_interface.par.mass = 100.0;
         f.craft_interface.par.r_BN_N = vec3(7e6, 0, 0);
         f.craft_interface.par.v_BN_N = vec3(0, 7000, 1000);
-        drag.ask(air);
+        drag.set_source(air);
         f.craft.attach(drag);
     }
     void prepare()
     {
-        drag.prepare({"world.drag", 1, f.method.get()}); // before what it asks
+        drag.prepare({"world.drag", 1, f.method.get()}); // before its source
         air.prepare({"world.air", 1, f.method.get()});
         f.prepare();
     }
@@ -197,7 +197,7 @@ TEST(Drag, NamesWhatIsWrong)
     bare.prepare({"world.drag", 1, f.method.get()});
     EXPECT_EQ(error_of([&] { bare.start({}, nullptr); }),
               "world.drag.air is missing: a model of the same world, as in `w.air = world.Atmosphere(...)`");
-    EXPECT_FALSE(bare.ask(f.craft));
+    EXPECT_FALSE(bare.set_source(f.craft));
 }
 
 } // namespace drag_model_test

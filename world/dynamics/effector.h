@@ -153,7 +153,7 @@ struct BodyRate {
     Vec3 domega; ///< [rad/s^2] as last published
 };
 
-/// What a state of a part is, for who looks at it from outside.
+/// What a state of a part is, for readers from outside.
 struct StateName {
     std::size_t at;   ///< its place among the states
     std::string name; ///< "theta[1]"

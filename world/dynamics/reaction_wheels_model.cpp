@@ -133,7 +133,7 @@ bool ReactionWheelsModel::as_before(bool commanded) const
 {
     for (std::size_t b = 0; b < padded_; b += state_block) {
         const Quad u = commanded ? quad_at(interface_.in.command.u + b) : quad(0.0);
-        const auto differ = u != quad_at(wheels_.asked + b);
+        const auto differ = u != quad_at(wheels_.requested + b);
         if (differ[0] | differ[1] | differ[2] | differ[3]) {
             return false;
         }
@@ -183,15 +183,15 @@ bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt
             const double most = par.u_max[i] > 0.0 ? par.u_max[i] : unlimited;
             wheels_.faults.apply(i, {&u, 1}, -most, most);
         }
-        const double asked = u;
+        const double requested = u;
         if (par.u_max[i] > 0.0) {
             u = std::clamp(u, -par.u_max[i], par.u_max[i]);
         }
         const double friction = wheels_.rubs != 0.0 ? rub(i, x, rate, dt, u) : 0.0;
         // What flight has scaled to the limit may exceed it by rounding.
-        limited |= std::abs(u - asked) > 1e-9 * std::abs(asked);
+        limited |= std::abs(u - requested) > 1e-9 * std::abs(requested);
         changed |= u + friction != wheels_.torque[i] || par.viscosity[i] != wheels_.viscosity[i];
-        wheels_.asked[i] = asked;
+        wheels_.requested[i] = requested;
         wheels_.torque[i] = u + friction;
         wheels_.viscosity[i] = par.viscosity[i];
         interface_.out.applied.u[i] = u;

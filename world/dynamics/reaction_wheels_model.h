@@ -66,7 +66,7 @@ private:
         double g[3][WHEELS_MAX];    ///< unit spin axes, in B
         double axis[WHEELS_MAX][4]; ///< the same
         double J[WHEELS_MAX], J_inverse[WHEELS_MAX];
-        double asked[WHEELS_MAX];     ///< [N m] commanded to the motor in the last update
+        double requested[WHEELS_MAX]; ///< [N m] commanded to the motor in the last update
         double torque[WHEELS_MAX];    ///< [N m] on the wheel, without viscous friction
         double viscosity[WHEELS_MAX]; ///< [N m s]
         Vec3 reaction;                ///< [N m] of `torque` on the body

@@ -353,7 +353,7 @@ TEST(ReactionWheels, FaultsOfMotorsAndSpeedsActFromTheirTimeOn)
         f->fly(40 * second, 100 * ms);
         return f;
     };
-    // What the wheel gained tells the torque between 10 s and 30 s, and the momentum is kept.
+    // The momentum that the wheel gained shows the torque between 10 s and 30 s, and the momentum is kept.
     const double gain = (1.0 / J + 1.0 / I);
     const std::vector<std::tuple<FaultKind, double, double>> motors = {
         {FAULT_NONE, 0, 0.1}, {FAULT_HIGH, 0, 0.2},     {FAULT_LOW, 0, -0.2},

@@ -38,7 +38,7 @@ struct Craft {
         f.craft_interface.par.mass = 100.0;
         f.craft_interface.par.r_BN_N = vec3(0, 7e6, 0);
         f.craft_interface.par.v_BN_N = vec3(-std::sqrt(mu / 7e6), 0, 0);
-        solar.ask(light);
+        solar.set_source(light);
         f.craft.attach(solar);
     }
     void prepare()
@@ -160,7 +160,7 @@ TEST(SolarPressure, NamesWhatIsWrong)
     EXPECT_EQ(
         error_of([&] { none.prepare(); }),
         "world.solar.diffuse[1]: the shares that a facet reflects, specular and diffuse, must not exceed 1; found 1.2");
-    EXPECT_FALSE(none.solar.ask(none.f.craft));
+    EXPECT_FALSE(none.solar.set_source(none.f.craft));
     EXPECT_EQ(error_of([&] { none.solar.start({}, nullptr); }),
               "world.solar.light is missing: a model of the same world, as in `w.light = world.Sunlight(...)`");
 }

@@ -4,7 +4,7 @@
 #include "flight/math/attitude.h"
 #include "sim/error.h"
 #include "sim/text.h"
-#include "world/asks.h"
+#include "world/consumer.h"
 #include "world/eigen.h"
 
 #include <Eigen/Cholesky>
@@ -188,10 +188,10 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
                               (coupled_ ? "moves masses" : "adds forces") + ": give the spacecraft its mass");
     }
     for (const Part &part : parts_) {
-        const auto *asks = dynamic_cast<const Asks *>(part.effector);
-        const auto *source = asks ? dynamic_cast<const SkyUser *>(asks->asked()) : nullptr;
+        const auto *consumer = dynamic_cast<const Consumer *>(part.effector);
+        const auto *source = consumer ? dynamic_cast<const SkyUser *>(consumer->source()) : nullptr;
         if (sky() && source && source->sky() && !source->sky()->has_frame_of(*sky())) {
-            throw sim::SetupError(name_ + ".sky: the " + asks->asks() +
+            throw sim::SetupError(name_ + ".sky: the " + consumer->source_kind() +
                                   " that one of its parts asks is in a sky of another center or epoch");
         }
     }
@@ -753,8 +753,8 @@ std::vector<sim::DifferentialState> SpacecraftModel::differential_states()
     add_names(names, at_omega, "omega_BN_B", "rad/s", 3);
     std::vector<sim::DifferentialState> states;
     const auto add = [&](const sim::Model *of, std::size_t at, const std::vector<StateName> &some) {
-        for (const StateName &one : some) {
-            states.push_back({of, one.name, one.unit, x_ + at + one.at, dx_ + at + one.at});
+        for (const StateName &name : some) {
+            states.push_back({of, name.name, name.unit, x_ + at + name.at, dx_ + at + name.at});
         }
     };
     add(this, 0, names);

@@ -11,13 +11,13 @@
 namespace fledge::world {
 
 /// Source: of the environment. facets: the most that the interface holds.
-template <class Interface, class Source, std::size_t facets> class Surface : public Effector, public Asks {
+template <class Interface, class Source, std::size_t facets> class Surface : public Effector, public Consumer {
 public:
     explicit Surface(Interface &interface) : interface_(interface) {}
 
-    const char *asks() const override { return Source::kind; }
-    bool ask(sim::Model &source) override { return source_.set(source); }
-    const sim::Model *asked() const override { return source_.model(); }
+    const char *source_kind() const override { return Source::kind; }
+    bool set_source(sim::Model &source) override { return source_.set(source); }
+    const sim::Model *source() const override { return source_.model(); }
 
     void prepare(const sim::Setup &setup) override
     {
@@ -82,7 +82,7 @@ protected:
 
     Interface &interface_;
     std::string name_;
-    Asked<Source> source_;
+    SourceOf<Source> source_;
     bool changed_ = true;
     Vec3 normals_B_[facets] = {}; ///< unit vectors
     mutable Loads load_{};        ///< of the last derive(), for the output

@@ -65,7 +65,7 @@ private:
     /// A body in the sky.
     struct Source {
         double mu = 0.0;                  ///< of the body, or of the system that stands for it
-        int target = 0;                   ///< what the ephemeris is asked for
+        int target = 0;                   ///< the body that is read from the ephemeris
         bool moves = false;               ///< relative to the origin
         bool pulls_origin = false;        ///< so that there is a second term
         bool point = true;                ///< neither zonals nor a field

@@ -31,7 +31,7 @@ private:
     CelestialBody &interface_;
     std::shared_ptr<const Sky> sky_;
     std::string name_;
-    int target_ = 0; ///< what the ephemeris is asked for
+    int target_ = 0; ///< the body that is read from the ephemeris
     sim::Ns covered_ = 0;
     Ephemeris::Cursor cursor_;
 };

@@ -104,25 +104,25 @@ TEST(EarthRotation, turns_at_the_rate_that_it_says)
     }
 }
 
-TEST(EarthRotation, does_not_depend_on_what_was_asked_before_and_does_not_jump)
+TEST(EarthRotation, does_not_depend_on_earlier_calls_and_does_not_jump)
 {
     const EarthRotation earth(numbers(Theory::iau2006, -34.1), times);
-    EarthRotation::Window one;
-    Matrix3d last = earth.dcm_PN({-day}, 0.0, one);
+    EarthRotation::Window window;
+    Matrix3d last = earth.dcm_PN({-day}, 0.0, window);
     for (std::int64_t ns = -day; ns < day; ns += hour / 2 + 7) {
         EarthRotation::Window fresh;
-        const Matrix3d found = earth.dcm_PN({ns}, 0.0, one);
+        const Matrix3d found = earth.dcm_PN({ns}, 0.0, window);
         EXPECT_EQ(found, earth.dcm_PN({ns}, 0.0, fresh));
-        earth.dcm_PN({ns - 10 * hour}, 0.0, one); // away, and back again
-        EXPECT_EQ(found, earth.dcm_PN({ns}, 0.0, one));
+        earth.dcm_PN({ns - 10 * hour}, 0.0, window); // away, and back again
+        EXPECT_EQ(found, earth.dcm_PN({ns}, 0.0, window));
     }
     // Over the border of an interval, where another polynomial begins.
     for (const std::int64_t border : {-6 * hour, 0 * hour, 6 * hour}) {
-        const Matrix3d step = earth.dcm_PN({border}, -1e-6, one) - earth.dcm_PN({border}, 0.0, one);
+        const Matrix3d step = earth.dcm_PN({border}, -1e-6, window) - earth.dcm_PN({border}, 0.0, window);
         EXPECT_LT(step.norm(), 1.1e-10); // 7.3e-11 for each of two axes, in a microsecond
     }
-    last = earth.dcm_PN({6 * hour - 1000}, 0.0, one);
-    EXPECT_LT((last - earth.dcm_PN({6 * hour - 1000}, 0.0, one)).norm(), 1e-18);
+    last = earth.dcm_PN({6 * hour - 1000}, 0.0, window);
+    EXPECT_LT((last - earth.dcm_PN({6 * hour - 1000}, 0.0, window)).norm(), 1e-18);
 }
 
 // --- the file of the IERS --------------------------------------------------------------------------

@@ -9,7 +9,7 @@
 
 #include "sim/error.h"
 #include "sim/model.h"
-#include "world/asks.h"
+#include "world/consumer.h"
 #include "world/environment/gravity.h"
 #include "world/environment/sky.h"
 #include "world/environment/sky_user.h"
@@ -110,8 +110,8 @@ private:
     std::uint64_t version_ = 1;
 };
 
-/// What a part of a spacecraft asks: an environment model of the same process.
-template <class Source> class Asked {
+/// The source of a part of a spacecraft: an environment model of the same process.
+template <class Source> class SourceOf {
 public:
     bool set(const sim::Model &source)
     {
@@ -144,7 +144,7 @@ public:
         return is_new;
     }
 
-    void copy(const Asked &original, const std::function<sim::Model *(const sim::Model *)> &counterpart)
+    void copy(const SourceOf &original, const std::function<sim::Model *(const sim::Model *)> &counterpart)
     {
         source_ = original.source_ ? dynamic_cast<const Source *>(counterpart(original.source_)) : nullptr;
     }

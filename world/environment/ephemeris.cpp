@@ -349,9 +349,9 @@ std::vector<int> Ephemeris::bodies() const
 
 std::string Ephemeris::why_not(int target, int center, double t, const std::string &when) const
 {
-    const std::string asked = "; asked for " + body_name(target) + " relative to " + body_name(center) + " " + when;
+    const std::string request = "; asked for " + body_name(target) + " relative to " + body_name(center) + " " + when;
     if (segments_.empty()) {
-        return "ephemeris: no file was added" + asked;
+        return "ephemeris: no file was added" + request;
     }
     const std::string files = sim::format_list(files_);
     const std::vector<int> known = bodies();
@@ -366,7 +366,7 @@ std::string Ephemeris::why_not(int target, int center, double t, const std::stri
             for (const int id : known) {
                 names.push_back(body_name(id));
             }
-            std::string text = files + ": no " + body_name(body) + asked;
+            std::string text = files + ": no " + body_name(body) + request;
             if (std::binary_search(known.begin(), known.end(), barycentre)) {
                 text += ". The barycentre of its system is there: " + body_name(barycentre);
             }
@@ -386,9 +386,9 @@ std::string Ephemeris::why_not(int target, int center, double t, const std::stri
         if (found == of_body_.end()) {
             continue;
         }
-        return body_name(root) + " is given from " + spans_text(found->second) + asked;
+        return body_name(root) + " is given from " + spans_text(found->second) + request;
     }
-    return files + ": nothing connects " + body_name(roots[0]) + " with " + body_name(roots[1]) + asked;
+    return files + ": nothing connects " + body_name(roots[0]) + " with " + body_name(roots[1]) + request;
 }
 
 } // namespace fledge::world

@@ -3,7 +3,7 @@
 //
 //   Ephemeris ephemeris;
 //   ephemeris.add_de405();                       // the Sun, the planets, the Moon, 1960 to 2060
-//   ephemeris.add_spk("jup365.bsp");             // added later, so asked first
+//   ephemeris.add_spk("jup365.bsp");             // added later, so read first
 //   ephemeris.require(sun, mars, begin, end);    // SetupError unless it is all there
 //   Ephemeris::Cursor cursor;                    // one per caller
 //   Vector3d r = ephemeris.position(sun, mars, begin, tau, cursor);
@@ -75,8 +75,8 @@ public:
     Ephemeris(Ephemeris &&) = default;
     Ephemeris &operator=(Ephemeris &&) = default;
 
-    /// Add a SPICE SPK kernel, see spk.h; or JPL's DE405, see de405.h. What comes later is asked
-    /// first. Throws SetupError on a file that is missing, damaged or of a kind that is not read.
+    /// Add a SPICE SPK kernel, see spk.h; or JPL's DE405, see de405.h. A kernel that is added later is
+    /// read first. Throws SetupError on a file that is missing, damaged or of a kind that is not read.
     void add_spk(const std::string &path);
     void add_de405(const std::string &folder = de405_folder);
 

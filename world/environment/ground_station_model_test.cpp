@@ -75,7 +75,7 @@ TEST_F(Station, StandsOnTheEllipsoidAndTurnsWithIt)
         EXPECT_LT((view(i.out.state.a_PN_N) - spin.cross(spin.cross(r))).norm(), 1e-12);
         EXPECT_EQ(i.out.state.head.quality, QUALITY_GOOD);
     }
-    // Another rate counts at once, also at an instant that has been asked for.
+    // Another rate counts at once, also at an instant that has been computed.
     i.par.spin = 0.0;
     model.refresh();
     model.update({70000 * second, second});

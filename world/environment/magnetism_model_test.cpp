@@ -220,7 +220,7 @@ struct Field : ::testing::Test {
     {
         return error_of([&] { model.prepare({"world.field", 1, nullptr}); });
     }
-    /// In which only the centre, the Sun, is asked for where it is.
+    /// In which only the position of the centre, the Sun, is read.
     static std::shared_ptr<const Sky> sky(const char *date)
     {
         TimeSystem time;

@@ -55,7 +55,7 @@ bool same(const Vec3 &a, const Vec3 &b)
     return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-TEST(Navigation, IsPerfectUnlessToldOtherwise)
+TEST(Navigation, IsPerfectByDefault)
 {
     Nav nav;
     nav.begin();

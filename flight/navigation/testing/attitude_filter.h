@@ -77,7 +77,7 @@ template <class Filter> struct Flown {
 
     Past then(std::int64_t at) const
     {
-        return *std::find_if(past.rbegin(), past.rend(), [&](const Past &one) { return one.t <= at; });
+        return *std::find_if(past.rbegin(), past.rend(), [&](const Past &entry) { return entry.t <= at; });
     }
 
     void star(const Past &from)
@@ -165,7 +165,7 @@ template <class Filter> void expect_consistent(UpdateOf<Filter> update, Mat3 (*t
     }
 }
 
-/// Whatever happens to the sensors, errors are as large as they are said to be wherever the quality is good: at a
+/// Whatever happens to the sensors, errors are as large as they are reported wherever the quality is good: at a
 /// random time of each run, and far larger ones never.
 template <class Filter> void expect_good_is_true(UpdateOf<Filter> update, Mat3 (*to_turn)(Vec3))
 {

@@ -23,30 +23,30 @@ struct Sky {
     {
         std::vector<Vector3d> known;
         while (static_cast<int>(known.size()) < n) {
-            const Vector3d one = random.direction();
+            const Vector3d candidate = random.direction();
             bool fits = true;
             for (const Vector3d &other : known) {
-                fits = fits && one.cross(other).norm() > std::sin(apart);
+                fits = fits && candidate.cross(other).norm() > std::sin(apart);
             }
             if (fits) {
-                known.push_back(one);
+                known.push_back(candidate);
             }
         }
-        for (const Vector3d &one : known) {
+        for (const Vector3d &direction : known) {
             const double std = std_min * std::pow(std_max / std_min, random.real(0, 1));
-            seen.push_back({good(), vec3(0, 0, 0), vec(one), std});
+            seen.push_back({good(), vec3(0, 0, 0), vec(direction), std});
         }
-        look(random, 1);
+        measure(random, 1);
     }
 
     /// Measures all directions, with errors of the given part of their standard deviation.
-    void look(Random &random, double part)
+    void measure(Random &random, double part)
     {
-        for (SeenDirection &one : seen) {
-            const Vector3d w = dcm_BN * eigen(one.d_N), e = random.normals(part * one.std);
+        for (SeenDirection &direction : seen) {
+            const Vector3d w = dcm_BN * eigen(direction.d_N), e = random.normals(part * direction.std);
             const double angle = (e - w * w.dot(e)).norm();
             const Vector3d side = (e - w * w.dot(e)) / (angle + 1e-300);
-            one.d_B = vec(Vector3d(std::cos(angle) * w + std::sin(angle) * side));
+            direction.d_B = vec(Vector3d(std::cos(angle) * w + std::sin(angle) * side));
         }
     }
 
@@ -60,7 +60,7 @@ struct Sky {
     }
 };
 
-/// Errors as large as they are said to be, and misfits. `take` gives a module the directions of a sky.
+/// Errors as large as they are reported, and misfits. `take` gives a module the directions of a sky.
 template <class Module, class Take>
 void expect_fix_consistent(Take take, UpdateOf<Module> update, int most, double apart, double std_max)
 {
@@ -165,15 +165,15 @@ template <class Module, class Ports> void expect_fix_faults(Ports ports, UpdateO
 
     for (int round = 0; round < campaign_runs(20000, 1'000'000); round++) {
         sky_at(round);
-        for (SeenDirection *one : in) {
-            one->head = {random.below(9) ? round : INT64_MIN, any_quality(random), 1};
-            throw_numbers(doubles(one->std), random, 9 * random.below(2));
+        for (SeenDirection *direction : in) {
+            direction->head = {random.below(9) ? round : INT64_MIN, any_quality(random), 1};
+            throw_numbers(doubles(direction->std), random, 9 * random.below(2));
             if (random.below(3) == 0) {
-                one->d_N = vec(random.direction());
-                one->d_B = random.below(2) ? vec(random.direction()) : one->d_N;
+                direction->d_N = vec(random.direction());
+                direction->d_B = random.below(2) ? vec(random.direction()) : direction->d_N;
             }
             if (random.below(3) == 0) {
-                throw_numbers(doubles(one->d_B, one->d_N), random, round);
+                throw_numbers(doubles(direction->d_B, direction->d_N), random, round);
             }
         }
         update(&m, {round, 1});

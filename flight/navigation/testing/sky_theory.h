@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What SunOnBoard and MoonOnBoard share: rows of JPL's DE405, derivatives, what is said of bad times.
+// What SunOnBoard and MoonOnBoard share: rows of JPL's DE405, derivatives, the reports of bad times.
 #pragma once
 
 #include "flight/testing/derivative.h"
@@ -55,7 +55,7 @@ template <class At> void expect_derivatives(At at, double of_v, double of_a)
     }
 }
 
-/// What is said of times that are unknown, stale, or not of these years; `body` is the module's output.
+/// The reports of times that are unknown, stale, or not of these years; `body` is the module's output.
 template <class Module>
 void expect_honest(UpdateOf<Module> update, void (*reset)(Module *), BodyState &(*body)(Module &))
 {

@@ -167,7 +167,7 @@ struct Innovations {
     int n[2] = {0, 0};
     std::uint32_t used[2] = {0, 0};
 
-    void look(const VectorFilterState &state)
+    void measure(const VectorFilterState &state)
     {
         for (const int i : {0, 1}) {
             const int source = i == 0 ? 0 : 3;

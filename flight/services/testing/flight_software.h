@@ -53,7 +53,7 @@ inline Bytes packet(int code, const Bytes &rest, uint64_t sequence = 9)
     return p;
 }
 
-/// Services of a mission, and what a table of them says that no test changes.
+/// Services of a mission, and the entries of a table of them that no test changes.
 inline CommandServices command_services(const CommandService *const *list, uint32_t n,
                                         void *(*module)(void *, uint32_t),
                                         const void *(*output)(const void *, uint16_t, uint32_t *) = nullptr)

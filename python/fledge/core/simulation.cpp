@@ -6,7 +6,7 @@
 
 #include "ccsds/security/key_file.h"
 #include "sim/simulation.h"
-#include "world/asks.h"
+#include "world/consumer.h"
 
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
@@ -350,8 +350,8 @@ Typed<py::dict, "dict[str, Module | Model]"> wrap_instances(const sim::Process &
     for (const auto &[model, object] : models) {
         py::list parts;
         std::vector<const sim::Model *> uses;
-        if (const auto *asks = dynamic_cast<const world::Asks *>(model)) {
-            uses.push_back(asks->asked());
+        if (const auto *consumer = dynamic_cast<const world::Consumer *>(model)) {
+            uses.push_back(consumer->source());
         } else {
             const auto of_craft = model->parts();
             uses.assign(of_craft.begin(), of_craft.end());
@@ -524,7 +524,7 @@ void bind_process(py::module_ &m)
                 return list_of(p.modes(), [&](const sim::Mode &mode) { return tally(p.entered(mode)); });
             },
             "(how often, when first) of each mode")
-        .def_property_readonly("asked", &sim::Process::asked)
+        .def_property_readonly("asked", &sim::Process::requested_mode)
         .def("set_dictionary", set_dictionary, py::arg("stream"), py::arg("telemetry"), py::arg("version"),
              py::arg("room"), py::arg("rows"), py::arg("outputs"))
         .def(
@@ -548,7 +548,7 @@ void bind_process(py::module_ &m)
             },
             py::arg("carrier"), py::arg("t"))
         .def(
-            "take_heard", [](sim::Process &p) { return timed(p.heard.take()); },
+            "take_heard", [](sim::Process &p) { return timed(p.received.take()); },
             "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
         .def_property_readonly(
             "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },

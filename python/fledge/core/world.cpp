@@ -90,10 +90,10 @@ world::EnvironmentModel &environment_of(py::handle object)
 /// The object holds a reference to the source, because the model only has a pointer.
 void ask(const AnyInstance &object, const AnyInstance &source, const char *port)
 {
-    auto &part = model_of<world::Asks>(object, "a part that asks a model");
-    if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.ask(*instance_of(source)->model())) {
+    auto &part = model_of<world::Consumer>(object, "a part that asks a model");
+    if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.set_source(*instance_of(source)->model())) {
         throw sim::SetupError(path_of(object.ptr()) + "." + port + ": expected a model of the world, as in world." +
-                              part.asks() + "(...); found " +
+                              part.source_kind() + "(...); found " +
                               (is_object(source.ptr()) ? path_of(source.ptr()) : std::string(py::repr(source))));
     }
     Py_XSETREF(as_root(object.ptr())->parts, py::make_tuple(source).release().ptr());

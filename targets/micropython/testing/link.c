@@ -59,7 +59,7 @@ static void fly(int64_t t)
     telemetry_send(host->telemetry, host->mission, t, host->state, print_packet, NULL);
     if (host->commands->services != NULL) {
         const CommandContext context = {host->state, host->commands, host->mission, t, 0u};
-        host->commands->services->tell(host->telemetry, &context, print_report, print_packet, NULL);
+        host->commands->services->telemetry(host->telemetry, &context, print_report, print_packet, NULL);
     }
     printf("m %04x\na %zu %zu\n", command_crc(host->mission, fledge_script.size), arena_in_use->used,
            arena_in_use->peak);
