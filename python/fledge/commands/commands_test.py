@@ -321,8 +321,13 @@ def test_a_command_tells_which_parameters_it_writes_also_in_part():
                          (26, 6, "s[0].u s[0].i"), (36, 4, "s[1].i"), (40, 4, "")):
         packet, = packets.write_bytes("flight.part", {at: bytes(n)})
         assert packets.dictionary.written(packet) == [f"flight.part.{path}" for path in paths.split()]
-        for other in (packet[:6] + b"\4" + packet[7:], packet[:8] + b"\0\0" + packet[10:], b"\x18\x81" + packet[2:],
-                      packet[:10] + b"\0\1" + packet[12:]):
+        stage = packet[:6] + bytes([Code.STAGE]) + packet[7:]
+        assert packets.dictionary.written(stage) == packets.dictionary.written(packet)
+        for code in (Code.COMMIT, Code.TABLE_LOAD):     # of the whole module
+            whole = packets.dictionary.written(packet[:6] + bytes([code]) + packet[7:])
+            assert whole == [f"flight.part.{path}" for path in "a e t s[0].u s[0].i s[1].u s[1].i".split()]
+        for other in (packet[:6] + bytes([Code.READ]) + packet[7:], packet[:8] + b"\0\0" + packet[10:],
+                      b"\x18\x81" + packet[2:], packet[:10] + b"\0\1" + packet[12:]):
             assert packets.dictionary.written(other) == []
 
 

@@ -238,12 +238,14 @@ class Dictionary:
         return name + file
 
     def written(self, packet: bytes) -> list[str]:
-        """The parameters that a command writes, wholly or in part: "flight.control.K", of structs their fields."""
-        place, low = int.from_bytes(packet[10:12], "big"), int.from_bytes(packet[12:16], "big")
-        head = packet[:2] + packet[6:7] + packet[8:10]
-        if head != packing.pack(">HBH", self.stream, Code.WRITE, self.version) or place >= len(self.blocks):
+        """The parameters that a command writes or stages, wholly or in part: "flight.control.K", of structs their
+        fields; of a commit, and of a table that it loads, all of the module."""
+        code, place = packet[6], int.from_bytes(packet[10:12], "big")
+        if (packet[:2] + packet[8:10] != packing.pack(">2H", self.stream, self.version) or place >= len(self.blocks)
+                or code not in (Code.WRITE, Code.STAGE, Code.COMMIT, Code.TABLE_LOAD)):
             return []
-        block, high = self.blocks[place], low + len(packet) - HEADER
+        block, low = self.blocks[place], int.from_bytes(packet[12:16], "big")
+        low, high = (low, low + len(packet) - HEADER) if code in (Code.WRITE, Code.STAGE) else (0, block.size)
         return [f"{block.path}.{path}" for path, f, at in leaves(block.fields) if at < high and low < at + f.size]
 
     def refusal(self, report: Report, packet: bytes | None) -> str:

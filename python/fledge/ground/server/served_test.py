@@ -198,6 +198,11 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         row, = packets.write_bytes("flight.vehicle", {fields["I_B"].offset + 24: bytes(24)})    # a part of it
         refusal = await page.post("crafts/plays/raw", {"hex": row.hex()}, 409)
         assert refusal["hazardous"].startswith("the body is another one")
+        block = packets.dictionary.block("flight.vehicle")[1]
+        load = [*packets.load("flight.vehicle", bytes(block.size)), packets.load_table("flight.vehicle", "body")]
+        for packet in (*load, packets.store(1, 0, 0, load[-1])):    # stages, commit, table, and a stored one
+            refusal = await page.post("crafts/plays/raw", {"hex": packet.hex()}, 409)
+            assert refusal["hazardous"].startswith("the body is another one")
         names = [sent["name"] for sent in await page.get("crafts/plays/sent")
                  if sent["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]

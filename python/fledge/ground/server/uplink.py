@@ -86,10 +86,10 @@ class Uplink(ABC):
     def stepped(self, by: int) -> None:
         """The server's clock was set [ns]."""
 
-    @abstractmethod
     def commands_in(self, packet: bytes) -> Iterator[str]:
-        """The commands that a packet is, also those that it stores: their paths, or their names as in forms; one that
-        writes a part of an array, NAME.from_NUMBER, has the name of the whole."""
+        """The commands in a packet that the server did not make, as a script's: their paths, or their names as in
+        forms; one that writes a part of an array, NAME.from_NUMBER, has the name of the whole."""
+        yield from ()
 
 
 class FlightUplink(Uplink):
@@ -197,11 +197,12 @@ class FlightUplink(Uplink):
             self._stepped[row["id"]] = self._stepped.get(row["id"], 0) + by
 
     def commands_in(self, packet: bytes) -> Iterator[str]:
+        """With those that it stores, stages, commits, or loads from a table on board."""
         database = self._telemetry.database
         while True:
             if command := database.decode_command(packet, self.header).command:
                 yield command
-            for path in self._dictionary.written(packet):       # perhaps several parameters, or parts of them
+            for path in self._dictionary.written(packet):
                 process, _, name = path.partition(".")
                 yield f"{process}.write.{name}"
             if packet[6] != Code.STORE or len(packet) <= STORED + 6:
@@ -268,8 +269,3 @@ class DatabaseUplink(Uplink):
 
     def stepped(self, by: int) -> None:
         self._verifying.stepped(by)
-
-    def commands_in(self, packet: bytes) -> Iterator[str]:
-        database = self._telemetry.database
-        if command := database.decode_command(packet, self.header).command:
-            yield command
