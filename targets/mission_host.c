@@ -108,26 +108,27 @@ McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWr
 }
 
 /* A message of the executive, kind 0: the mode, 1: its activity. Its topic begins with the first one. */
-static McapStatus take_said(MissionRecord *r, const MissionHost *host, uint32_t kind, const void *message, size_t n)
+static McapStatus record_executive_message(MissionRecord *r, const MissionHost *host, uint32_t kind,
+                                           const void *message, size_t n)
 {
     const MissionExecutive *e = host->executive;
     McapStatus status = MCAP_OK;
     Head head;
     uint16_t schema;
     memcpy(&head, message, sizeof head);
-    if (r->said[kind] == 0u) {
+    if (r->executive[kind] == 0u) {
         status = mcap_add_schema(&r->writer, e->definitions[kind].name, e->definitions[kind].text, &schema);
         if (status == MCAP_OK) {
             status = mcap_add_channel(&r->writer, kind == 0u ? e->mode_topic : e->activity_topic, schema,
-                                      MCAP_ORDER_NATIVE, 0, 0u, &r->said[kind]);
+                                      MCAP_ORDER_NATIVE, 0, 0u, &r->executive[kind]);
         }
     }
-    return status == MCAP_OK ? mcap_message(&r->writer, r->said[kind], head.t, head.sequence, message, n) : status;
+    return status == MCAP_OK ? mcap_message(&r->writer, r->executive[kind], head.t, head.sequence, message, n) : status;
 }
 
-/* What the executive did since the last instant, in the order of the desktop (sim/runtime.cpp): a reset, commands,
+/* Actions of the executive since the last instant, in the order of the desktop (sim/runtime.cpp): a reset, commands,
  * events, the mode. */
-static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int64_t t)
+static McapStatus record_executive(MissionRecord *r, const MissionHost *host, int64_t t)
 {
     const MissionExecutive *e = host->executive;
     const CommandState *s = host->state;
@@ -136,7 +137,7 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         r->resets = host->start->resets;
         r->reported = 0u;
         activity_reset(&r->activity, t, r->resets);
-        status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
+        status = record_executive_message(r, host, 1u, &r->activity, sizeof r->activity);
     }
     if (s->reported < r->reported) { /* the commands have begun anew */
         r->reported = 0u;
@@ -148,20 +149,20 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         const CommandReport *report = &s->recent[r->reported % (uint32_t)COMMAND_RECENT];
         if (report->executed <= (uint16_t)COMMAND_DONE) { /* how far it is needs no record */
             activity_command(&r->activity, report);
-            status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
+            status = record_executive_message(r, host, 1u, &r->activity, sizeof r->activity);
         }
     }
     for (uint16_t i = 0u; i < host->commands->n_events && status == MCAP_OK; i++) {
         const ExecEvent *event = e->event(host->mission, i);
         if (event->fired_at == t) {
             activity_event(&r->activity, t, i, e->events[i].name, e->events[i].when, event->refused);
-            status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
+            status = record_executive_message(r, host, 1u, &r->activity, sizeof r->activity);
         }
     }
     const uint16_t mode = host->commands->n_modes > 0u ? e->mode(host->mission) : 0u;
     if (host->commands->n_modes > 0u && status == MCAP_OK && activity_mode_began(&r->mode, mode)) {
         activity_mode(&r->mode, t, mode, e->modes[mode]);
-        status = take_said(r, host, 0u, &r->mode, sizeof r->mode);
+        status = record_executive_message(r, host, 0u, &r->mode, sizeof r->mode);
     }
     return status;
 }
@@ -179,7 +180,7 @@ McapStatus mission_record_take(MissionRecord *r, const MissionHost *host, int64_
             status = mcap_message(&r->writer, channel++, t, head.sequence, message, m->size);
         }
     }
-    return status == MCAP_OK ? take_executive(r, host, t) : status;
+    return status == MCAP_OK ? record_executive(r, host, t) : status;
 }
 
 McapStatus mission_record_close(MissionRecord *r)

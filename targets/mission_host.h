@@ -53,7 +53,7 @@ typedef struct MissionEvent {
     const char *when; ///< its condition in words
 } MissionEvent;
 
-/** What the executive does, for records: its mode, and the events that fired. */
+/** The actions of the executive, for records: its mode, and the events that fired. */
 typedef struct MissionExecutive {
     const char *mode_topic, *activity_topic; ///< "/flight/mode", "/flight/activity"
     const MissionDefinition *definitions;    ///< of ProcessMode and Activity
@@ -80,8 +80,8 @@ typedef struct MissionHost {
     int64_t (*next)(void);
     void (*tick)(int64_t t);
     const char *(*failure)(void);                 ///< after init: NULL, or why it failed; NULL itself: it cannot
-    void (*describe)(void (*line)(const char *)); ///< print what the mission's script composed; NULL: it has none
-    void (*figures)(void (*line)(const char *));  ///< print what the mission's script did; NULL: it has none
+    void (*describe)(void (*line)(const char *)); ///< print the composition of the mission's script; NULL: it has none
+    void (*figures)(void (*line)(const char *));  ///< print the actions of the mission's script; NULL: it has none
     int64_t (**clock)(void);                      ///< [ns] where to put a monotonic clock for them; NULL: nowhere
     const MissionIo *io;
     const MissionTopic *topics; ///< of each message, by id
@@ -111,15 +111,15 @@ extern const MissionHost fledge_mission;
  *  work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
-/** A hash of what the outside and flight must agree on, although each has its own program: names, types and layouts of
- *  all messages, rates, boards, and what passes where. */
+/** A hash in which the outside and flight must agree, although each has its own program: names, types and layouts of
+ *  all messages, rates, boards, and wires. */
 uint64_t mission_host_hash(const MissionHost *host);
 
-/** Records every output of flight at every tick, and what its executive does, as MCAP, without a heap. */
+/** Records every output of flight at every tick, and the actions of its executive, as MCAP, without a heap. */
 typedef struct MissionRecord {
     McapWriter writer;
-    uint16_t first;   ///< the first channel; the others follow
-    uint16_t said[2]; ///< the channels of the modes and of the activity; 0: none yet
+    uint16_t first;        ///< the first channel; the others follow
+    uint16_t executive[2]; ///< the channels of the modes and of the activity; 0: none yet
     uint16_t spare;
     uint16_t open;
     uint32_t reported; ///< how many of the reports of the commands are recorded

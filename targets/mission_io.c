@@ -127,7 +127,7 @@ int mission_io_restarted(const MissionIo *io, const RegisterWindow *w, MissionSt
     return restarted;
 }
 
-/* What has come is read: its interrupts are handled. */
+/* All lanes are read: their interrupts are handled. */
 static void handle_interrupts(const MissionIo *io, const RegisterWindow *w)
 {
     for (uint32_t i = 0u; i < io->n_boards; i++) {

@@ -116,7 +116,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 /** Flight, at a reset: forget the packets that wait to be read; w NULL: those that it holds, while the lanes stay. */
 void mission_io_forget(const MissionIo *io, const RegisterWindow *w);
 
-/** What a program remembers of its start; all zero after power-on. */
+/** The memory of a program about its start; all zero after power-on. */
 typedef struct MissionStart {
     uint32_t begun;  ///< 1: flight has begun
     uint32_t resets; ///< of the computer, as the clock counts them, then

@@ -10,7 +10,7 @@
 extern "C" {
 #endif
 
-/** What mission_io.c calls for the kinds of packets in MissionIo. */
+/** mission_io.c calls these for the kinds of packets in MissionIo. */
 extern const MissionPacketFunctions mission_packet_functions;
 
 #ifdef __cplusplus

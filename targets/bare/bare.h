@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What flight needs of a board without an operating system: main.c and recorder.c call it. targets/leon3 implements it
- * over a register space, line_board.c over a serial line and the five functions of port.h. Nothing here uses a heap.
+/* The functions that flight needs from a board without an operating system: main.c and recorder.c call
+ * them. targets/leon3 implements them over a register space, line_board.c over a serial line and the five functions of
+ * port.h. Nothing here uses a heap.
  *
  * The order of the calls: bare_keep, bare_begin, then all others, and bare_end at last. */
 #ifndef TARGETS_BARE_BARE_H
@@ -17,7 +18,7 @@
 #endif
 
 /** Fly the exported mission of this program until the outside ends the run; returns the exit status, which bare_end has
- *  told already. A task of an operating system calls it; without one, main of main.c does, unless the program has a
+ *  reported already. A task of an operating system calls it; without one, main of main.c does, unless the program has a
  *  main of its own. */
 int fledge_fly(void);
 
@@ -47,7 +48,7 @@ void bare_say_figure(const char *key, uint32_t value);
 
 /** A record begins, goes on after a reset, or has ended: a console that shares its wire is silent meanwhile. */
 typedef enum BareRecording { BARE_RECORD_ENDED = 0, BARE_RECORD_GOES_ON = 1, BARE_RECORD_BEGINS = 2 } BareRecording;
-void bare_recording(BareRecording what);
+void bare_recording(BareRecording state);
 /** Whether the outside takes a record; it is known after bare_begin. */
 int bare_records(void);
 /** Send bytes of the record. After bare_record_flush a reset of the board loses none of them. */

@@ -27,7 +27,7 @@ void bare_fault(const BareFault *fault)
 {
     used = 0u;
     put("fault: ");
-    put(fault->what);
+    put(fault->problem);
     put(" at 0x");
     put_hex(fault->pc, 8u);
     if (fault->caller != 0u) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a board says of an exception that ends its program, in the form that fledge.targets.faults reads:
+/* The report of an exception that ends the program of a board, in the form that fledge.targets.faults reads:
  *
  *     fault: WHAT at 0xPC, called from 0xCALLER
  *     r0 0 r1 20000138 ... */
@@ -10,15 +10,15 @@
 #include <stdint.h>
 
 typedef struct BareFault {
-    const char *what;           ///< "division by zero"
+    const char *problem;        ///< "division by zero"
     uintptr_t pc;               ///< of the instruction
     uintptr_t caller;           ///< where its function returns to; 0: not known
     const char *const *names;   ///< of the registers
-    const uintptr_t *registers; ///< what they held
+    const uintptr_t *registers; ///< their values
     size_t n;
 } BareFault;
 
-/** Say it by bare_shout, in one text of at most BARE_FAULT_TEXT bytes; registers that do not fit are left out. */
+/** Report it by bare_shout, in one text of at most BARE_FAULT_TEXT bytes; registers that do not fit are left out. */
 void bare_fault(const BareFault *fault);
 enum { BARE_FAULT_TEXT = 512 };
 

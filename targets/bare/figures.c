@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a flight has needed of the memory of a board whose linker script tells (memory.h). */
+/* The memory that a flight has used, on a board whose linker script has the symbols of memory.h. */
 #include "targets/bare/bare.h"
 #include "targets/bare/memory.h"
 

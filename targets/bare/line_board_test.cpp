@@ -58,7 +58,7 @@ const RegisterBoard *const boards[] = {&first, &second};
 MissionIo io;
 MissionHost mission;
 
-/// What flight answers to a tick: each word follows from the one that it reads, and from all ticks since its start.
+/// The answer of flight to a tick: each word follows from the one that it reads, and from all ticks since its start.
 std::uint32_t answer(std::uint32_t read, std::uint32_t state, std::uint32_t i)
 {
     return (read ^ state) * 2654435761u + i;
@@ -118,7 +118,7 @@ struct Outside {
                 state = 0; // flight begins at this tick
             }
             began_anew = true;
-            text.clear(); // a board that is reset while it ends says all of it again
+            text.clear(); // a board that is reset while it ends sends all of it again
             status.reset();
             greet(now, true);
         }
@@ -483,7 +483,7 @@ TEST(LineBoard, NothingIsSilentlyWrong)
     EXPECT_GT(changed, cases / 10);
 }
 
-/// What both ends must agree on, as tables that a test may change.
+/// Tables in which both ends must agree; a test may change them.
 struct Tables {
     std::vector<MissionMessage> messages{{"world.a", "A", 0, 24, MISSION_IN}, {"flight.b", "B", 24, 16, MISSION_OUT}};
     std::vector<MissionTopic> topics{{"/world/a", 0, MISSION_SAME_INSTANT, 0}, {"/flight/b", 1, 0, 0}};

@@ -15,7 +15,7 @@ static void say_line(const char *text)
     bare_say("\n");
 }
 
-/* As targets/linux says it: tick:used:peak, and a space. */
+/* As targets/linux prints it: tick:used:peak, and a space. */
 static void say_mark(uint32_t tick, MissionHeap heap)
 {
     bare_say_number(tick);

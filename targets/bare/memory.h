@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The memory of a board's program, as its linker script tells: symbols of these names let figures.c measure it. */
+/* The memory of a board's program, from its linker script: symbols of these names let figures.c measure it. */
 #ifndef TARGETS_BARE_MEMORY_H
 #define TARGETS_BARE_MEMORY_H
 
@@ -17,7 +17,7 @@ extern uint8_t board_kept[];                   ///< up to board_guard: for board
 extern uint8_t board_guard[];                  ///< up to board_stack: what a full stack runs into
 extern uint8_t board_stack[], board_stack_end[];
 
-/** [bytes] that board_keep was asked for, by line_board.c. */
+/** [bytes] that line_board.c requested from board_keep. */
 extern size_t bare_kept;
 
 #endif

@@ -29,7 +29,7 @@
 void board_send(const void *bytes, size_t n);
 
 /** Take the bytes that have come through the line, at most `room`; returns how many, 0 if there are none. It may sleep
- *  until one comes, but not longer than some milliseconds. A board that has lost bytes need not say so. */
+ *  until one comes, but not longer than some milliseconds. A board need not report lost bytes. */
 size_t board_receive(void *bytes, size_t room);
 
 /** [ns] of a monotonic clock. */

@@ -8,7 +8,7 @@
 
 enum { RECORDER_SCHEMAS = 64, RECORDER_CHANNELS = 192 };
 
-/** What outlives a reset of the board. */
+/** The state that survives a reset of the board. */
 typedef struct RecorderKept {
     uint32_t begun; ///< a mark: the rest is of the program before a reset
     uint32_t busy;  ///< 1: some bytes of a record are sent

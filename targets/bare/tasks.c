@@ -23,7 +23,7 @@ static struct {
 static uint64_t stacks[POCKET_TASKS][TASK_STACK / 8];
 static uint32 running;
 static uint32 waits_for_tick; /* the task; 0: none, for task 0 never does */
-static int looked;            /* it has looked at the registers since another task ran or the board was idle */
+static int polled;            /* it has read the registers since another task ran or the board was idle */
 
 void port_start(const char *root)
 {
@@ -69,16 +69,16 @@ static uint32 next(void)
         for (uint32 k = 1; k <= POCKET_TASKS; k++) {
             const uint32 i = (running + k) % POCKET_TASKS;
             if (tasks[i].used && (!tasks[i].blocked || (tasks[i].until >= 0 && tasks[i].until <= now))) {
-                looked = 0;
+                polled = 0;
                 return i;
             }
         }
-        if (waits_for_tick != 0u && !looked) { /* a tick may have come meanwhile */
-            looked = 1;
+        if (waits_for_tick != 0u && !polled) { /* a tick may have come meanwhile */
+            polled = 1;
             return waits_for_tick;
         }
         bare_idle();
-        looked = 0;
+        polled = 0;
     }
 }
 

@@ -6,7 +6,7 @@
 
 namespace apps_test {
 
-// What an app did. The test reads it after the app has sent an event.
+// The actions of an app. The test reads them after the app has sent an event.
 std::atomic<int> starts, children, last_status;
 
 extern "C" void child(void)

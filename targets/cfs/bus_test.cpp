@@ -53,7 +53,7 @@ TEST_F(Bus, AChecksumSeesEveryBit)
         bool valid = false;
         ASSERT_EQ(CFE_MSG_ValidateChecksum(m, &valid), 0);
         EXPECT_TRUE(valid);
-        const std::size_t bit = 48 + random() % (8 * p.size() - 48); // the header says type and size
+        const std::size_t bit = 48 + random() % (8 * p.size() - 48); // the header has type and size
         p[bit / 8] ^= std::uint8_t(1u << bit % 8);
         ASSERT_EQ(CFE_MSG_ValidateChecksum(m, &valid), 0);
         EXPECT_FALSE(valid) << "bit " << bit;
@@ -95,17 +95,17 @@ TEST_F(Bus, EverySubscriberGetsTheMessagesInOrder)
     ASSERT_EQ(CFE_SB_Subscribe(id(0x1801), a), 0);
     ASSERT_EQ(CFE_SB_Subscribe(id(0x1801), b), 0);
     ASSERT_EQ(CFE_SB_Subscribe(id(0x1802), b), 0);
-    const Bytes one = command(0x1801, 1), two = command(0x1802, 2, {1, 2, 3});
-    EXPECT_TRUE(ingest(two));
-    EXPECT_TRUE(ingest(one));
+    const Bytes first = command(0x1801, 1), second = command(0x1802, 2, {1, 2, 3});
+    EXPECT_TRUE(ingest(second));
+    EXPECT_TRUE(ingest(first));
     CFE_SB_Buffer_t *m;
     ASSERT_EQ(CFE_SB_ReceiveBuffer(&m, a, CFE_SB_POLL), 0);
-    EXPECT_EQ(bytes_of(m), one);
+    EXPECT_EQ(bytes_of(m), first);
     EXPECT_EQ(CFE_SB_ReceiveBuffer(&m, a, CFE_SB_POLL), CFE_SB_NO_MESSAGE);
     ASSERT_EQ(CFE_SB_ReceiveBuffer(&m, b, CFE_SB_POLL), 0);
-    EXPECT_EQ(bytes_of(m), two);
+    EXPECT_EQ(bytes_of(m), second);
     ASSERT_EQ(CFE_SB_ReceiveBuffer(&m, b, CFE_SB_PEND_FOREVER), 0);
-    EXPECT_EQ(bytes_of(m), one);
+    EXPECT_EQ(bytes_of(m), first);
     EXPECT_EQ(CFE_SB_ReceiveBuffer(&m, b, 1), CFE_SB_TIME_OUT);
 }
 
@@ -245,7 +245,7 @@ TEST_F(Bus, NoBytesFromOutsideDoHarm)
         for (auto &byte : b) {
             byte = std::uint8_t(random());
         }
-        if (b.size() > 8 && random() % 4 != 0) { // most are packets by their look
+        if (b.size() > 8 && random() % 4 != 0) { // most have the form of packets
             b.resize(random() % 4 != 0 ? b.size() : 8);
             const unsigned mids[] = {0x1801, 0x0801, 0x1804, 0x1804};
             const unsigned mid = mids[random() % 4];

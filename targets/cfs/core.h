@@ -10,7 +10,7 @@
 
 #include <stdarg.h>
 
-/* An id consists of kind, generation and index. Its generation tells the id of a deleted object from the id of the
+/* An id consists of kind, generation and index. Its generation distinguishes a deleted object from the
  * object that took its place. */
 enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_FILE, KIND_FOLDER };
 
@@ -40,7 +40,7 @@ typedef struct App {
     bool ready;   ///< it has called RunLoop or WaitForStartupSync
     bool restart; ///< start it again when it ends
     bool restarted;
-    uint32 asked; ///< the RunStatus that RunLoop returns; 0: continue
+    uint32 requested; ///< the RunStatus that RunLoop returns; 0: continue
 
     bool events; ///< registered with EVS
     uint16 n_filters;
@@ -101,7 +101,7 @@ bool pocket_program(const char *file, const char *entry_name);
 /** Print to the console of the port. */
 void pocket_print(const char *format, va_list list);
 
-/* Each service releases what an app owned when the app ends. */
+/* Each service releases the objects of an app when the app ends. */
 void pocket_sb_app_ended_locked(uint32 app);
 void pocket_tbl_app_ended_locked(uint32 app);
 void pocket_osal_app_ended_locked(uint32 app);

@@ -174,9 +174,9 @@ uint32 pocket_running(void)
 }
 
 /* Wake the main task of an app, so that it calls RunLoop, which returns this status. */
-static void ask_locked(App *app, uint32 status)
+static void request_locked(App *app, uint32 status)
 {
-    app->asked = status;
+    app->requested = status;
     pocket_core.tasks[app->main_task].woken = true;
     port_unblock(app->main_task);
 }
@@ -190,7 +190,7 @@ CFE_Status_t pocket_restart_app(const char *name)
         if (app->used && strcmp(app->name, name) == 0) {
             app->restart = true;
             app->ready = false;
-            ask_locked(app, CFE_ES_RunStatus_SYS_RESTART);
+            request_locked(app, CFE_ES_RunStatus_SYS_RESTART);
             status = CFE_SUCCESS;
         }
     }
@@ -205,7 +205,7 @@ bool pocket_stop(uint32 timeout_ms)
     for (uint32 i = 1; i < POCKET_APPS; i++) {
         if (pocket_core.apps[i].used) {
             pocket_core.apps[i].restart = false;
-            ask_locked(&pocket_core.apps[i], CFE_ES_RunStatus_SYS_DELETE);
+            request_locked(&pocket_core.apps[i], CFE_ES_RunStatus_SYS_DELETE);
         }
     }
     while (count_locked(false) > 0u && pocket_sleep_locked(pocket_core.apps, until)) {
@@ -225,10 +225,10 @@ bool CFE_ES_RunLoop(uint32 *RunStatus)
         app->ready = true;
         pocket_wake_locked(pocket_core.apps);
     }
-    if (app->asked != 0u && RunStatus != NULL && *RunStatus == CFE_ES_RunStatus_APP_RUN) {
-        *RunStatus = app->asked;
+    if (app->requested != 0u && RunStatus != NULL && *RunStatus == CFE_ES_RunStatus_APP_RUN) {
+        *RunStatus = app->requested;
     }
-    const bool on = app->asked == 0u && (RunStatus == NULL || *RunStatus == CFE_ES_RunStatus_APP_RUN);
+    const bool on = app->requested == 0u && (RunStatus == NULL || *RunStatus == CFE_ES_RunStatus_APP_RUN);
     pocket_unlock();
     return on;
 }
@@ -240,7 +240,7 @@ void CFE_ES_WaitForStartupSync(uint32 TimeOutMilliseconds)
     App *app = &pocket_core.apps[pocket_self_app_locked()];
     app->ready = true;
     pocket_wake_locked(pocket_core.apps);
-    while (!pocket_core.operational && app->asked == 0u && pocket_sleep_locked(&pocket_core.operational, until)) {
+    while (!pocket_core.operational && app->requested == 0u && pocket_sleep_locked(&pocket_core.operational, until)) {
     }
     pocket_unlock();
 }
@@ -293,7 +293,7 @@ void CFE_ES_ExitApp(uint32 ExitStatus)
     }
     app->restart = false;
     app->restarted = again;
-    app->asked = 0;
+    app->requested = 0;
     if (!again || !start_main_locked(index)) {
         app->used = false;
     }

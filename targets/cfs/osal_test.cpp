@@ -97,7 +97,7 @@ TEST_F(Osal, AFlushLetsAllGoOn)
     for (int i = 0; i < 3; i++) {
         ASSERT_EQ(OS_TaskCreate(&task, "waiter", waiter, nullptr, 16384, 50, 0), 0);
     }
-    for (int passed = 0; passed < 3;) { // who comes to wait after a flush needs another one
+    for (int passed = 0; passed < 3;) { // a task that begins to wait after a flush needs another one
         ASSERT_EQ(OS_BinSemFlush(binary), 0);
         passed += OS_CountSemTimedWait(done, 5) == 0;
     }

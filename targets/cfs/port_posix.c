@@ -96,7 +96,7 @@ int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t
 
 void port_task_end(void)
 {
-    longjmp(*(jmp_buf *)pthread_getspecific(end_key), 1); /* pthread_exit looks at code that is unloaded by now */
+    longjmp(*(jmp_buf *)pthread_getspecific(end_key), 1); /* pthread_exit reads code that is unloaded by now */
 }
 
 uint32 port_task_self(void)
@@ -237,7 +237,7 @@ int32 port_folder_read(int32 number, char *name, size_t room)
 
 int32 port_folder_close(int32 number)
 {
-    DIR *one = folders[number];
+    DIR *folder = folders[number];
     folders[number] = NULL;
-    return closedir(one);
+    return closedir(folder);
 }

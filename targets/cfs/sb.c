@@ -244,7 +244,7 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t Pipe
     while (pipe->n == 0u && status == CFE_SUCCESS) {
         if (TimeOut == CFE_SB_POLL) {
             status = CFE_SB_NO_MESSAGE;
-        } else if ((main && pocket_core.apps[app].asked != 0u) || !pocket_sleep_locked(pipe, until)) {
+        } else if ((main && pocket_core.apps[app].requested != 0u) || !pocket_sleep_locked(pipe, until)) {
             status = CFE_SB_TIME_OUT; /* also where the app must end: its main task returns, and calls RunLoop */
         } else if (pipe_of(PipeId) == NULL) {
             status = CFE_SB_PIPE_RD_ERR;

@@ -30,10 +30,10 @@ typedef struct Script {
     uint32 errors;
 } Script;
 
-static void complain(Script *script, const char *what, const char *found)
+static void complain(Script *script, const char *problem, const char *text)
 {
     script->errors++;
-    OS_printf("start-up script, line %u: %s: %s\n", (unsigned)script->number, what, found);
+    OS_printf("start-up script, line %u: %s: %s\n", (unsigned)script->number, problem, text);
 }
 
 static bool is_number(const char *text, unsigned long most, unsigned long *value)

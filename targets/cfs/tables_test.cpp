@@ -71,7 +71,7 @@ protected:
         f.data = data({K, n, 0});
         return f;
     }
-    /// Its content now, and what GetAddress says.
+    /// Its content now, and the status of GetAddress.
     Gains now(std::int32_t expected)
     {
         void *p;
@@ -193,7 +193,7 @@ TEST_F(Tables, TheGroundLoadsValidatesAndActivates)
     Bytes inactive{0, 0};
     inactive.insert(inactive.end(), name.begin(), name.end());
     EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_LOAD_CC, text("/cf/gains.tbl", 64))));
-    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_ACTIVATE_CC, name))); // not found good yet
+    EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_ACTIVATE_CC, name))); // not validated yet
     EXPECT_EQ(pocket_counts().table_errors, 1u);
     EXPECT_TRUE(ingest(command(CFE_TBL_CMD_MID, CFE_TBL_VALIDATE_CC, inactive)));
     EXPECT_EQ(CFE_TBL_GetStatus(handle), CFE_TBL_INFO_VALIDATION_PENDING);

@@ -38,9 +38,9 @@ typedef struct Table {
     bool updated; ///< since the last CFE_TBL_GetAddress
     bool busy;    ///< its owner validates it, or a load is in progress
     bool good;    ///< the load passed validation
-    bool validate_asked;
-    bool active; ///< what is to be validated: the table itself, not its load
-    bool update_asked;
+    bool validate_pending;
+    bool active; ///< 1: validate the table itself, not its load
+    bool update_pending;
 } Table;
 
 typedef union Bytes {
@@ -164,7 +164,7 @@ static void drop_load_locked(Table *table)
         tbl.loading[table->load] = false;
         table->load = NONE;
     }
-    table->good = table->validate_asked = table->update_asked = false;
+    table->good = table->validate_pending = table->update_pending = false;
 }
 
 static void forget_locked(Table *table)
@@ -246,9 +246,9 @@ CFE_Status_t CFE_TBL_GetStatus(CFE_TBL_Handle_t TblHandle)
     pocket_lock();
     const Table *table = table_of_locked(TblHandle);
     if (table != NULL) {
-        status = table->validate_asked ? CFE_TBL_INFO_VALIDATION_PENDING
-                 : table->update_asked ? CFE_TBL_INFO_UPDATE_PENDING
-                                       : CFE_SUCCESS;
+        status = table->validate_pending ? CFE_TBL_INFO_VALIDATION_PENDING
+                 : table->update_pending ? CFE_TBL_INFO_UPDATE_PENDING
+                                         : CFE_SUCCESS;
     }
     pocket_unlock();
     return status;
@@ -258,11 +258,11 @@ CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
 {
     pocket_lock();
     Table *table = table_of_locked(TblHandle);
-    if (table == NULL || !table->validate_asked) {
+    if (table == NULL || !table->validate_pending) {
         pocket_unlock();
         return table == NULL ? CFE_TBL_ERR_INVALID_HANDLE : CFE_TBL_INFO_NO_VALIDATION_PENDING;
     }
-    table->validate_asked = false;
+    table->validate_pending = false;
     table->busy = true;
     const bool active = table->active;
     void *bytes = active ? tbl.pool.bytes + table->at : tbl.loads[table->load].bytes;
@@ -272,12 +272,12 @@ CFE_Status_t CFE_TBL_Validate(CFE_TBL_Handle_t TblHandle)
     table->busy = false;
     table->good = active ? table->good : verdict == CFE_SUCCESS;
     pocket_unlock();
-    const char *what = active ? "table" : "load";
+    const char *part = active ? "table" : "load";
     if (verdict == CFE_SUCCESS) {
-        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the %s is valid", table->name, what);
+        pocket_event("CFE_TBL", VALID_EVENT, CFE_EVS_EventType_INFORMATION, "%s: the %s is valid", table->name, part);
     } else {
         pocket_event("CFE_TBL", INVALID_EVENT, CFE_EVS_EventType_ERROR, "%s: the %s is not valid: 0x%08X", table->name,
-                     what, (unsigned)verdict);
+                     part, (unsigned)verdict);
     }
     return CFE_SUCCESS;
 }
@@ -297,7 +297,7 @@ CFE_Status_t CFE_TBL_Update(CFE_TBL_Handle_t TblHandle)
     Table *table = table_of_locked(TblHandle);
     if (table == NULL) {
         status = CFE_TBL_ERR_INVALID_HANDLE;
-    } else if (!table->update_asked) {
+    } else if (!table->update_pending) {
         status = CFE_TBL_INFO_NO_UPDATE_PENDING;
     } else if (table->locks > 0u) {
         status = CFE_TBL_INFO_TABLE_LOCKED;
@@ -451,7 +451,7 @@ CFE_Status_t CFE_TBL_Load(CFE_TBL_Handle_t TblHandle, CFE_TBL_SrcEnum_t SrcType,
     if (status < CFE_SUCCESS) {
         drop_load_locked(table);
     } else if (table->locks > 0u) {
-        table->good = table->update_asked = true;
+        table->good = table->update_pending = true;
         status = CFE_TBL_INFO_TABLE_LOCKED;
     } else {
         activate_locked(table);
@@ -503,9 +503,9 @@ static CFE_Status_t request(const char *name, bool update, bool active)
     } else if (update && !table->good) {
         status = CFE_TBL_INFO_VALIDATION_PENDING;
     } else if (update) {
-        table->update_asked = true;
+        table->update_pending = true;
     } else {
-        table->validate_asked = true;
+        table->validate_pending = true;
         table->active = active;
     }
     pocket_unlock();

@@ -13,11 +13,11 @@ enum {
     UART_CONTROL = 0x8,
     UART_INTERRUPT = 0xC,
     UART_DIVIDER = 0x10,
-    UART_FULL = 1 << 0,  /* to send */
-    UART_COME = 1 << 1,  /* a byte has come */
-    UART_BOTH = 3 << 0,  /* ways */
-    UART_TELLS = 1 << 3, /* interrupt when a byte has come */
-    UART_TOLD = 1 << 1
+    UART_FULL = 1 << 0,              /* to send */
+    UART_COME = 1 << 1,              /* a byte has come */
+    UART_BOTH = 3 << 0,              /* ways */
+    UART_RECEIVE_INTERRUPT = 1 << 3, /* interrupt when a byte has come */
+    UART_INTERRUPT_SEEN = 1 << 1
 };
 enum { TIMER = 0x40000000, TIMER_CONTROL = 0x0, TIMER_VALUE = 0x4, TIMER_RELOAD = 0x8, TIMER_ENABLE = 1 };
 enum { WATCHDOG = 0x40008000, WATCHDOG_LOAD = 0x0, WATCHDOG_CONTROL = 0x8, WATCHDOG_CLEAR = 0xC, WATCHDOG_BOTH = 3 };
@@ -43,7 +43,7 @@ enum { RING = 8192 }; /* bytes that have come: more than the other end sends bef
 static volatile uint8_t ring[RING];
 static volatile uint32_t come, taken;
 
-static uint32_t counted; /* of the timer, at the last look */
+static uint32_t counted; /* of the timer, at the last read */
 static uint64_t elapsed; /* counts */
 static volatile uint32_t beats;
 static uint32_t fed; /* the beat, plus 1, in which the watchdog was */
@@ -52,7 +52,7 @@ static uint32_t fed; /* the beat, plus 1, in which the watchdog was */
 
 void cortex_m7_receive(void)
 {
-    cortex_m7_store(UART + UART_INTERRUPT, UART_TOLD);
+    cortex_m7_store(UART + UART_INTERRUPT, UART_INTERRUPT_SEEN);
     while ((cortex_m7_load(UART + UART_STATE) & UART_COME) != 0u) {
         const uint8_t byte = (uint8_t)cortex_m7_load(UART + UART_DATA);
         if (come - taken < RING) { /* else it is lost: the other end sends it again */
@@ -105,8 +105,8 @@ int64_t board_time(void)
     return (int64_t)elapsed * (1000000000 / HZ);
 }
 
-/* The watchdog's first expiry is an exception, which says where the program is, its second one a reset. It is fed once
- * a beat. */
+/* The watchdog's first expiry is an exception, which reports the place in the program, its second one a reset. It is
+ * fed once a beat. */
 void board_watch(void)
 {
     if (fed == beats + 1u) {
@@ -155,7 +155,7 @@ void cortex_m7_begin(void)
     cortex_m7_store(TIMER + TIMER_CONTROL, TIMER_ENABLE);
     counted = UINT32_MAX;
     cortex_m7_store(UART + UART_DIVIDER, (HZ + BAUD / 2) / BAUD);
-    cortex_m7_store(UART + UART_CONTROL, UART_BOTH | UART_TELLS);
+    cortex_m7_store(UART + UART_CONTROL, UART_BOTH | UART_RECEIVE_INTERRUPT);
     cortex_m7_store(INTERRUPTS_ENABLE, 1u << 0);
     cortex_m7_store(SYSTICK_RELOAD, HZ / BEATS_HZ - 1u);
     cortex_m7_store(SYSTICK_VALUE, 0u);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A board with a Cortex-M7 without an operating system: ARM's MPS2 with its FPGA image AN500, as QEMU's machine
  * mps2-an500 has it. start.c has the vectors and the start, board.c the five functions of targets/bare/port.h, fault.c
- * what an exception says. The program runs on a stack of its own, all handlers on another one. */
+ * the report of an exception. The program runs on a stack of its own, all handlers on another one. */
 #ifndef TARGETS_CORTEX_M7_CORTEX_M7_H
 #define TARGETS_CORTEX_M7_CORTEX_M7_H
 

@@ -12,7 +12,7 @@ enum { NMI = 2 };
 void cortex_m7_report(const uint32_t *stack, const uint32_t *others);
 
 /* All exceptions but those of start.c's table with a handler of their own: what the processor has stored on the stack
- * that was in use (EXC_RETURN in lr tells which), and r4 to r11, go to C. */
+ * that was in use (EXC_RETURN in lr has its number), and r4 to r11, go to C. */
 __attribute__((naked)) void cortex_m7_fault(void)
 {
     __asm__ volatile("tst lr, #4\n\t"
@@ -24,11 +24,11 @@ __attribute__((naked)) void cortex_m7_fault(void)
                      "bl cortex_m7_report");
 }
 
-static const char *what_of(uint32_t exception, uint32_t faults)
+static const char *problem_of(uint32_t exception, uint32_t faults)
 {
     static const struct {
         uint32_t bit;
-        const char *what;
+        const char *problem;
     } known[] = {{4, "stack overflow"},
                  {0, "jump to what is no code"},
                  {1, "access to protected memory"},
@@ -47,7 +47,7 @@ static const char *what_of(uint32_t exception, uint32_t faults)
     }
     for (size_t i = 0u; i < sizeof known / sizeof known[0]; i++) {
         if ((faults >> known[i].bit & 1u) != 0u) {
-            return known[i].what;
+            return known[i].problem;
         }
     }
     return "exception without a handler";
@@ -64,7 +64,7 @@ static int is_return(uint32_t at)
     return (next[-1] & 0xFF87u) == 0x4780u || ((next[-2] & 0xF800u) == 0xF000u && (next[-1] & 0xD000u) == 0xD000u);
 }
 
-/* Where a function returns to, by the lowest word of the stack from `p` on that may tell. */
+/* Where a function returns to, by the lowest word of the stack from `p` on that can be a return address. */
 static uint32_t return_above(uintptr_t p)
 {
     for (p = p < (uintptr_t)board_stack ? (uintptr_t)board_stack : p; p < (uintptr_t)board_stack_end; p += 4u) {
@@ -83,7 +83,7 @@ void cortex_m7_report(const uint32_t *stack, const uint32_t *others)
     uintptr_t registers[sizeof names / sizeof names[0]] = {0};
     const uint32_t faults = cortex_m7_load(FAULTS), overflow = faults & 1u << 4;
     uint32_t number;
-    cortex_m7_store(MPU_CONTROL, 0u); /* the stack may be what is wrong */
+    cortex_m7_store(MPU_CONTROL, 0u); /* the stack may be damaged */
     __asm__ volatile("mrs %0, ipsr" : "=r"(number));
     number &= EXCEPTION;
     registers[0] = number;
@@ -93,7 +93,7 @@ void cortex_m7_report(const uint32_t *stack, const uint32_t *others)
     for (int i = 0; i < 8; i++) {
         registers[11 + i] = others[i];
     }
-    BareFault fault = {what_of(number, faults), 0u, 0u, names, registers, sizeof names / sizeof names[0]};
+    BareFault fault = {problem_of(number, faults), 0u, 0u, names, registers, sizeof names / sizeof names[0]};
     if (overflow == 0u && (faults & 1u << 12) == 0u) { /* r0 to r3, r12, lr, pc, psr were stored */
         for (int i = 0; i < 5; i++) {
             registers[6 + i] = stack[i];

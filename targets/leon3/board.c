@@ -15,7 +15,7 @@ enum {
     TIMER_INTERRUPT = 1 << 3
 };
 
-/* The period of the interrupt that ends any sleep; shorter if no interrupt tells of a tick. */
+/* The period of the interrupt that ends any sleep; shorter if there is no interrupt of a tick. */
 #define BEAT_US (leon3.registers_line != 0u ? 100000u : 500u)
 
 /* Symbols of the linker script. */
@@ -29,7 +29,7 @@ uint64_t leon3_fault_stack[LEON3_FAULT_STACK / 8];
 static void (*handlers[16])(void);
 static uint32_t watchdog; /* the address of its timer, or 0 */
 static int watched;
-static uint32_t counted; /* [us] of the counter, at the last look */
+static uint32_t counted; /* [us] of the counter, at the last read */
 static uint64_t elapsed; /* [us] */
 
 /* ---- interrupts and sleep */
@@ -50,7 +50,7 @@ void leon3_on_interrupt(uint32_t level, void (*handler)(void))
     }
 }
 
-static void wake(void) {} /* bare_idle returns, and its caller looks */
+static void wake(void) {} /* bare_idle returns, and its caller polls */
 
 void bare_idle(void)
 {

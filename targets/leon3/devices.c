@@ -4,7 +4,7 @@
 #include "registers/plug_and_play.h"
 
 /* Where the tables of plug and play are, on each LEON3: of the AHB 64 masters, then 64 slaves, of 8 words; of the APB,
- * at the end of its bridge, entries of 2 words. A word tells who made the device, and its interrupt. */
+ * at the end of its bridge, entries of 2 words. A word has the vendor of the device, and its interrupt. */
 #define SLAVES 0xFFFFF800u
 #define SLAVE_SIZE 32u
 #define APB_TABLE 0xFF000u

@@ -12,9 +12,9 @@ void *bare_keep(size_t size)
     return size <= sizeof kept ? &kept : NULL;
 }
 
-static void hear_board(void)
+static void count_interrupt(void)
 {
-    leon3.heard++;
+    leon3.board_interrupts++;
 }
 
 /* The interrupts of boards wake the processor, which reads the lanes at the next tick. */
@@ -26,14 +26,14 @@ void bare_begin(const MissionHost *mission, RegisterWindow *windows)
         const uint32_t level = io->boards[i]->level;
         windows[i] = register_window(io->boards[i], (volatile uint32_t *)(uintptr_t)at);
         if (level != 0u && level != leon3.registers_line && level != leon3.timer_line) {
-            leon3_on_interrupt(level, hear_board);
+            leon3_on_interrupt(level, count_interrupt);
         }
     }
 }
 
-void bare_recording(BareRecording what)
+void bare_recording(BareRecording state)
 {
-    leon3_console_off = what != BARE_RECORD_ENDED && leon3.link == leon3.console;
+    leon3_console_off = state != BARE_RECORD_ENDED && leon3.link == leon3.console;
 }
 
 int bare_records(void)
@@ -50,7 +50,7 @@ void bare_record_flush(void) {}
 
 void bare_say_figures(void)
 {
-    bare_say_figure("board_interrupts", leon3.heard);
+    bare_say_figure("board_interrupts", leon3.board_interrupts);
     bare_say_figure("program_bytes", leon3_program_size());
     bare_say_figure("data_bytes", leon3_data_size());
     bare_say_figure("ram_bytes", leon3_ram_used());

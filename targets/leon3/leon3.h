@@ -17,15 +17,15 @@
 
 /** The addresses of devices; 0: the board has none. */
 typedef struct Leon3Devices {
-    uint32_t console;        ///< the first APBUART
-    uint32_t link;           ///< for records: the SpaceWire link, if it runs, else the last APBUART, or the console
-    uint32_t spacewire;      ///< the first GRSPW2
-    uint32_t interrupts;     ///< IRQMP
-    uint32_t timers;         ///< GPTIMER
-    uint32_t timer_line;     ///< its first interrupt
-    uint32_t registers;      ///< the register space
-    uint32_t registers_line; ///< the interrupt of a tick; 0: the processor must look by itself
-    uint32_t heard;          ///< interrupts of the boards of the register space, taken so far
+    uint32_t console;          ///< the first APBUART
+    uint32_t link;             ///< for records: the SpaceWire link, if it runs, else the last APBUART, or the console
+    uint32_t spacewire;        ///< the first GRSPW2
+    uint32_t interrupts;       ///< IRQMP
+    uint32_t timers;           ///< GPTIMER
+    uint32_t timer_line;       ///< its first interrupt
+    uint32_t registers;        ///< the register space
+    uint32_t registers_line;   ///< the interrupt of a tick; 0: the processor must poll
+    uint32_t board_interrupts; ///< interrupts of the boards of the register space, taken so far
 } Leon3Devices;
 
 extern Leon3Devices leon3;
@@ -46,7 +46,7 @@ static inline void leon3_store(uint32_t address, uint32_t value)
 /** Runs main: traps.S calls it. */
 void leon3_run(void);
 
-/** What traps.S stores of an unexpected trap, and in this order. */
+/** The words that traps.S stores of an unexpected trap, in this order. */
 typedef struct Leon3Fault {
     uint32_t psr, pc, npc, tbr, wim, y, fsr, unused;
     uint32_t g[8], o[8], l[8], i[8];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the compiler calls for numbers of 64 bits, which SPARC V8 lacks. The compiler's own library is for V9. */
+/* Functions of the compiler for numbers of 64 bits, which SPARC V8 lacks. The compiler's own library is for V9. */
 #include <stdint.h>
 
 uint64_t __udivmoddi4(uint64_t n, uint64_t d, uint64_t *rest);

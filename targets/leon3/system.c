@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the C library calls of a system: the console, and a heap between the program and its stack. A flight program
- * calls none of this. */
+/* The functions of a system for the C library: the console, and a heap between the program and its stack. A flight
+ * program calls none of them. */
 #include "targets/leon3/leon3.h"
 
 #include <errno.h>

@@ -221,7 +221,7 @@ flush_windows:
         rett    %l2 + 4
 
 /* A trap for which there is no handler: write all that a report needs into leon3_fault (leon3.h), and call C on a stack
- * of its own, because that of the program may be what is wrong. */
+ * of its own, because that of the program may be damaged. */
 unexpected:
         set     leon3_fault, %l4
         std     %l0, [%l4]              ! PSR, PC

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A LEON3 program on stock QEMU, as a second opinion on the emulator. QEMU knows no register space: the guest looks for
+/* A LEON3 program on stock QEMU, as a second opinion on the emulator. QEMU has no register space: the guest searches
  * it at the end of its RAM, which is a file that this program maps too. At each tick this program copies the boards of
  * the register file there, waits until the guest has answered, and copies them back.
  *
@@ -41,9 +41,9 @@ static void stop(int number)
     stopped = 1;
 }
 
-static int fail(const char *what, const char *why)
+static int fail(const char *subject, const char *why)
 {
-    (void)fprintf(stderr, "%s: %s: %s\n", fledge_mission.name, what, why);
+    (void)fprintf(stderr, "%s: %s: %s\n", fledge_mission.name, subject, why);
     return 1;
 }
 

@@ -47,7 +47,7 @@ static const char *name_of(int signal_number)
     }
 }
 
-/* The signal has its own effect again: what trapped does so once more, what was sent is sent again. */
+/* The signal has its own effect again: a trap occurs once more, a sent signal is sent again. */
 static void handle(int signal_number, siginfo_t *about, void *context)
 {
     (void)context;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a program says when a trap ends it: which one, when, and how to look into it. */
+/* The report of a program that a trap ends: the signal, the time, and the command of a debugger. */
 #ifndef TARGETS_LINUX_CRASH_H
 #define TARGETS_LINUX_CRASH_H
 

@@ -10,7 +10,7 @@
 
 typedef struct Row {
     int64_t t;
-    uint32_t what;
+    uint32_t kind;
     uint32_t n;
 } Row;
 
@@ -40,17 +40,17 @@ static const char *check(const Inputs *inputs, const MissionIo *io)
         if (open ? row.t != t : row.t <= t) {
             return "the times do not rise";
         }
-        if (row.what < io->n_messages) {
-            const MissionMessage *m = &io->messages[row.what];
+        if (row.kind < io->n_messages) {
+            const MissionMessage *m = &io->messages[row.kind];
             if (m->direction != MISSION_IN || m->size != row.n) {
                 return "it is of another mission";
             }
-        } else if (row.what == INPUTS_COMMAND ? io->commands.board == MISSION_NO_BOARD || row.n > io->room
-                                              : row.what < INPUTS_MARK || row.n != 0u) {
+        } else if (row.kind == INPUTS_COMMAND ? io->commands.board == MISSION_NO_BOARD || row.n > io->room
+                                              : row.kind < INPUTS_MARK || row.n != 0u) {
             return "it is of another mission";
         }
         t = row.t;
-        open = row.what != INPUTS_INSTANT;
+        open = row.kind != INPUTS_INSTANT;
         at += size_of(row);
     }
     return open ? "the last instant is not whole" : NULL;
@@ -95,14 +95,14 @@ void inputs_put(Inputs *inputs, const MissionIo *io, const RegisterWindow *w, Mi
         const uint8_t *bytes = inputs->at + sizeof row;
         row = row_at(inputs->at);
         inputs->at += size_of(row);
-        if (row.what == INPUTS_MARK) {
+        if (row.kind == INPUTS_MARK) {
             inputs_mark();
-        } else if (row.what == INPUTS_COMMAND) {
+        } else if (row.kind == INPUTS_COMMAND) {
             (void)mission_io_send(io, w, io->commands, bytes, row.n, counts);
-        } else if (row.what != INPUTS_INSTANT) {
-            mission_io_put(io, w, row.what, bytes, counts);
+        } else if (row.kind != INPUTS_INSTANT) {
+            mission_io_put(io, w, row.kind, bytes, counts);
         }
-    } while (row.what != INPUTS_INSTANT);
+    } while (row.kind != INPUTS_INSTANT);
 }
 
 void __attribute__((noinline)) inputs_mark(void)

@@ -84,9 +84,9 @@ static void stop(int signal_number)
     stopped = 1;
 }
 
-static int complain(const char *what, const char *why)
+static int complain(const char *subject, const char *why)
 {
-    (void)fprintf(stderr, "%s: %s: %s\n", fledge_mission.name, what, why);
+    (void)fprintf(stderr, "%s: %s: %s\n", fledge_mission.name, subject, why);
     return FAILED;
 }
 

@@ -17,9 +17,9 @@ static RegisterFile file;
 static RegisterWindow windows[MISSION_BOARDS_MAX];
 static MissionIoCounts counts;
 
-static int complain(const char *what)
+static int complain(const char *message)
 {
-    (void)fprintf(stderr, "relay: %s\n", what);
+    (void)fprintf(stderr, "relay: %s\n", message);
     return 1;
 }
 

@@ -30,7 +30,7 @@ static Block *next(const Arena *arena, Block *b)
     return at < arena->memory + arena->size ? (Block *)(void *)at : NULL;
 }
 
-/* Give a block its size, and tell its neighbour. */
+/* Write the size of a block, also into its neighbour. */
 static void set_size(const Arena *arena, Block *b, uint32_t size, uint32_t in_use)
 {
     b->size = size | in_use;
@@ -40,7 +40,7 @@ static void set_size(const Arena *arena, Block *b, uint32_t size, uint32_t in_us
     }
 }
 
-/* Cut a block to size; what is left becomes free, joined with a free neighbour behind it. */
+/* Cut a block to size; the rest becomes free, joined with a free neighbour behind it. */
 static void cut(const Arena *arena, Block *b, uint32_t size)
 {
     const uint32_t left = size_of(b) - size;

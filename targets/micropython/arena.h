@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The only heap of the interpreter: a range of static memory, zeroed when taken, with a high-water mark and a lock. It
- * frees what it is given back, so that the compiler and resized lists leave no holes for ever; there is no garbage
- * collector. Under the lock every request fails: the loop of flight does not allocate. What is given back under the
- * lock, or of a procedure, stays as it was until the end: the interpreter may still look at it, as a list does that its
- * own elements change while it is sorted. */
+ * reuses freed blocks, so that the compiler and resized lists leave no holes for ever; there is no garbage
+ * collector. Under the lock every request fails: the loop of flight does not allocate. A block that is freed under
+ * the lock, or of a procedure, keeps its content until the end: the interpreter may still read it, for example a list
+ * whose elements change it while it is sorted. */
 #ifndef TARGETS_MICROPYTHON_ARENA_H
 #define TARGETS_MICROPYTHON_ARENA_H
 
@@ -20,7 +20,7 @@ typedef struct Arena {
     size_t used;   ///< [bytes] now, with the arena's own
     size_t peak;   ///< [bytes] the most so far
     int locked;    ///< 1: requests fail
-    int keeps;     ///< 1: what is given back is not used again; so it is under the lock
+    int keeps;     ///< 1: freed blocks are not used again; so it is under the lock
     size_t wanted; ///< [bytes] of the last request that failed
 } Arena;
 

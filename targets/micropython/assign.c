@@ -653,12 +653,12 @@ int objects_encode(ScriptNode *node, const ScriptField *field, int32_t index, mp
     return n;
 }
 
-double objects_constant(const ScriptField *field, mp_obj_t value, const char *what)
+double objects_constant(const ScriptField *field, mp_obj_t value, const char *name)
 {
     ScriptField named = *field;
     named.n_dimensions = 0;
     named.count = SCRIPT_NO_FIELD;
-    const ScriptType type = {.name = what};
+    const ScriptType type = {.name = name};
     const ScriptRoot root = {.node = {.base = {&script_view_type}, .type = &type}, .place = -1};
     int seconds = 0;
     refuse_inert(&root.node, &named, value);
@@ -678,11 +678,11 @@ double objects_constant(const ScriptField *field, mp_obj_t value, const char *wh
     return seconds ? (double)ns : x;
 }
 
-int64_t objects_time(mp_obj_t value, const char *what)
+int64_t objects_time(mp_obj_t value, const char *subject)
 {
     int64_t ns;
     const mp_print_t *error = objects_error();
-    mp_printf(error, "%s: ", what);
+    mp_printf(error, "%s: ", subject);
     if (units_time(value, &ns, error)) {
         objects_raise();
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The instructions of a function are followed in their order, with the kinds of what lies on its stack. A state is kept
- * where a jump leads; all ways there must agree in it. A jump backwards to what was not followed yet, or with less
- * known of the stack, asks for one more pass. */
+/* The check follows the instructions of a function in their order, with the kinds of the values on its stack. It stores
+ * a state at each target of a jump; all ways there must agree in it. A jump backwards to instructions not followed yet,
+ * or with a less known stack, needs one more pass. */
 #include "targets/micropython/bytecode.h"
 
 #include <py/bc.h>
@@ -20,7 +20,7 @@ enum {
     PASSES = 24
 };
 
-/* What a place of the stack holds. */
+/* Kinds of values on the stack. */
 enum {
     OBJECT,
     NONE,      /* an object, or that a block ended without an exception */
@@ -123,7 +123,7 @@ static int is_object(uint8_t kind)
     return kind <= EXCEPTION;
 }
 
-/* What holds for both; -1: nothing. */
+/* The kind that holds for both; -1: none. */
 static int common(uint8_t a, uint8_t b)
 {
     if (a == b) {
@@ -140,7 +140,7 @@ static Block *top_block(State *s)
     return s->n != 0u ? &s->blocks[s->n - 1u] : NULL;
 }
 
-/* The least depth that an instruction may leave: what was there before a block stays. */
+/* The least depth that an instruction may leave: values from before a block stay. */
 static uint32_t floor_of(State *s)
 {
     const Block *b = top_block(s);
@@ -241,7 +241,7 @@ static void keep(Function *f, const State *s, uint32_t at)
     f->kept = k;
 }
 
-/* Make what is kept hold for another way there, too. */
+/* Merge the stored state with that of another way there. */
 static void join(Function *f, const State *s, Kept *k)
 {
     uint8_t *kinds = (uint8_t *)(k + 1);
@@ -681,8 +681,8 @@ static void check_instructions(Function *f, size_t n_state, size_t n_exc_stack)
 
 static void check_function(Reading *r, const uint8_t *code, uint32_t n, uint32_t children)
 {
-    static Function one; /* too large for the stack; children are checked after their parent */
-    Function *const f = &one;
+    static Function memory; /* too large for the stack; children are checked after their parent */
+    Function *const f = &memory;
     memset(f, 0, sizeof *f);
     f->code = *r;
     f->code.bytes = code;

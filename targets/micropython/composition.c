@@ -8,7 +8,7 @@ const mp_print_t *process_text(Text *text)
     return &text->print;
 }
 
-/* The names of a list of the executive, whose records begin with `next` and `name`. */
+/* The names of a list of the executive, whose entries begin with `next` and `name`. */
 typedef struct Named {
     struct Named *next;
     const char *name;
@@ -16,25 +16,25 @@ typedef struct Named {
 
 static void print_names(const mp_print_t *print, const void *list, const char *none)
 {
-    const Named *one = list;
-    mp_print_str(print, one != NULL ? one->name : none);
-    for (one = one != NULL ? one->next : NULL; one != NULL; one = one->next) {
-        mp_printf(print, ", %s", one->name);
+    const Named *entry = list;
+    mp_print_str(print, entry != NULL ? entry->name : none);
+    for (entry = entry != NULL ? entry->next : NULL; entry != NULL; entry = entry->next) {
+        mp_printf(print, ", %s", entry->name);
     }
 }
 
-NORETURN void process_refuse_name(const char *what, const char *does, const char *name, const void *list)
+NORETURN void process_refuse_name(const char *subject, const char *does, const char *name, const void *list)
 {
     const mp_print_t *print = objects_error();
-    mp_printf(print, "%s %s %s; the process has ", what, does, name);
+    mp_printf(print, "%s %s %s; the process has ", subject, does, name);
     print_names(print, list, "none");
     objects_raise();
 }
 
-void process_check_composing(const char *what)
+void process_check_composing(const char *subject)
 {
     if (executive.composed) {
         objects_refuse("%s.%s: the mission is composed already; only its script does that, when it starts", PROCESS,
-                       what);
+                       subject);
     }
 }

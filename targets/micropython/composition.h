@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the files share by which a script composes its flight process.
+/* Shared by the files with which a script composes its flight process.
  *
  *     process.c       the process `f`: its modules, their wires, and the run of the script
  *     tasks.c         f.task(), f.mode(), f.start_in(), f.enter()
  *     events.c        f.event()
- *     handles.c       what these return
+ *     handles.c       the objects that these return
  *     watch.c         f.watch(port).field < 1: fields that are compared, and conditions of them
  *     composition.c   texts of errors
  *
@@ -33,10 +33,10 @@ typedef struct Text {
 const mp_print_t *process_text(Text *text);
 
 /** Raise "the mode x; the process has a, b". list: records that begin with `next` and `name`. */
-NORETURN void process_refuse_name(const char *what, const char *does, const char *name, const void *list);
+NORETURN void process_refuse_name(const char *subject, const char *does, const char *name, const void *list);
 
 /** Raise if the mission is composed already. */
-void process_check_composing(const char *what);
+void process_check_composing(const char *subject);
 
 /* --- the process */
 
@@ -50,7 +50,7 @@ int64_t process_time(mp_obj_t value, const char *kind, const char *name, const c
 uint32_t process_offset(const ScriptNode *node);
 
 /** The mode of a handle or name. does: as in "enters the mode". */
-ExecutiveMode *process_find_mode(mp_obj_t given, const char *what, const char *does);
+ExecutiveMode *process_find_mode(mp_obj_t given, const char *subject, const char *does);
 
 extern const mp_obj_fun_builtin_var_t process_task_obj, process_mode_obj, process_event_obj;
 extern const mp_obj_fun_builtin_fixed_t process_start_in_obj, process_enter_obj;
@@ -82,9 +82,9 @@ typedef struct EventHandle {
 extern const mp_obj_type_t process_task_type, process_mode_type, process_event_type;
 
 /** The name of a handle of a type, or a name itself. */
-const char *handle_name(mp_obj_t handle, const mp_obj_type_t *type, const char *what);
+const char *handle_name(mp_obj_t handle, const mp_obj_type_t *type, const char *subject);
 
-/** The items of a list or tuple, or what stands alone; None: nothing. */
+/** The items of a list or tuple, or the single object; None: no items. */
 void handle_list(const mp_obj_t *value, size_t *n, const mp_obj_t **items);
 
 /** Request a mode, unless its condition does not hold. */
@@ -107,10 +107,10 @@ extern const mp_obj_type_t watch_type;
 mp_obj_t watch_new(ScriptNode *node, const ScriptField *field);
 const char *watch_text(Text *text, const Watch *w);
 
-/** Refuse what is no number. verb: what is done with it, as in "compare". */
+/** Refuse all but numbers. verb: the action, as in "compare". */
 void watch_check_number(const Watch *w, const char *verb);
 
 /** The condition that a script gives for a key. */
-const ExecutiveCondition *watch_condition(mp_obj_t value, const char *what, const char *key);
+const ExecutiveCondition *watch_condition(mp_obj_t value, const char *subject, const char *key);
 
 #endif

@@ -165,8 +165,8 @@ TEST(Decimal, TheShortestTextIsThatOfPython)
                  {NAN, "nan"},
                  {9007199254740993.0, "9007199254740992"},
                  {2.5e-310, "2.5e-310"}};
-    for (const auto &one : known) {
-        EXPECT_EQ(written(one.value, 'g', DECIMAL_SHORTEST, 32), one.text);
+    for (const auto &example : known) {
+        EXPECT_EQ(written(example.value, 'g', DECIMAL_SHORTEST, 32), example.text);
     }
 }
 

@@ -2,7 +2,7 @@
 #include "targets/micropython/composition.h"
 
 /* Link the events that it arms or disarms, at the end. */
-static void add_arms(ExecutiveEvent *event, const mp_obj_t *given, uint8_t on, const char *what)
+static void add_arms(ExecutiveEvent *event, const mp_obj_t *given, uint8_t on, const char *subject)
 {
     size_t n;
     const mp_obj_t *items;
@@ -13,13 +13,13 @@ static void add_arms(ExecutiveEvent *event, const mp_obj_t *given, uint8_t on, c
     handle_list(given, &n, &items);
     for (size_t i = 0u; i < n; i++) {
         *end = m_new0(ExecutiveArm, 1);
-        (*end)->name = handle_name(items[i], &process_event_type, what);
+        (*end)->name = handle_name(items[i], &process_event_type, subject);
         (*end)->on = on;
         end = &(*end)->next;
     }
 }
 
-static void add_modes(ExecutiveEvent *event, const mp_obj_t *given, const char *what)
+static void add_modes(ExecutiveEvent *event, const mp_obj_t *given, const char *subject)
 {
     size_t n_modes;
     const mp_obj_t *modes;
@@ -27,11 +27,11 @@ static void add_modes(ExecutiveEvent *event, const mp_obj_t *given, const char *
     event->n_modes = (uint16_t)n_modes;
     event->modes = m_new(ExecutiveMode *, n_modes);
     for (size_t i = 0u; i < n_modes; i++) {
-        event->modes[i] = process_find_mode(modes[i], what, "looks in the mode");
+        event->modes[i] = process_find_mode(modes[i], subject, "looks in the mode");
     }
 }
 
-/* Refuse what is no parameter or output, and numbers that are not finite. */
+/* Refuse all but parameters and outputs, and numbers that are not finite. */
 static void check_setting(const Watch *w, const ScriptBytes *bytes)
 {
     const ScriptType *type = objects_root(w->node)->node.type;
@@ -53,7 +53,7 @@ static void check_setting(const Watch *w, const ScriptBytes *bytes)
     }
 }
 
-static void add_settings(ExecutiveEvent *event, mp_obj_t given, const char *what)
+static void add_settings(ExecutiveEvent *event, mp_obj_t given, const char *subject)
 {
     size_t n;
     mp_obj_t *pairs;
@@ -70,7 +70,7 @@ static void add_settings(ExecutiveEvent *event, mp_obj_t given, const char *what
             mp_printf(
                 print,
                 "%s: set takes pairs of a field and a value, as in set=[(f.watch(f.module).parameter, 1)]; found ",
-                what);
+                subject);
             objects_print_found(print, pairs[i]);
             objects_raise();
         }
@@ -117,38 +117,38 @@ static mp_obj_t process_event(size_t n, const mp_obj_t *args, mp_map_t *keywords
     const char *name = process_new_name(given[NAME].u_obj, "event");
     Text text;
     mp_printf(process_text(&text), "event %s.%s", PROCESS, name);
-    const char *what = text.text;
+    const char *subject = text.text;
     if (given[DO].u_obj != mp_const_none) {
         objects_refuse("%s: flight's events are data: a condition made with watch(), and enter, arm, disarm or set; "
                        "Python belongs into the world's events",
-                       what);
+                       subject);
     }
     EventHandle *handle = mp_obj_malloc(EventHandle, &process_event_type);
     handle->handle.name = given[NAME].u_obj;
     ExecutiveEvent *event = &handle->event;
     *event = (ExecutiveEvent){.name = name, .once = given[ONCE].u_bool, .armed = given[ARMED].u_bool};
     event->state = event->armed ? exec_armed() : exec_disarmed();
-    event->when = watch_condition(given[WHEN].u_obj, what, "when");
+    event->when = watch_condition(given[WHEN].u_obj, subject, "when");
     if (given[UNTIL].u_obj != mp_const_none) {
-        event->until = watch_condition(given[UNTIL].u_obj, what, "until");
+        event->until = watch_condition(given[UNTIL].u_obj, subject, "until");
     }
     event->hold = process_time(given[HOLD].u_obj, "event", name, "hold");
     event->count = (int32_t)given[COUNT].u_int;
     if (given[COUNT].u_int < 1 || given[COUNT].u_int > INT32_MAX) {
-        objects_refuse("%s: the count must be >= 1 and below 2^31", what);
+        objects_refuse("%s: the count must be >= 1 and below 2^31", subject);
     }
     if (event->once && event->until != NULL) {
-        objects_refuse("%s: with once, it does not arm itself again: leave out until", what);
+        objects_refuse("%s: with once, it does not arm itself again: leave out until", subject);
     }
-    add_modes(event, &given[MODES].u_obj, what);
+    add_modes(event, &given[MODES].u_obj, subject);
     if (given[ENTER].u_obj != mp_const_none) {
-        event->enter = process_find_mode(given[ENTER].u_obj, what, "enters the mode");
+        event->enter = process_find_mode(given[ENTER].u_obj, subject, "enters the mode");
     }
-    add_arms(event, &given[ARM].u_obj, 1u, what);
-    add_arms(event, &given[DISARM].u_obj, 0u, what);
-    add_settings(event, given[SET].u_obj, what);
+    add_arms(event, &given[ARM].u_obj, 1u, subject);
+    add_arms(event, &given[DISARM].u_obj, 0u, subject);
+    add_settings(event, given[SET].u_obj, subject);
     if (event->enter == NULL && event->arms == NULL && event->settings == NULL) {
-        objects_refuse("%s does nothing: give it a mode to enter or something to do", what);
+        objects_refuse("%s does nothing: give it a mode to enter or something to do", subject);
     }
     executive_add_event(event);
     return MP_OBJ_FROM_PTR(handle);

@@ -14,7 +14,7 @@ TelemetryTexts executive_texts = {texts, sizeof texts, 0u, 0u};
 
 /* --- texts ----------------------------------------------------------------------------------------- */
 
-/* One line; what is too long for it is cut. */
+/* One line, cut to its size. */
 static struct {
     char text[256];
     uint32_t n;
@@ -63,7 +63,7 @@ static void put_bytes(const uint8_t *bytes, uint32_t n)
     }
 }
 
-/* --- what there is --------------------------------------------------------------------------------- */
+/* --- lists ----------------------------------------------------------------------------------------- */
 
 static uint8_t *at(uint32_t offset)
 {
@@ -88,29 +88,29 @@ static ExecutiveModule *module_at(uint32_t offset)
 
 ExecutiveTask *executive_find_task(const char *name)
 {
-    ExecutiveTask *one = executive.tasks;
-    while (one != NULL && strcmp(one->name, name) != 0) {
-        one = one->next;
+    ExecutiveTask *task = executive.tasks;
+    while (task != NULL && strcmp(task->name, name) != 0) {
+        task = task->next;
     }
-    return one;
+    return task;
 }
 
 ExecutiveMode *executive_find_mode(const char *name)
 {
-    ExecutiveMode *one = executive.modes;
-    while (one != NULL && strcmp(one->name, name) != 0) {
-        one = one->next;
+    ExecutiveMode *mode = executive.modes;
+    while (mode != NULL && strcmp(mode->name, name) != 0) {
+        mode = mode->next;
     }
-    return one;
+    return mode;
 }
 
 ExecutiveEvent *executive_find_event(const char *name)
 {
-    ExecutiveEvent *one = executive.events;
-    while (one != NULL && strcmp(one->name, name) != 0) {
-        one = one->next;
+    ExecutiveEvent *event = executive.events;
+    while (event != NULL && strcmp(event->name, name) != 0) {
+        event = event->next;
     }
-    return one;
+    return event;
 }
 
 static int has_mode(ExecutiveMode *const *modes, uint16_t n, const ExecutiveMode *mode)
@@ -382,7 +382,7 @@ void executive_restart(int64_t t)
     for (uint16_t i = 0u; i < fledge_script.n_places; i++) {
         executive.modules[i].reset(executive.modules[i].self);
     }
-    executive.current = executive.asked = executive.initial;
+    executive.current = executive.requested = executive.initial;
     executive.t = -1;
     for (ExecutiveEvent *event = executive.events; event != NULL; event = event->next) {
         event->state = event->armed ? exec_armed() : exec_disarmed();
@@ -398,10 +398,10 @@ void executive_restart(int64_t t)
     }
 }
 
-/* What becomes active is reset, and runs on its own grid of times. */
+/* A task that becomes active is reset, and runs on its own grid of times. */
 static void enter_mode(int64_t t)
 {
-    executive.current = executive.asked;
+    executive.current = executive.requested;
     for (ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
         if (exec_switch(&task->state, runs_in(task, executive.current), task->rate, t)) {
             for (uint16_t i = 0u; i < task->n; i++) {
@@ -454,17 +454,17 @@ static int sets(const ExecutiveEvent *event, uint16_t place)
     return setting != NULL;
 }
 
-static void look_at(ExecutiveEvent *event, int64_t t)
+static void check_event(ExecutiveEvent *event, int64_t t)
 {
-    const int looks = event->n_modes == 0u || has_mode(event->modes, event->n_modes, executive.current);
-    const int held = looks && holds(event->when);
+    const int watches = event->n_modes == 0u || has_mode(event->modes, event->n_modes, executive.current);
+    const int held = watches && holds(event->when);
     const int again = event->until != NULL ? holds(event->until) : !held;
     if (!exec_fires(&event->state, held, again, event->hold, event->count, event->once, t)) {
         return;
     }
     event->state.refused = event->enter != NULL && !executive_admits(event->enter);
     if (event->enter != NULL && !event->state.refused) {
-        executive.asked = event->enter;
+        executive.requested = event->enter;
     }
     for (const ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
         arm->event->state.armed = arm->on;
@@ -488,7 +488,7 @@ void executive_tick(int64_t t)
         }
     }
     executive.changed = 0u;
-    if (executive.asked != executive.current) {
+    if (executive.requested != executive.current) {
         enter_mode(t);
     }
     for (ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
@@ -499,7 +499,7 @@ void executive_tick(int64_t t)
     }
     executive.t = t;
     for (ExecutiveEvent *event = executive.events; ran && event != NULL; event = event->next) {
-        look_at(event, t);
+        check_event(event, t);
     }
     if (ran) {
         procedure_run(t);
@@ -510,18 +510,18 @@ int64_t executive_next(void)
 {
     int64_t t = INT64_MAX;
     for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
-        t = exec_sooner(t, exec_next(&task->state, task->rate, runs_in(task, executive.asked), executive.t));
+        t = exec_sooner(t, exec_next(&task->state, task->rate, runs_in(task, executive.requested), executive.t));
     }
     return t;
 }
 
-static ExecutiveMode *mode_at(uint16_t mode)
+static ExecutiveMode *mode_at(uint16_t i)
 {
-    ExecutiveMode *one = executive.modes;
-    for (; one != NULL && mode > 0u; mode--) {
-        one = one->next;
+    ExecutiveMode *mode = executive.modes;
+    for (; mode != NULL && i > 0u; i--) {
+        mode = mode->next;
     }
-    return one;
+    return mode;
 }
 
 void executive_start_in(uint16_t mode)
@@ -531,27 +531,27 @@ void executive_start_in(uint16_t mode)
 
 void executive_enter(uint16_t mode)
 {
-    ExecutiveMode *one = mode_at(mode);
-    if (one != NULL) {
-        executive_ask(one);
+    ExecutiveMode *entered = mode_at(mode);
+    if (entered != NULL) {
+        executive_request(entered);
     }
 }
 
 int executive_may_enter(uint16_t mode)
 {
-    const ExecutiveMode *one = mode_at(mode);
-    return one == NULL || executive_admits(one);
+    const ExecutiveMode *entered = mode_at(mode);
+    return entered == NULL || executive_admits(entered);
 }
 
-void executive_ask(ExecutiveMode *mode)
+void executive_request(ExecutiveMode *mode)
 {
-    executive.asked = mode;
+    executive.requested = mode;
 }
 
 uint16_t executive_mode(void)
 {
     uint16_t i = 0u;
-    for (const ExecutiveMode *one = executive.modes; one != NULL && one != executive.current; one = one->next) {
+    for (const ExecutiveMode *mode = executive.modes; mode != NULL && mode != executive.current; mode = mode->next) {
         i++;
     }
     return i;
@@ -566,28 +566,28 @@ void executive_publish(uint16_t block, int64_t t)
     }
 }
 
-static ExecutiveEvent *event_at(uint16_t event)
+static ExecutiveEvent *event_at(uint16_t i)
 {
-    ExecutiveEvent *one = executive.events;
-    for (; one != NULL && event > 0u; event--) {
-        one = one->next;
+    ExecutiveEvent *event = executive.events;
+    for (; event != NULL && i > 0u; i--) {
+        event = event->next;
     }
-    return one;
+    return event;
 }
 
 void executive_arm(uint16_t event, int on)
 {
-    ExecutiveEvent *one = event_at(event);
-    if (one != NULL) {
-        one->state.armed = on;
+    ExecutiveEvent *armed = event_at(event);
+    if (armed != NULL) {
+        armed->state.armed = on;
     }
 }
 
 const ExecEvent *executive_event(uint16_t event)
 {
     static const ExecEvent none = {-1, -1, 0, 0, 0, 0};
-    const ExecutiveEvent *one = event_at(event);
-    return one != NULL ? &one->state : &none;
+    const ExecutiveEvent *entry = event_at(event);
+    return entry != NULL ? &entry->state : &none;
 }
 
 void executive_changed(uint16_t place)
@@ -798,13 +798,13 @@ static void describe_event(Sink sink, const ExecutiveEvent *event)
     for (const ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
         two_words(sink, arm->on ? "arms" : "disarms", event->name, arm->name);
     }
-    for (const ExecutiveSetting *one = event->settings; one != NULL; one = one->next) {
-        for (uint32_t k = 0u; k < one->n; k += 32u) {
+    for (const ExecutiveSetting *setting = event->settings; setting != NULL; setting = setting->next) {
+        for (uint32_t k = 0u; k < setting->n; k += 32u) {
             start("sets");
             put_word(event->name);
-            put_place(one->offset + k);
+            put_place(setting->offset + k);
             put(" ");
-            put_bytes(one->bytes + k, one->n - k < 32u ? one->n - k : 32u);
+            put_bytes(setting->bytes + k, setting->n - k < 32u ? setting->n - k : 32u);
             sink(line.text);
         }
     }

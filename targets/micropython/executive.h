@@ -16,9 +16,9 @@
 extern "C" {
 #endif
 
-/** Start the interpreter, run the script, check what it composed, lock the arena, begin at 0. Again after a reset of
- *  the computer: the arena begins anew. A script that fails leaves a mission without tasks; executive_failure() says
- *  why. A text of telemetry names each module whose parameters are not those of the desktop. */
+/** Start the interpreter, run the script, check its composition, lock the arena, begin at 0. Again after a reset of
+ *  the computer: the arena begins anew. A script that fails leaves a mission without tasks; executive_failure() has
+ *  the reason. A text of telemetry names each module whose parameters are not those of the desktop. */
 void executive_init(void);
 
 /** NULL, or why the script did not compose the mission: "flight.py, line 12: ..." */
@@ -39,8 +39,8 @@ void executive_arm(uint16_t event, int on);
 const ExecEvent *executive_event(uint16_t event);
 void *executive_parameters(uint16_t block);
 
-/** Print what the script composed, a line at a time. Names are without "flight."; those of one kind come in the order
- *  of flight.py, if not said otherwise:
+/** Print the composition of the script, a line at a time. Names are without "flight."; those of one kind come in the
+ *  order of flight.py, except where noted:
  *
  *     module NAME TYPE              of each module, and then its memory after the reset at 0:
  *     python NAME                   its update is the script's
@@ -56,7 +56,7 @@ void *executive_parameters(uint16_t block);
  *     guards MODE PART              the condition on which it is entered, as `when`
  *     start MODE                    the mode to begin in
  *     event NAME HOLD COUNT ONCE ARMED      [ns], whole number, 1 or 0, 1 or 0
- *     looks EVENT MODE              a mode in which it looks; none: in all
+ *     looks EVENT MODE              a mode in which it is checked; none: in all
  *     enters EVENT MODE
  *     arms EVENT EVENT, disarms EVENT EVENT
  *     sets EVENT MODULE+OFFSET HEX  at most 32 bytes
@@ -68,16 +68,16 @@ void *executive_parameters(uint16_t block);
  *     heap USED PEAK SIZE           [bytes] of the arena */
 void executive_describe(void (*line)(const char *text));
 
-/** [ns] A monotonic clock, which a host may give to measure by; NULL: none. */
+/** [ns] A monotonic clock of the host for measurements; NULL: none. */
 extern int64_t (*executive_clock)(void);
 
-/** What the script did until now, a line at a time. */
+/** Print the actions of the script until now, a line at a time. */
 void executive_figures(void (*line)(const char *text));
 
 /** Texts that wait for the end of the instant. */
 extern TelemetryTexts executive_texts;
 
-/* --- what a script composes ------------------------------------------------------------------------ */
+/* --- the composition of a script ------------------------------------------------------------------- */
 
 /* Zeroed before it is filled. Names are texts that stay. Offsets are in the mission's memory. */
 
@@ -91,13 +91,13 @@ typedef struct ExecutiveWire {
     uint8_t before;      ///< how many of them are carried before this one
 } ExecutiveWire;
 
-/** What runs for a place. When it is named, its functions are those of its type; a script's own replace them. */
+/** The functions of a place. When it is named, they are those of its type; a script's own replace them. */
 typedef struct ExecutiveModule {
     void (*reset)(void *self);
     void (*update)(void *self, Tick t);
     void *self;           ///< of the two: the module's memory, or the script's object
     ExecutiveWire *wires; ///< carried before its update, of configuration after it
-    uint8_t named;        ///< 1: the script has made it
+    uint8_t named;        ///< 1: the script has created it
     uint8_t scheduled;    ///< 1: it runs in a task; 0: it is configuration
     uint8_t changed;      ///< 1: configuration to publish at the next instant
     uint8_t differs;      ///< 1: its parameters are not those of the desktop
@@ -171,7 +171,7 @@ typedef struct ExecutiveEvent {
     int32_t count;
     uint8_t once, armed;
     uint16_t n_modes;
-    ExecutiveMode **modes; ///< in these alone it looks; none: in all
+    ExecutiveMode **modes; ///< the modes in which it is checked; none: in all
     ExecutiveMode *enter;  ///< NULL: none
     ExecutiveArm *arms;
     ExecutiveSetting *settings;
@@ -181,7 +181,7 @@ typedef struct ExecutiveEvent {
 typedef struct Executive {
     ExecutiveModule *modules; ///< by place
     ExecutiveTask *tasks;     ///< in the order of equal times
-    ExecutiveMode *modes, *initial, *current, *asked;
+    ExecutiveMode *modes, *initial, *current, *requested;
     ExecutiveEvent *events;
     ExecutiveWire *inputs; ///< those of fledge_script.inputs
     ExecutiveWire *wires;  ///< of the script, until it is done
@@ -231,7 +231,7 @@ void executive_changed(uint16_t place);
 int executive_admits(const ExecutiveMode *mode);
 
 /** Request a mode from the next instant on. */
-void executive_ask(ExecutiveMode *mode);
+void executive_request(ExecutiveMode *mode);
 
 #ifdef __cplusplus
 }

@@ -245,8 +245,8 @@ ExecutiveOperand element(std::size_t offset)
 
 std::vector<std::string> described;
 
-/// What a script composes: constant >> first and second >> third in the task fast, which always runs; the task slow of
-/// second in the mode work.
+/// The composition of a script: constant >> first and second >> third in the task fast, which always runs; the task
+/// slow of second in the mode work.
 struct Composition {
     std::uint16_t fast_run[2] = {1, 3}, slow_run[1] = {2};
     ExecutiveTask fast{}, slow{};

@@ -29,7 +29,7 @@ mp_obj_t handle_enter(ExecutiveMode *mode)
     if (!executive_admits(mode)) {
         objects_refuse("mode %s.%s: its condition does not hold", PROCESS, mode->name);
     }
-    executive_ask(mode);
+    executive_request(mode);
     return mp_const_none;
 }
 
@@ -63,14 +63,14 @@ static void event_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
 
 MP_DEFINE_CONST_OBJ_TYPE(process_event_type, MP_QSTR_Event, MP_TYPE_FLAG_NONE, attr, event_attr, print, handle_print);
 
-const char *handle_name(mp_obj_t handle, const mp_obj_type_t *type, const char *what)
+const char *handle_name(mp_obj_t handle, const mp_obj_type_t *type, const char *subject)
 {
     if (mp_obj_is_str(handle)) {
         return mp_obj_str_get_str(handle);
     }
     if (!mp_obj_is_type(handle, type)) {
         const mp_print_t *print = objects_error();
-        mp_printf(print, "%s takes %ss by handle or name; found ", what, kind_of(type));
+        mp_printf(print, "%s takes %ss by handle or name; found ", subject, kind_of(type));
         objects_print_found(print, handle);
         objects_raise();
     }

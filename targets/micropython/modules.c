@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The modules fledge, fledge.flight and fledge.world of a script, and what stands in for the world. */
+/* The modules fledge, fledge.flight and fledge.world of a script, and the substitute for the world. */
 #include "targets/micropython/objects.h"
 #include "targets/micropython/units.h"
 
@@ -10,7 +10,7 @@
 /* Of a script without a mission. */
 __attribute__((weak)) const ScriptMission fledge_script = {.process = "flight"};
 
-// --- what stands in for the world --------------------------------------------------------------------
+// --- the substitute for the world --------------------------------------------------------------------
 
 const mp_obj_base_t script_inert = {&script_inert_type};
 
@@ -76,7 +76,7 @@ static mp_obj_t inert_named(mp_obj_t name)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(inert_named_object, inert_named);
 
-/* What the export has computed, in place of the world's function. */
+/* The result that the export has computed, in place of the world's function. */
 static mp_obj_t world_named(mp_obj_t name)
 {
     mp_obj_t found[2] = {MP_OBJ_NULL, MP_OBJ_NULL};

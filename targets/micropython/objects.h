@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The Python objects of a script: modules, messages, nested structs and arrays as views of C memory, wires, quantities,
- * and what stands in for the world. All of a script's errors are SetupError, as on the desktop.
+ * and the substitute for the world. All of a script's errors are SetupError, as on the desktop.
  *
  * A view holds its owner and an offset, no address: when a module moves to its place in the mission's memory, its views
  * follow. An object keeps the views that were made of it, so that reading an attribute a second time allocates
@@ -12,11 +12,11 @@
 
 #include <py/obj.h>
 
-/** What all views begin with. A module, or a message that a script has made itself, is its own root. */
+/** The head of all views. A module, or a message that a script has made itself, is its own root. */
 typedef struct ScriptNode {
     mp_obj_base_t base;
     struct ScriptNode *owner; ///< NULL: it is a root
-    struct ScriptNode *views; ///< the first of those made of it
+    struct ScriptNode *views; ///< the first view of it
     struct ScriptNode *next;  ///< of its owner's views
     const ScriptType *type;   ///< of a module, message or struct; NULL: an array
     uint32_t offset;          ///< [bytes] in the root's memory
@@ -60,7 +60,7 @@ extern const mp_obj_type_t script_module_type, script_view_type, script_array_ty
 extern const mp_obj_fun_builtin_var_t script_newest, script_first, script_best, script_by_mode;
 extern const mp_obj_type_t script_inert_type, mp_type_SetupError;
 
-/** What stands in for the world and other processes: it accepts everything, gives itself, and allocates nothing. */
+/** The substitute for the world and other processes: it accepts everything, gives itself, and allocates nothing. */
 extern const mp_obj_base_t script_inert;
 
 static inline int objects_is_inert(mp_obj_t o)
@@ -93,11 +93,11 @@ static inline int objects_is_module(const ScriptNode *node)
     return !node->owner && node->type->reset;
 }
 
-/** [bytes] of what is left of a field when `level` indices are used up: 0: of the whole field. */
+/** [bytes] of a field behind `level` indices; 0: of the whole field. */
 uint32_t objects_stride(const ScriptField *field, uint32_t level);
 
 /** `f.NAME = module`, NAME being that of fledge_script.places[place], which has no module yet: move its bytes there.
- *  Raises for what is no module, for another type, and for a module that has a place. */
+ *  Raises for an object that is no module, for another type, and for a module that has a place. */
 void objects_place(mp_obj_t module, uint16_t place);
 
 /** All that check_parameters finds on the desktop: raises for a required parameter that the script has not given, and
@@ -119,7 +119,7 @@ const ScriptField *objects_field_of(const ScriptNode *node);
 /** Rows that count, of an array. */
 uint32_t objects_rows(const ScriptNode *owner, const ScriptField *field);
 
-/** "flight.control.torque", "MrpFeedback" of what has no place. */
+/** "flight.control.torque", "MrpFeedback" of an object without a place. */
 void objects_print_path(const mp_print_t *print, const ScriptNode *node);
 
 /** Called after a script has set something of the module of a place; NULL: nothing is. */
@@ -137,17 +137,17 @@ typedef struct ScriptBytes {
 } ScriptBytes;
 int objects_encode(ScriptNode *node, const ScriptField *field, int32_t index, mp_obj_t value, ScriptBytes out[2]);
 
-/** A constant to compare a field with, in the header's unit: a quantity, a number, or an enumerator. Raises with `what`
+/** A constant to compare a field with, in the header's unit: a quantity, a number, or an enumerator. Raises with `name`
  *  in front: "flight.tracking.error.sigma_BR". */
-double objects_constant(const ScriptField *field, mp_obj_t value, const char *what);
+double objects_constant(const ScriptField *field, mp_obj_t value, const char *name);
 
-/** [ns] A time, a quantity or a number of seconds. what: the beginning of the error: "task gnc: every". */
-int64_t objects_time(mp_obj_t value, const char *what);
+/** [ns] A time, a quantity or a number of seconds. subject: the beginning of the error: "task gnc: every". */
+int64_t objects_time(mp_obj_t value, const char *subject);
 
 /** Raise SetupError, with a format of mp_printf. Under the lock too: the text lies in static memory. */
 NORETURN void objects_refuse(const char *format, ...);
 
-/** The same for a longer text: print it to what objects_error() gives, then raise. */
+/** The same for a longer text: print it to objects_error(), then raise. */
 const mp_print_t *objects_error(void);
 NORETURN void objects_raise(void);
 NORETURN void objects_raise_as(const mp_obj_type_t *type);

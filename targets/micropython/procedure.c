@@ -44,7 +44,7 @@ static Apart procedure;
 static Apart *apart; /* whose turn it is; NULL: the script's */
 static uint8_t slots[SLOTS][ROOM];
 
-/* What waits to be sent of what a program prints. */
+/* The output of a program that is not sent yet. */
 static struct {
     char text[COMMAND_DATA_MAX + 1];
     uint32_t n;
@@ -118,7 +118,7 @@ static void begin_names(void)
     mp_sys_path = mp_obj_new_list(0, NULL); /* no frozen script: the script's modules are its own */
 }
 
-/* --- what a program sees --------------------------------------------------------------------------- */
+/* --- the view of a program ------------------------------------------------------------------------- */
 
 static const ScriptPlace *place_at(uint16_t i)
 {
@@ -221,7 +221,7 @@ static MP_DEFINE_CONST_OBJ_TYPE(flight_type, MP_QSTR_Flight, MP_TYPE_FLAG_NONE, 
                                 flight_print, locals_dict, &flight_methods);
 static const mp_obj_base_t flight_object = {&flight_type};
 
-/* What wait() gives, to be yielded. */
+/* The result of wait(), to be yielded. */
 static MP_DEFINE_CONST_OBJ_TYPE(pause_type, MP_QSTR_wait, MP_TYPE_FLAG_NONE);
 static const mp_obj_base_t pause = {&pause_type};
 
@@ -237,20 +237,20 @@ static mp_obj_t wait(mp_obj_t time)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(wait_object, wait);
 
-static mp_obj_t measure(mp_obj_t array, ExecMeasure what)
+static mp_obj_t measure(mp_obj_t array, ExecMeasure kind)
 {
     const ScriptNode *node = mp_obj_is_type(array, &script_array_type) ? MP_OBJ_TO_PTR(array) : NULL;
     const ScriptField *field = node != NULL ? objects_field_of(node) : NULL;
     if (field == NULL || field->type == FLEDGE_STRUCT || field->type == FLEDGE_CHAR) {
         const mp_print_t *error = objects_error();
         mp_printf(error, "%s: expected an array of a module or message; found ",
-                  what == EXEC_NORM ? "norm" : "max_abs");
+                  kind == EXEC_NORM ? "norm" : "max_abs");
         objects_print_found(error, array);
         objects_raise();
     }
     const FledgeType type = (FledgeType)field->type;
     return mp_obj_new_float(
-        exec_measured(what, type, objects_memory(node), objects_stride(field, node->level) / element_size(type)));
+        exec_measured(kind, type, objects_memory(node), objects_stride(field, node->level) / element_size(type)));
 }
 
 static mp_obj_t norm(mp_obj_t array)
@@ -277,7 +277,7 @@ static void begin_turn(Apart *a)
     a->waits = 0u;
 }
 
-/* Refuse a change of what is no parameter; a text may make it. */
+/* Refuse a change of all but parameters; a text may change all. */
 static void check_change(const Apart *a, uint16_t i)
 {
     const ScriptPlace *place = place_at(i);
@@ -524,17 +524,17 @@ static mp_obj_t run_text(void *context)
 static CommandReason evaluate(const CommandContext *context, const uint8_t *text, uint32_t n, uint32_t turns)
 {
     static uint64_t heap[TEXT_HEAP / sizeof(uint64_t)];
-    static Text one;
+    static Text entered;
     if (executive_failure() != NULL) {
         return COMMAND_ABSENT;
     }
-    begin_apart(&one.apart, context, heap, sizeof heap, turns);
-    one.apart.changes = 1u;
-    one.text = (const char *)text;
-    one.n = n;
-    const char *wrong = run_apart(&one.apart, run_text) == MP_OBJ_NULL ? script_error() : end_turn(&one.apart);
+    begin_apart(&entered.apart, context, heap, sizeof heap, turns);
+    entered.apart.changes = 1u;
+    entered.text = (const char *)text;
+    entered.n = n;
+    const char *wrong = run_apart(&entered.apart, run_text) == MP_OBJ_NULL ? script_error() : end_turn(&entered.apart);
     printed.text[printed.n] = '\0';
-    say(&one.apart, wrong == NULL ? TELEMETRY_RESULT : TELEMETRY_ERROR, 0u, wrong == NULL ? printed.text : wrong);
+    say(&entered.apart, wrong == NULL ? TELEMETRY_RESULT : TELEMETRY_ERROR, 0u, wrong == NULL ? printed.text : wrong);
     return wrong == NULL ? COMMAND_OK : COMMAND_FAILED;
 }
 #else

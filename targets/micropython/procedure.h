@@ -21,10 +21,10 @@ extern "C" {
 /** For the table of commands. */
 extern const CommandProcedures script_procedures;
 
-/** The interpreter starts anew: what ran is forgotten. */
+/** The interpreter starts anew: forget the running procedures. */
 void procedure_forget(void);
 
-/** Flight begins anew: end what runs. */
+/** Flight begins anew: end the running procedures. */
 void procedure_end(void);
 
 /** After flight's instant t: let the procedure have its turn, if it does not wait. */

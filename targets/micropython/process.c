@@ -180,8 +180,8 @@ static void connect_one(const ScriptNode *target, const ScriptWire *given, uint3
     wire->by = (uint8_t)given->source->by;
     wire->before = (uint8_t)k;
     int taken = 0;
-    for (const ExecutiveWire *one = executive.wires; one != NULL; one = one->next) {
-        taken |= k == 0u && one->to == wire->to;
+    for (const ExecutiveWire *earlier = executive.wires; earlier != NULL; earlier = earlier->next) {
+        taken |= k == 0u && earlier->to == wire->to;
     }
     for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
         taken |= fledge_script.inputs[i].to == wire->to;

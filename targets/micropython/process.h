@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a mission's script composes: `f`, its flight process, and `sim`, of which that process is the one that flies
- * here. */
+/* The composition of a mission's script: `f`, its flight process, and `sim`, of which that process flies here. */
 #ifndef TARGETS_MICROPYTHON_PROCESS_H
 #define TARGETS_MICROPYTHON_PROCESS_H
 
@@ -8,7 +7,7 @@
 
 #include <py/obj.h>
 
-/** `f`, once executive_begin has made its tables. */
+/** `f`, once executive_begin has created its tables. */
 mp_obj_t process_object(void);
 
 /** The module of a place; MP_OBJ_NULL: none yet. */

@@ -166,7 +166,7 @@ mp_obj_t script_call(mp_obj_t function, size_t n, const mp_obj_t *arguments)
 static mp_obj_t import(void *context)
 {
     const char *name = context;
-    /* The value of the import is the package of a dotted name, unless names are asked of the module. */
+    /* The value of the import is the package of a dotted name, unless names of the module are requested. */
     mp_obj_t from = mp_const_true;
     return mp_import_name(qstr_from_str(name), from, MP_OBJ_NEW_SMALL_INT(0));
 }
@@ -260,7 +260,7 @@ void script_step(void)
     mp_cstack_check();
 }
 
-/* ---- start, and what the interpreter asks of its port */
+/* ---- start, and the functions of the interpreter's port */
 
 void script_start(Arena *arena)
 {

@@ -10,20 +10,20 @@
 /** Start the interpreter. The arena, which the caller has begun, is its heap. At each call it begins anew. */
 void script_start(Arena *arena);
 
-/** Import a frozen module, "nadir_spin.flight", and return it; MP_OBJ_NULL if that fails: script_error() says why. */
+/** Import a frozen module, "nadir_spin.flight", and return it; MP_OBJ_NULL if that fails: script_error(). */
 mp_obj_t script_import(const char *module);
 
-/** Call a function of a script. Returns its result, or MP_OBJ_NULL: script_error() says why. */
+/** Call a function of a script. Returns its result, or MP_OBJ_NULL: script_error(). */
 mp_obj_t script_call(mp_obj_t function, size_t n, const mp_obj_t *arguments);
 
-/** Call what may raise, a C function. Returns its result, or MP_OBJ_NULL: script_error() says why. The globals of the
- *  interpreter are afterwards what they were. Calls may nest. */
+/** Call a C function that may raise. Returns its result, or MP_OBJ_NULL: script_error(). The globals of the interpreter
+ *  are restored afterwards. Calls may nest. */
 mp_obj_t script_guard(mp_obj_t (*run)(void *), void *context);
 
 /** Run bytecode, as compile_mpy() of the toolchain makes it, with these globals. As script_call. */
 mp_obj_t script_run_bytecode(const uint8_t *bytes, size_t n, mp_obj_dict_t *globals);
 
-/** What failed last: "nadir_spin/flight.py, line 12: ValueError: ...". Never NULL. It stays until the next failure. */
+/** The last failure: "nadir_spin/flight.py, line 12: ValueError: ...". Never NULL. It stays until the next failure. */
 const char *script_error(void);
 
 /** A script may make so many turns of loops and returns of functions, counted from now; 0: any number. A script that
@@ -34,7 +34,7 @@ void script_limit(uint32_t turns);
 /** The line of script_error(); 0: none. */
 uint32_t script_error_line(void);
 
-/** A text in memory of fixed size; what is too long for it is cut. */
+/** A text in memory of fixed size, to which it is cut. */
 typedef struct ScriptText {
     char *at;
     size_t size, n; ///< [bytes] of the memory; of the text
@@ -46,7 +46,7 @@ mp_print_t script_text(ScriptText *text);
 /** How many turns a script has left of its limit. */
 uint32_t script_left(void);
 
-/** What `print` writes goes here; NULL: nowhere. */
+/** The output of `print`; NULL: none. */
 extern void (*script_out)(const char *text, size_t n);
 
 #if MICROPY_ENABLE_COMPILER

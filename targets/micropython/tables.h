@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What `fledge export micropython` writes of a mission for its script: the types of its modules and messages, where its
- * modules lie in the mission's memory, and what flight reads from outside. All of it is constant. Names are texts, so
- * that one interpreter serves all missions. */
+/* The tables that `fledge export micropython` writes of a mission for its script: the types of its modules and
+ * messages, the places of its modules in the mission's memory, and the inputs of flight from outside. All tables are constant.
+ * Names are texts, so that one interpreter serves all missions. */
 #ifndef TARGETS_MICROPYTHON_TABLES_H
 #define TARGETS_MICROPYTHON_TABLES_H
 
@@ -48,7 +48,7 @@ typedef struct ScriptField {
     uint8_t flags;        ///< SCRIPT_REQUIRED
     uint8_t n_dimensions; ///< 0: a scalar
     uint8_t unit;         ///< the index of its unit
-    uint8_t count;        ///< the index of the field that says how many leading rows count; SCRIPT_NO_FIELD: all
+    uint8_t count;        ///< the index of the field with the number of used rows; SCRIPT_NO_FIELD: all
 } ScriptField;
 
 struct _mp_obj_type_t;
@@ -105,7 +105,7 @@ typedef struct ScriptUnitName {
     ScriptQuantity unit;
 } ScriptUnitName;
 
-/** What makes an object of Python of the bits of a number. */
+/** Converts the bits of a number into an object of Python. */
 #define SCRIPT_NUMBER(bits) (UINT64_C(bits) + UINT64_C(0x8004000000000000))
 
 /** All of it. Tasks, modes and events have the order of flight.py, by which commands name them. */

@@ -80,35 +80,35 @@ static mp_obj_t process_mode(size_t n_arguments, const mp_obj_t *args, mp_map_t 
     handle->handle.name = given[0].u_obj;
     handle->mode = (ExecutiveMode){.name = name, .n = (uint16_t)n};
     handle->mode.tasks = m_new(ExecutiveTask *, n);
-    Text what;
-    mp_printf(process_text(&what), "mode %s.%s", PROCESS, name);
+    Text subject;
+    mp_printf(process_text(&subject), "mode %s.%s", PROCESS, name);
     for (size_t i = 0u; i < n; i++) {
-        const char *task = handle_name(items[i], &process_task_type, what.text);
+        const char *task = handle_name(items[i], &process_task_type, subject.text);
         handle->mode.tasks[i] = executive_find_task(task);
         if (handle->mode.tasks[i] == NULL) {
-            process_refuse_name(what.text, "names the task", task, executive.tasks);
+            process_refuse_name(subject.text, "names the task", task, executive.tasks);
         }
     }
     if (given[2].u_obj != mp_const_none) {
-        handle->mode.when = watch_condition(given[2].u_obj, what.text, "when");
+        handle->mode.when = watch_condition(given[2].u_obj, subject.text, "when");
     }
     handle_list(&given[3].u_obj, &n_after, &after);
     handle->mode.n_after = (uint16_t)n_after;
     handle->mode.after = m_new(const char *, n_after);
     for (size_t i = 0u; i < n_after; i++) {
-        handle->mode.after[i] = handle_name(after[i], &process_mode_type, what.text);
+        handle->mode.after[i] = handle_name(after[i], &process_mode_type, subject.text);
     }
     executive_add_mode(&handle->mode);
     return MP_OBJ_FROM_PTR(handle);
 }
 MP_DEFINE_CONST_FUN_OBJ_KW(process_mode_obj, 1, process_mode);
 
-ExecutiveMode *process_find_mode(mp_obj_t given, const char *what, const char *does)
+ExecutiveMode *process_find_mode(mp_obj_t given, const char *subject, const char *does)
 {
-    const char *name = handle_name(given, &process_mode_type, what);
+    const char *name = handle_name(given, &process_mode_type, subject);
     ExecutiveMode *mode = executive_find_mode(name);
     if (mode == NULL) {
-        process_refuse_name(what, does, name, executive.modes);
+        process_refuse_name(subject, does, name, executive.modes);
     }
     return mode;
 }

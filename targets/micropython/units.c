@@ -18,7 +18,7 @@ MP_DEFINE_EXCEPTION(UnitError, ValueError)
 
 // --- texts -----------------------------------------------------------------------------------------
 
-/* The factors whose exponents have this sign: " ", "/": what stands between them. */
+/* The factors whose exponents have this sign, with " " or "/" between them. */
 static void print_factors(const mp_print_t *print, const int8_t *dims, int sign, const char *between, int first)
 {
     static const char base[DIMENSIONS][4] = {"m", "kg", "s", "A", "K", "mol", "cd", "rad"};
@@ -318,20 +318,20 @@ static void attribute(mp_obj_t object, qstr name, mp_obj_t *dest)
 
 static mp_obj_t to(mp_obj_t object, mp_obj_t unit)
 {
-    const ScriptQuantity *self = MP_OBJ_TO_PTR(object), *one = units_quantity(unit);
+    const ScriptQuantity *self = MP_OBJ_TO_PTR(object), *target = units_quantity(unit);
     size_t n;
     mp_obj_t *items;
     if (objects_is_inert(unit)) {
         return unit;
     }
-    if (!one || items_of(one->value, &n, &items)) {
+    if (!target || items_of(target->value, &n, &items)) {
         const mp_print_t *error = objects_error();
         mp_print_str(error, "to() needs a unit, as in x.to(km); found ");
         objects_print_found(error, unit);
         objects_raise_as(&mp_type_UnitError);
     }
     must_be_like(self, unit, "convert");
-    return zip(MP_BINARY_OP_TRUE_DIVIDE, self->value, one->value);
+    return zip(MP_BINARY_OP_TRUE_DIVIDE, self->value, target->value);
 }
 static MP_DEFINE_CONST_FUN_OBJ_2(to_object, to);
 

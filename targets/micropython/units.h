@@ -23,7 +23,7 @@ void units_print(const mp_print_t *print, const int8_t *dims);
  *  error whose text it has printed. */
 const mp_obj_type_t *units_time(mp_obj_t value, int64_t *ns, const mp_print_t *error);
 
-/** What objfloat.c uses for mp_obj_get_float_maybe: a quantity without dimension stays a quantity in `2.0 * deg`. */
+/** objfloat.c calls it for mp_obj_get_float_maybe: a quantity without dimension stays a quantity in `2.0 * deg`. */
 bool units_plain_number(mp_obj_t value, mp_float_t *number);
 
 #endif

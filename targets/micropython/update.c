@@ -11,12 +11,12 @@
 typedef struct Update {
     struct Update *next;
     ScriptRoot *module;
-    uint8_t *before;   ///< what its memory was before a call
+    uint8_t *before;   ///< its memory before a call
     char failure[200]; ///< why the last call failed that did
     uint32_t turns;    ///< that a call may take
     uint32_t most_turns;
     uint32_t updates, failures;
-    uint32_t told;          ///< failures up to the last text of telemetry
+    uint32_t reported;      ///< failures up to the last text of telemetry
     uint16_t crc;           ///< of that text
     int64_t longest, total; ///< [ns]
 } Update;
@@ -48,12 +48,12 @@ static void undo(const Update *u)
     }
 }
 
-/* Keep why a call failed, and tell the ground. */
-static void tell(Update *u, int64_t t)
+/* Store the reason of a failed call, and report it to the ground. */
+static void report(Update *u, int64_t t)
 {
     const uint16_t crc = command_crc((const uint8_t *)script_error(), (uint32_t)strlen(script_error()));
     (void)strncpy(u->failure, script_error(), sizeof u->failure - 1u);
-    if (crc != u->crc || u->failures >= 2u * u->told) {
+    if (crc != u->crc || u->failures >= 2u * u->reported) {
         char memory[sizeof u->failure + 100u];
         ScriptText text = {memory, sizeof memory, 0u};
         const mp_print_t print = script_text(&text);
@@ -61,7 +61,7 @@ static void tell(Update *u, int64_t t)
         mp_printf(&print, ", failure %u: %s", (unsigned)u->failures, u->failure);
         telemetry_text(&executive_texts, t >= 0 ? t : executive.t, TELEMETRY_SCRIPT, 0u, script_error_line(), memory);
         u->crc = crc;
-        u->told = u->failures;
+        u->reported = u->failures;
     }
 }
 
@@ -82,7 +82,7 @@ static void call(Update *u, mp_obj_t function, size_t n, Tick t)
     if (failed) {
         u->failures++;
         undo(u);
-        tell(u, t.t);
+        report(u, t.t);
     }
 }
 
@@ -136,7 +136,7 @@ const char *update_failure(void)
     return u != NULL ? u->failure : NULL;
 }
 
-/* --- what a script calls --------------------------------------------------------------------------- */
+/* --- functions for scripts ------------------------------------------------------------------------- */
 
 static uint8_t *output_of(mp_obj_t object, mp_obj_t port, const char *what)
 {

@@ -80,12 +80,12 @@ static void watch_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
     }
 }
 
-static Watch *reduce(mp_obj_t self, ExecMeasure measure, const char *what)
+static Watch *reduce(mp_obj_t self, ExecMeasure measure, const char *reduction)
 {
     const Watch *w = MP_OBJ_TO_PTR(self);
     if (w->field == NULL || w->field->n_dimensions == 0u || w->measure != WHOLE) {
         Text text;
-        objects_refuse("%s: %s is for arrays", watch_text(&text, w), what);
+        objects_refuse("%s: %s is for arrays", watch_text(&text, w), reduction);
     }
     Watch *other = MP_OBJ_TO_PTR(watch_new(w->node, w->field));
     other->measure = (uint8_t)measure;
@@ -301,11 +301,11 @@ static mp_obj_t condition_unary(mp_unary_op_t op, mp_obj_t self)
 static MP_DEFINE_CONST_OBJ_TYPE(condition_type, MP_QSTR_Condition, MP_TYPE_FLAG_NONE, binary_op, condition_binary,
                                 unary_op, condition_unary);
 
-const ExecutiveCondition *watch_condition(mp_obj_t value, const char *what, const char *key)
+const ExecutiveCondition *watch_condition(mp_obj_t value, const char *subject, const char *key)
 {
     if (!mp_obj_is_type(value, &condition_type)) {
         const mp_print_t *print = objects_error();
-        mp_printf(print, "%s: %s takes a condition, as in watch(port).field < 1; found ", what, key);
+        mp_printf(print, "%s: %s takes a condition, as in watch(port).field < 1; found ", subject, key);
         objects_print_found(print, value);
         objects_raise();
     }

@@ -32,7 +32,7 @@ enum { BEAT_NS = 5000000 };
 #endif
 #define PATIENCE (BOARD_PATIENCE_MS / (BEAT_NS / 1000000))
 
-enum { RING = 8192 }; /* what comes within 20 ms at 3,000,000 baud, and more */
+enum { RING = 8192 }; /* more than arrives within 20 ms at 3,000,000 baud */
 
 uint64_t board_late;
 
@@ -63,7 +63,7 @@ void board_interrupt(void)
     const uint32_t line = AT(uint32_t, PLIC_CLAIM);
     while ((AT(uint8_t, UART + STATUS) & RECEIVED) != 0u) {
         const uint8_t byte = AT(uint8_t, UART + DATA);
-        if (filled - taken < RING) { /* else it is lost, and the line asks for it again */
+        if (filled - taken < RING) { /* else it is lost, and the line requests it again */
             ring[filled % RING] = byte;
             filled = filled + 1u;
         }
@@ -74,7 +74,7 @@ void board_interrupt(void)
 /* ---- the start */
 
 /* Page 0, the code and the guard below the stack, each from an address to the next: locked, they hold in machine mode.
- * A stray pointer and a full stack are faults, where else they would change what flies. */
+ * A stray pointer and a full stack are faults, where else they would change the flight software. */
 static void protect(void)
 {
     enum { READ = 1, EXECUTE = 4, TO_ADDRESS = 8, LOCKED = 0x80 };

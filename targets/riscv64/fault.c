@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What start.S leaves of an exception, or of a watchdog that has expired, in words. */
+/* The report of an exception, or of a watchdog that has expired, from the words of start.S. */
 #include "targets/bare/fault.h"
 #include "targets/bare/memory.h"
 #include "targets/riscv64/riscv64.h"
@@ -7,7 +7,7 @@
 uint64_t board_registers[32];
 uint64_t board_fault_stack[BOARD_FAULT_STACK / 8] __attribute__((aligned(16)));
 
-static const char *what_of(uint64_t cause, uint64_t value)
+static const char *problem_of(uint64_t cause, uint64_t value)
 {
     static const char *const known[] = {"jump to an odd address",
                                         "jump to what is no code",
@@ -47,7 +47,7 @@ void board_exception(uint64_t cause, uint64_t pc, uint64_t value)
             values[i + 2] = board_registers[order[i].n];
         }
         const BareFault fault = {board_late != 0u ? "watchdog: the program was not idle for 10 s,"
-                                                  : what_of(cause, value),
+                                                  : problem_of(cause, value),
                                  board_late != 0u ? board_late : pc,
                                  board_registers[1],
                                  names,

@@ -70,7 +70,7 @@ vectors:
         j       board_interrupt         # 11: a device
         .option pop
 
-/* Of a watchdog that has expired, too. The stack may be what is wrong: the registers go into memory of their own, and
+/* Of a watchdog that has expired, too. The stack may be damaged: the registers go into memory of their own, and
  * so does the report. */
 exception:
         .global board_exception_entry

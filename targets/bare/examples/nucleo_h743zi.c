@@ -79,7 +79,7 @@ size_t board_receive(void *bytes, size_t room)
 
 void cortex_m7_beat(void) {} /* it ends the sleep */
 
-/* The count of cycles turns every 67 s; flight asks more often. */
+/* The count of cycles turns every 67 s; flight reads it more often. */
 int64_t board_time(void)
 {
     static uint32_t last;

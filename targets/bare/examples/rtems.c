@@ -86,7 +86,7 @@ rtems_task flight_task(rtems_task_argument unused)
     }
     cfmakeraw(&raw);
     (void)cfsetspeed(&raw, B921600);
-    raw.c_cc[VMIN] = 0; /* a read takes what there is */
+    raw.c_cc[VMIN] = 0; /* a read returns the bytes that have arrived */
     raw.c_cc[VTIME] = 0;
     (void)tcsetattr(line, TCSANOW, &raw);
     (void)ioctl(line, RTEMS_IO_RCVWAKEUP, &wakeup);

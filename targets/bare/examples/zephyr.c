@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A mission in a thread of Zephyr. The board's overlay says which UART is the line, which must not be the console's:
+/* A mission in a thread of Zephyr. The board's overlay names the UART of the line, which must not be the console's:
  *
  *     / { chosen { fledge,line = &usart3; }; };
  *

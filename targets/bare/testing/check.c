@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* For tests: checks the support of a board and its C library. It prints a line for each failure, and "checked" at the
- * end; a letter that comes through the line then asks for something, mostly for a fault. */
+ * end; a letter through the line then requests an action, mostly a fault. */
 #include "targets/bare/memory.h"
 #include "targets/bare/port.h"
 
@@ -85,9 +85,9 @@ void wild_quotient(void)
     initial = initial / zero;
 }
 
-static void do_what_is_asked(char what)
+static void obey(char order)
 {
-    switch (what) {
+    switch (order) {
     case 'c': wild_call(); break;
     case 's': wild_store(); break;
     case 'l': wild_load(); break;
@@ -124,16 +124,16 @@ int main(void)
     errno = 0;
     CHECK(strtod("1e999", NULL) > 1e300 && errno == ERANGE);
     static volatile double tiny = 0x1p-1070, two = 2.0;
-    CHECK(tiny * 0x1p100 == 0x1p-970 && tiny / two == 0x1p-1071); /* what is denormal stays */
+    CHECK(tiny * 0x1p100 == 0x1p-970 && tiny / two == 0x1p-1071); /* denormal numbers stay */
     CHECK(sqrt(two) == 0x1.6a09e667f3bcdp+0);
 
     initial = zero = 0u;
     board_watch();
     printf("checked\n");
-    for (char what = 0; what != '.';) {
+    for (char order = 0; order != '.';) {
         board_watch();
-        if (board_receive(&what, 1u) == 1u) {
-            do_what_is_asked(what);
+        if (board_receive(&order, 1u) == 1u) {
+            obey(order);
         }
     }
     return 0;

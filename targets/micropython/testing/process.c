@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Composes the mission once by each of the frozen modules case_0, case_1, ... and prints what comes of it. */
+/* Composes the mission once by each of the frozen modules case_0, case_1, ... and prints the results. */
 #include "targets/micropython/process.h"
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
