@@ -202,15 +202,15 @@ TEST_P(MissionIoTest, WhatAWordHoldsAndATypeDoesNotIsHeldAtItsEnd)
         }
         Mission mission{};
         mission_io_read(&io_, &window_, &mission, 0, &counts_);
-        double found = 0;
+        double value = 0;
         switch (ROWS[i].number) {
-        case FLEDGE_I16: found = mission.in.i16[1]; break;
-        case FLEDGE_U16: found = mission.in.u16[1]; break;
-        case FLEDGE_I8: found = mission.in.i8[1]; break;
-        case FLEDGE_U8: found = mission.in.u8[1]; break;
+        case FLEDGE_I16: value = mission.in.i16[1]; break;
+        case FLEDGE_U16: value = mission.in.u16[1]; break;
+        case FLEDGE_I8: value = mission.in.i8[1]; break;
+        case FLEDGE_U8: value = mission.in.u8[1]; break;
         default: continue; // as wide as the words, or wider
         }
-        EXPECT_EQ(found, ROWS[i].high);
+        EXPECT_EQ(value, ROWS[i].high);
     }
 }
 

@@ -157,9 +157,9 @@ static int fetch_packet(const MissionIo *io, const RegisterWindow *w, const Miss
             break; /* empty; or the last one again; or the writer is faster */
         }
     }
-    const int found = *fresh != 0u;
+    const int ready = *fresh != 0u;
     *fresh = 0u;
-    return found;
+    return ready;
 }
 
 static void forget(const MissionIo *io, const RegisterWindow *w)
@@ -213,13 +213,13 @@ static uint32_t take_rows(const MissionIo *io, const RegisterWindow *w, uint32_t
     const MissionLane *first = &io->lanes[i];
     const MissionPacket *packet = packet_of(io, i);
     if (packet) {
-        const int found = fetch_packet(io, w, packet, counts);
-        if (found && !*headed) {
+        const int fetched = fetch_packet(io, w, packet, counts);
+        if (fetched && !*headed) {
             mission_io_head(message, t);
             *headed = 1;
         }
         for (; packet_of(io, i) == packet && io->lanes[i].message == first->message; i++) {
-            if (found) {
+            if (fetched) {
                 take_numbers(lane_of(io, first), &io->lanes[i], packet, message);
             }
         }

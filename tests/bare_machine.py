@@ -50,13 +50,13 @@ class Machine:
 
     def until(self, pattern: str) -> re.Match[str]:
         """The next match in the output of the program; later calls search behind it."""
-        while not (found := re.search(pattern, self.text, re.MULTILINE)):
+        while not (match := re.search(pattern, self.text, re.MULTILINE)):
             assert self.process.stdout is not None
             more = self.process.stdout.read1(65536)
             assert more, f"it ended, and said no '{pattern}':\n{self.text}"
             self.text += more.decode(errors="replace").replace("\r", "")
-        self.text = self.text[found.end():]
-        return found
+        self.text = self.text[match.end():]
+        return match
 
     def say(self, text: str) -> None:
         assert self.process.stdin is not None

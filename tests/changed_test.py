@@ -51,8 +51,8 @@ def test_a_world_model_reaches_the_missions_that_wire_it():
 def test_the_reach_has_all_users_of_a_module():
     users = {str(path.parent) for path in files() if path.parts[0] == "missions" and path.name == "flight.py"
              and "fsw.MrpFeedback(" in (ROOT / path).read_text(encoding="utf-8")}
-    found = changed.of_modules({"mrpfeedback"}, wide=True)
-    assert len(users) > 10 and users <= {os.path.dirname(path) for path in found}
+    users_found = changed.of_modules({"mrpfeedback"}, wide=True)
+    assert len(users) > 10 and users <= {os.path.dirname(path) for path in users_found}
 
 
 def test_the_kernel_reaches_all_that_uses_it():
@@ -83,8 +83,8 @@ def test_a_mission_reaches_its_own_tests_and_those_that_name_it():
     ("fledge", set(), {"tests/launcher_test.py"}, "python/fledge/units_test.py"),
 ])
 def test_what_a_file_chooses(path, cases, least, never):
-    found, paths = near(path)
-    assert (ROOT / path).exists() and found == cases and least <= paths and never not in paths
+    suites, paths = near(path)
+    assert (ROOT / path).exists() and suites == cases and least <= paths and never not in paths
 
 
 def test_a_file_that_nothing_uses_chooses_only_what_holds_for_every_file():
@@ -99,8 +99,8 @@ def test_a_file_that_nothing_uses_chooses_only_what_holds_for_every_file():
     ("docs/guide.md", "tests/links_test.py", "python/fledge/units_test.py"),
 ])
 def test_the_reach_follows_the_tables(path, least, never):
-    found = changed.reach([path])
-    assert least in found and never not in found and (ROOT / never).exists()
+    reached = changed.reach([path])
+    assert least in reached and never not in reached and (ROOT / never).exists()
 
 
 HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dynamics/drag.h", "sim/runtime.h",
@@ -113,14 +113,14 @@ def test_each_test_whose_headers_the_compiler_finds_changed_is_chosen():
     tests = sorted(str(path) for path in files() if path.name.endswith("_test.cpp")
                    and path.parts[0] in ("flight", "world", "sim", "cosim"))
     closures = {header: changed.closure([header]) for header in HEADERS}
-    found = 0
+    checked = 0
     for source in random.Random(1).sample(tests, 20):
         command = ["g++", "-std=c++20", "-MM", "-I.", "-isystem", "/usr/include/eigen3", source]
         printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for header in {*HEADERS} & {*printed.split()}:
-            found += 1
+            checked += 1
             assert source in closures[header]
-    assert found >= 10
+    assert checked >= 10
 
 
 def test_every_test_of_c_and_cpp_has_suites_and_a_program_that_ninja_knows():

@@ -70,10 +70,10 @@ def seconds(report: Path) -> dict[str, float]:
             for case in ElementTree.parse(report).getroot().iter("testcase")}
 
 
-def table(found: list[Case], times: dict[str, float]) -> str:
+def table(cases: list[Case], times: dict[str, float]) -> str:
     """Folder, quick cases and their seconds, long cases and their seconds, and why these are long."""
     folders = defaultdict(lambda: ([], []))
-    for case in found:
+    for case in cases:
         folders[case.folder][case.why is not None].append(case)
     lines = [f"{'folder':36} {'quick':>6} {'s':>7} {'long':>6} {'s':>7}"]
     total = [0, 0.0, 0, 0.0]

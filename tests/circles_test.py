@@ -14,8 +14,8 @@ def test_each_folder_with_a_long_test_has_a_quick_one(collected):
     cases = [circles.case(item) for item in collected]
     print(circles.table(cases, circles.seconds(circles.REPORT)))
     quick = {case.folder for case in cases if case.why is None}
-    found = {item.path.relative_to(ROOT) for item in collected}
-    partly = {str(path.parent) for path in files() if path.name.endswith("_test.py") and path not in found}
+    collected_files = {item.path.relative_to(ROOT) for item in collected}
+    partly = {str(path.parent) for path in files() if path.name.endswith("_test.py") and path not in collected_files}
     assert {case.folder for case in cases if case.why is not None} - quick - partly == set()
 
 

@@ -187,10 +187,10 @@ def test_a_crash_of_a_reset_has_no_task(own):
 
 def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
     code, stderr = flown(own, "montecarlo", "fall", "--runs", 40, "--jobs", 2, "--seed", 3)
-    found = re.search(r"segmentation fault \(SIGSEGV\) in flight.trap \(Trap\), task gnc, at t = 2.125 s, in run "
+    match = re.search(r"segmentation fault \(SIGSEGV\) in flight.trap \(Trap\), task gnc, at t = 2.125 s, in run "
                       r"(\d+) of a campaign\n.*(montecarlo fall --seed 3 --only \d+)", stderr)
-    assert code == -signal.SIGSEGV and found and found[2].endswith(f" {found[1]}")
-    code, again = flown(own, *found[2].split())
+    assert code == -signal.SIGSEGV and match and match[2].endswith(f" {match[1]}")
+    code, again = flown(own, *match[2].split())
     assert code == -signal.SIGSEGV and "flight.trap (Trap), task gnc, at t = 2.125 s" in again
 
 

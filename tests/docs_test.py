@@ -54,15 +54,15 @@ class Shell:
 
 def commands(text):
     """(command, lines that it reads, lines that it must print) of a console block."""
-    found = []
+    steps = []
     for line in text.splitlines():
         if line.startswith("$ "):
-            found.append((line[2:], [], []))
+            steps.append((line[2:], [], []))
         elif line.startswith(PROMPT):
-            found[-1][1].append(line[len(PROMPT):])
+            steps[-1][1].append(line[len(PROMPT):])
         else:
-            found[-1][2].append(line.strip())
-    return found
+            steps[-1][2].append(line.strip())
+    return steps
 
 
 def missing(expected, printed):

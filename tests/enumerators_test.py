@@ -56,14 +56,14 @@ def examples(page):
 def test_the_scripts_of_a_folder_name_enumerators(folder):
     scripts = sorted((ROOT / folder).rglob("*.py"))
     assert len(scripts) > 2
-    assert {str(path.relative_to(ROOT)): found for path in scripts
-            if (found := list(bare(path.read_text(encoding="utf-8"))))} == {}
+    assert {str(path.relative_to(ROOT)): lines for path in scripts
+            if (lines := list(bare(path.read_text(encoding="utf-8"))))} == {}
 
 
 def test_the_examples_of_the_documents_name_enumerators():
     blocks = [(page.name, block) for page in sorted((ROOT / "docs").glob("*.md")) for block in examples(page)]
     assert len(blocks) > 40
-    assert [(name, found) for name, block in blocks if (found := list(bare(block)))] == []
+    assert [(name, lines) for name, block in blocks if (lines := list(bare(block)))] == []
 
 
 @pytest.mark.parametrize("text", ["x.head.quality == 3", "log['a.head.quality'][-1] < 3", "x.head.quality = 2",

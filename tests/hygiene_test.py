@@ -43,10 +43,9 @@ def test_names_differ_in_more_than_case():
 
 
 def test_no_text_names_a_machine_or_promises_work():
-    found = [f"{path}:{number}: {line.strip()}" for path, lines in code()
-             for number, line in enumerate(lines, 1)
-             if MACHINE_PATH.search(line) or PROMISE.search(line)]
-    assert not found, "\n" + "\n".join(found)
+    problems = [f"{path}:{number}: {line.strip()}" for path, lines in code() for number, line in enumerate(lines, 1)
+                if MACHINE_PATH.search(line) or PROMISE.search(line)]
+    assert not problems, "\n" + "\n".join(problems)
 
 
 def test_lines_are_tidy():

@@ -205,12 +205,12 @@ def room(module: str) -> str:
 def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
     """Complaints about the imports between the parts of python/fledge."""
     complaints = []
-    for module, found in imports.items():
+    for module, others in imports.items():
         part = layers.part_of(module)
         if part not in layers.LEVEL:
             complaints.append(f"fledge.{module}: the part {part} has no layer; add it to PARTS in tests/layers.py")
             continue
-        for line, other in found:
+        for line, other in others:
             there = layers.part_of(other)
             if part == there == "targets" and room(module) not in ROOMS and room(other) in ROOMS:
                 complaints.append(f"fledge.{module}:{line}: what targets share may not import fledge.{other}, one of "
@@ -238,9 +238,9 @@ def circle(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
             return [*way[way.index(module):], module]
         if module not in done:
             for _, other in imports.get(module, []):
-                found = follow(other, [*way, module])
-                if found:
-                    return found
+                circle_back = follow(other, [*way, module])
+                if circle_back:
+                    return circle_back
             done.add(module)
         return []
 
@@ -266,8 +266,8 @@ def test_no_modules_of_the_library_import_one_another_in_a_circle():
     ("cellar.a", "units", "the part cellar has no layer"),
 ])
 def test_an_import_upwards_is_refused(module, other, complaint):
-    (found,) = check_parts({module: [(1, other)]})
-    assert complaint in found
+    (message,) = check_parts({module: [(1, other)]})
+    assert complaint in message
 
 
 def test_a_circle_is_found():
@@ -298,9 +298,9 @@ def test_a_circle_is_found():
     ("missions/a/flight.py", "from fledge import sim", "flight.py may not import fledge.sim"),
 ])
 def test_a_shortcut_is_refused_with_its_place_and_rule(path, line, complaint):
-    (found,) = check(Path(path), "\n" + line + "\n")
-    assert found.startswith(f"{path}:2: ")
-    assert complaint in found
+    (message,) = check(Path(path), "\n" + line + "\n")
+    assert message.startswith(f"{path}:2: ")
+    assert complaint in message
 
 
 @pytest.mark.parametrize("path, line", [

@@ -266,9 +266,9 @@ def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
     data = tmp_path / f"fledge-{fledge.__version__}.data/data"
     brought = {path.name for path in (data / "lib/fledge/lib").glob("*.so.*")}
     assert {"libzmq.so.5", "liberfa.so.1"} <= brought and not brought & {"libc.so.6", "libm.so.6", "libstdc++.so.6"}
-    found = fledge_wheel.libraries(data / "lib/fledge")
-    assert {name for name, file in found.items() if data in file.resolve().parents} == brought
-    assert all(fledge_wheel.OF_THE_SYSTEM.fullmatch(name) for name in found.keys() - brought)
+    libraries = fledge_wheel.libraries(data / "lib/fledge")
+    assert {name for name, file in libraries.items() if data in file.resolve().parents} == brought
+    assert all(fledge_wheel.OF_THE_SYSTEM.fullmatch(name) for name in libraries.keys() - brought)
     metadata = (tmp_path / f"fledge-{fledge.__version__}.dist-info/METADATA").read_text()
     assert "\nRequires-Dist: numpy" in metadata and "\nRequires-Python: >=3.11\n" in metadata
     assert (data / VIEWER).exists() == bundle.is_built()

@@ -18,12 +18,12 @@ def prose(text):
 
 def anchors(text):
     """The anchors that GitHub and MyST give to the headings of a document."""
-    found = []
+    anchors = []
     for heading in HEADING.findall(prose(text)):
         words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
         anchor = re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
-        found.append(anchor if anchor not in found else f"{anchor}-{found.count(anchor)}")
-    return found
+        anchors.append(anchor if anchor not in anchors else f"{anchor}-{anchors.count(anchor)}")
+    return anchors
 
 
 def broken(path, text, tree):
@@ -47,9 +47,9 @@ def broken(path, text, tree):
 
 def test_each_link_leads_to_a_file_and_a_heading():
     tree = {str(path) for path in files()}
-    found = {str(path): wrong for path in files() if path.suffix == ".md"
-             if (wrong := broken(path, (ROOT / path).read_text(encoding="utf-8"), tree))}
-    assert found == {}
+    wrong_links = {str(path): wrong for path in files() if path.suffix == ".md"
+                   if (wrong := broken(path, (ROOT / path).read_text(encoding="utf-8"), tree))}
+    assert wrong_links == {}
 
 
 @pytest.mark.parametrize("text, wrong", [

@@ -22,7 +22,7 @@ def sources():
 
 def hashes(printed):
     """Name -> (hash, how often its outputs changed)."""
-    return {name: (found, int(changes)) for name, found, changes in map(str.split, printed.splitlines())}
+    return {name: (hash_, int(changes)) for name, hash_, changes in map(str.split, printed.splitlines())}
 
 
 def run(folder, *flags, compiler="gcc", runner=(), link=()):

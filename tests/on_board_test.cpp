@@ -63,8 +63,8 @@ TEST(OnBoard, sun_and_moon_are_where_DE405_has_them)
     Random random{1};
     for (int i = 0; i < runs(4000); i++) {
         const Instant now(random, 2000.01, 2049.99);
-        const auto compare = [&](int body, const BodyState &found, double &angle, double &off) {
-            const Vector3d r = jpl.state(body, 399, now.epoch).r, s = eigen(found.r_PN_N);
+        const auto compare = [&](int body, const BodyState &computed, double &angle, double &off) {
+            const Vector3d r = jpl.state(body, 399, now.epoch).r, s = eigen(computed.r_PN_N);
             angle = std::max(angle, (r.normalized() - s.normalized()).norm());
             off = std::max(off, std::abs(r.norm() - s.norm()));
         };

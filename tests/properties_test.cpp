@@ -49,7 +49,7 @@ struct Number {
 /// All numbers of the fields of a group, those of messages included, spares left out.
 std::vector<Number> numbers(const FledgeStruct &type, FledgeGroup group, std::byte *memory)
 {
-    std::vector<Number> found;
+    std::vector<Number> result;
     for (const FledgeField &field : sim::fields(type)) {
         if (field.group != group || field.flags & FLEDGE_SPARE) {
             continue;
@@ -57,16 +57,16 @@ std::vector<Number> numbers(const FledgeStruct &type, FledgeGroup group, std::by
         if (field.type == FLEDGE_STRUCT) {
             for (std::uint32_t at = 0; at < field.size; at += field.sub->size) {
                 for (Number number : numbers(*field.sub, FLEDGE_NONE, memory + field.offset + at)) {
-                    found.push_back(number);
+                    result.push_back(number);
                 }
             }
         } else {
             for (std::uint32_t at = 0; at < field.size; at += element_size(field.type)) {
-                found.push_back({field.type, memory + field.offset + at, &field});
+                result.push_back({field.type, memory + field.offset + at, &field});
             }
         }
     }
-    return found;
+    return result;
 }
 
 bool named(const Number &number, const char *name)

@@ -100,7 +100,7 @@ def findings(chosen):
 
 
 if __name__ == "__main__":
-    found = findings([source for source in sources() if not sys.argv[1:]
-                      or any(source.is_relative_to(given) for given in sys.argv[1:])])
-    print(found, end="")
-    sys.exit(bool(found))
+    text = findings([source for source in sources() if not sys.argv[1:]
+                     or any(source.is_relative_to(given) for given in sys.argv[1:])])
+    print(text, end="")
+    sys.exit(bool(text))

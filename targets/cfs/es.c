@@ -95,12 +95,12 @@ static bool find(App *app)
 bool pocket_program(const char *file, const char *entry_name)
 {
     App probe = {.priority = 0};
-    const bool found = pocket_name(probe.file, sizeof probe.file, file) &&
-                       pocket_name(probe.entry_name, sizeof probe.entry_name, entry_name) && find(&probe);
+    const bool loaded = pocket_name(probe.file, sizeof probe.file, file) &&
+                        pocket_name(probe.entry_name, sizeof probe.entry_name, entry_name) && find(&probe);
     if (probe.code != NULL) {
         port_unload(probe.code);
     }
-    return found;
+    return loaded;
 }
 
 CFE_Status_t pocket_start_app(const char *file, const char *entry_name, const char *name, uint32 priority,

@@ -56,12 +56,12 @@ int32 OS_TaskDelete(osal_id_t task_id)
 {
     pocket_lock();
     const uint32 slot = pocket_task_of_locked(task_id);
-    const bool found = slot > 0u && slot < POCKET_TASKS;
-    if (found) {
+    const bool valid = slot > 0u && slot < POCKET_TASKS;
+    if (valid) {
         pocket_task_delete_locked(slot);
     }
     pocket_unlock();
-    return found ? OS_SUCCESS : OS_ERR_INVALID_ID;
+    return valid ? OS_SUCCESS : OS_ERR_INVALID_ID;
 }
 
 void OS_TaskExit(void)

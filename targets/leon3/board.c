@@ -191,8 +191,8 @@ BareContext bare_context(void *stack, size_t size, void (*entry)(uint32_t), uint
     }
     frame[0] = (uint32_t)(uintptr_t)entry; /* %l0 */
     frame[1] = argument;                   /* %l1 */
-    const BareContext made = {(uint32_t)(uintptr_t)frame, (uint32_t)(uintptr_t)leon3_begin - 8u};
-    return made;
+    const BareContext context = {(uint32_t)(uintptr_t)frame, (uint32_t)(uintptr_t)leon3_begin - 8u};
+    return context;
 }
 
 int main(void);

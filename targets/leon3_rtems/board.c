@@ -106,9 +106,9 @@ int64_t bare_now(void)
 
 static void look_at_stack(const rtems_stack_checker_info *stack, void *most)
 {
-    uint32_t *found = most;
+    uint32_t *peak = most;
     const uint32_t used = (uint32_t)stack->used;
-    *found = used > *found ? used : *found;
+    *peak = used > *peak ? used : *peak;
 }
 
 uint32_t leon3_stack_used(void)

@@ -47,11 +47,11 @@ void mission_run_task(uint32_t task, void (*run)(void *mission, Tick t), void *m
 static rtems_task_priority priority(uint32_t i)
 {
     const ExecRate *rates = fledge_mission.rates;
-    rtems_task_priority found = FLIGHT_PRIORITY + 1;
+    rtems_task_priority priority = FLIGHT_PRIORITY + 1;
     for (uint32_t k = 0u; k < MISSION_TASKS; k++) {
-        found += rates[k].period < rates[i].period || (rates[k].period == rates[i].period && k < i) ? 1u : 0u;
+        priority += rates[k].period < rates[i].period || (rates[k].period == rates[i].period && k < i) ? 1u : 0u;
     }
-    return found;
+    return priority;
 }
 
 static rtems_task begin(rtems_task_argument unused)

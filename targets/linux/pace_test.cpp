@@ -31,9 +31,9 @@ TEST(Pace, QuantilesAreThoseOfTheSortedDurationsToAnEighth)
         EXPECT_EQ(pace_quantile(&h, 1.0), all.back());
         for (const double share : {0.01, 0.5, 0.9, 0.99}) {
             const auto exact = all[static_cast<std::size_t>(std::ceil(share * 999)) - 1];
-            const auto found = pace_quantile(&h, share);
-            EXPECT_GE(found, exact);
-            EXPECT_LE(found, exact + exact / 8 + 1);
+            const auto quantile = pace_quantile(&h, share);
+            EXPECT_GE(quantile, exact);
+            EXPECT_LE(quantile, exact + exact / 8 + 1);
         }
     }
 }

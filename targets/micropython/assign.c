@@ -170,9 +170,9 @@ static void convert(const ScriptNode *node, const ScriptField *field, mp_obj_t v
     refuse_inert(node, field, value);
     const mp_obj_t number = within(node, field, value, &seconds);
     if (field->type == FLEDGE_ENUM && (!field->n_dimensions || depth || !mp_obj_is_int(value))) {
-        int32_t found;
-        fits =
-            enumerator(script_field_enum(field), value, &found) && assign_number(FLEDGE_ENUM, to, assign_whole(found));
+        int32_t number;
+        fits = enumerator(script_field_enum(field), value, &number) &&
+               assign_number(FLEDGE_ENUM, to, assign_whole(number));
     } else if (seconds) {
         int64_t ns;
         fits =
@@ -510,7 +510,7 @@ NORETURN static void refuse_count(const ScriptNode *node, const ScriptField *fie
 
 void (*objects_changed)(uint16_t place);
 
-static void tell(const ScriptNode *node)
+static void notify_executive(const ScriptNode *node)
 {
     const int16_t place = objects_root(node)->place;
     if (objects_changed != NULL && place >= 0 && update_running() == NULL) {
@@ -524,7 +524,7 @@ void objects_store(ScriptNode *node, const ScriptField *field, mp_obj_t value)
     if (!store(node, field, value)) {
         refuse_count(node, field);
     }
-    tell(node);
+    notify_executive(node);
 }
 
 /* Long texts of a script are no qstrs. */
@@ -542,7 +542,7 @@ static const mp_map_elem_t *named(const mp_map_t *values, const char *name)
 qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
 {
     const ScriptType *type = node->type;
-    size_t found = 0;
+    size_t assigned = 0;
     int waiting = 0;
     for (int pass = 0; pass < 1 + waiting; pass++) {
         for (uint32_t i = 0; i < type->n; i++) {
@@ -551,7 +551,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
             if (!value || (pass && (field->count == SCRIPT_NO_FIELD || given(node, i)))) {
                 continue;
             }
-            found += !pass;
+            assigned += !pass;
             if (!store(node, field, value->value)) {
                 if (pass) {
                     refuse_count(node, field);
@@ -560,7 +560,7 @@ qstr assign_all(ScriptNode *node, mp_map_t *values, const qstr *apart)
             }
         }
     }
-    for (size_t i = 0; i < values->alloc && found < values->used; i++) {
+    for (size_t i = 0; i < values->alloc && assigned < values->used; i++) {
         if (mp_map_slot_is_filled(values, i)) {
             const mp_obj_t key = values->table[i].key;
             const qstr name = mp_obj_is_str(key) ? mp_obj_str_get_qstr(key) : MP_QSTR_;
@@ -584,7 +584,7 @@ void assign_element(ScriptNode *node, const ScriptField *field, uint32_t at, mp_
         swap(to, aside, width);
         objects_raise();
     }
-    tell(node);
+    notify_executive(node);
 }
 
 mp_obj_t assign_item(mp_obj_t value, uint32_t k, uint32_t n)

@@ -79,12 +79,12 @@ static MP_DEFINE_CONST_FUN_OBJ_1(inert_named_object, inert_named);
 /* The result that the export has computed, in place of the world's function. */
 static mp_obj_t world_named(mp_obj_t name)
 {
-    mp_obj_t found[2] = {MP_OBJ_NULL, MP_OBJ_NULL};
+    mp_obj_t attribute[2] = {MP_OBJ_NULL, MP_OBJ_NULL};
     if (fledge_script.computed) {
         const mp_obj_t module = mp_import_name(MP_QSTR_fledge_computed, mp_const_none, MP_OBJ_NEW_SMALL_INT(0));
-        mp_load_method_maybe(module, mp_obj_str_get_qstr(name), found);
+        mp_load_method_maybe(module, mp_obj_str_get_qstr(name), attribute);
     }
-    return found[0] != MP_OBJ_NULL ? found[0] : MP_OBJ_FROM_PTR(&script_inert);
+    return attribute[0] != MP_OBJ_NULL ? attribute[0] : MP_OBJ_FROM_PTR(&script_inert);
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(world_named_object, world_named);
 

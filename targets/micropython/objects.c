@@ -741,21 +741,21 @@ MP_DEFINE_CONST_OBJ_TYPE(script_module_type, MP_QSTR_Module, MP_TYPE_FLAG_NONE, 
 /* `update=`, `reset=` or `turns=` of a module: takes it from the keywords. MP_OBJ_NULL: it is not there. */
 static mp_obj_t keyword_of(const ScriptType *type, mp_map_t *keywords, qstr name, qstr *apart)
 {
-    mp_map_elem_t *found = type->reset ? mp_map_lookup(keywords, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP) : NULL;
-    *apart = found ? name : MP_QSTRnull;
-    if (!found || found->value == mp_const_none) {
+    mp_map_elem_t *entry = type->reset ? mp_map_lookup(keywords, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP) : NULL;
+    *apart = entry ? name : MP_QSTRnull;
+    if (!entry || entry->value == mp_const_none) {
         return MP_OBJ_NULL;
     }
     const int turns = name == MP_QSTR_turns;
-    if (turns ? !mp_obj_is_small_int(found->value) || MP_OBJ_SMALL_INT_VALUE(found->value) < 1 ||
-                    MP_OBJ_SMALL_INT_VALUE(found->value) > INT32_MAX
-              : !mp_obj_is_callable(found->value)) {
+    if (turns ? !mp_obj_is_small_int(entry->value) || MP_OBJ_SMALL_INT_VALUE(entry->value) < 1 ||
+                    MP_OBJ_SMALL_INT_VALUE(entry->value) > INT32_MAX
+              : !mp_obj_is_callable(entry->value)) {
         mp_printf(objects_error(), "%s.%q: expected %s; found ", type->name, name,
                   turns ? "a whole number from 1 to 2^31 - 1" : "a function");
-        objects_print_found(&appended, found->value);
+        objects_print_found(&appended, entry->value);
         objects_raise();
     }
-    return found->value;
+    return entry->value;
 }
 
 static mp_obj_t make_object(mp_obj_t class, size_t n, size_t n_keywords, const mp_obj_t *arguments)

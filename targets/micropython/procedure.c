@@ -50,7 +50,7 @@ static struct {
     uint32_t n;
 } printed;
 
-static void say(const Apart *a, TelemetryTextKind kind, uint32_t line, const char *text)
+static void report(const Apart *a, TelemetryTextKind kind, uint32_t line, const char *text)
 {
     telemetry_text(&executive_texts, a->context.t, kind, a->context.sequence, line, text);
 }
@@ -58,7 +58,7 @@ static void say(const Apart *a, TelemetryTextKind kind, uint32_t line, const cha
 static void flush(TelemetryTextKind kind)
 {
     printed.text[printed.n] = '\0';
-    say(apart, kind, 0u, printed.text);
+    report(apart, kind, 0u, printed.text);
     printed.n = 0u;
 }
 
@@ -386,11 +386,11 @@ static mp_obj_t begin_procedure(Apart *a)
     if (main == NULL) {
         objects_refuse("a procedure defines main(f)");
     }
-    const mp_obj_t made = mp_call_function_1(main->value, MP_OBJ_FROM_PTR(&flight_object));
-    if (!mp_obj_is_type(made, &mp_type_gen_instance) && made != mp_const_none) {
+    const mp_obj_t program = mp_call_function_1(main->value, MP_OBJ_FROM_PTR(&flight_object));
+    if (!mp_obj_is_type(program, &mp_type_gen_instance) && program != mp_const_none) {
         objects_refuse("main(f) returns nothing, or yields");
     }
-    return made;
+    return program;
 }
 
 /* True: it goes on; False: it has ended. */
@@ -398,11 +398,11 @@ static mp_obj_t turn(void *context)
 {
     Apart *a = context;
     if (a->program == MP_OBJ_NULL) {
-        const mp_obj_t made = begin_procedure(a);
-        if (made == MP_OBJ_NULL) {
+        const mp_obj_t begun = begin_procedure(a);
+        if (begun == MP_OBJ_NULL) {
             return MP_OBJ_NULL;
         }
-        a->program = made;
+        a->program = begun;
     } else {
         begin_turn(a);
     }
@@ -431,10 +431,10 @@ void procedure_run(int64_t t)
     const char *wrong = result == MP_OBJ_NULL ? script_error() : end_turn(&procedure);
     if (wrong != NULL) {
         procedure.runs = 0u;
-        say(&procedure, TELEMETRY_PROCEDURE_KILLED, result == MP_OBJ_NULL ? script_error_line() : 0u, wrong);
+        report(&procedure, TELEMETRY_PROCEDURE_KILLED, result == MP_OBJ_NULL ? script_error_line() : 0u, wrong);
     } else if (result == mp_const_false) {
         procedure.runs = 0u;
-        say(&procedure, TELEMETRY_PROCEDURE_ENDED, 0u, "");
+        report(&procedure, TELEMETRY_PROCEDURE_ENDED, 0u, "");
     }
 }
 
@@ -447,7 +447,7 @@ void procedure_end(void)
 {
     if (procedure.runs) {
         procedure.runs = 0u;
-        say(&procedure, TELEMETRY_PROCEDURE_STOPPED, 0u, "flight begins anew");
+        report(&procedure, TELEMETRY_PROCEDURE_STOPPED, 0u, "flight begins anew");
     }
 }
 
@@ -480,7 +480,7 @@ static CommandReason start(const CommandContext *context, uint16_t slot, uint32_
     procedure.slot = slot;
     procedure.n = n;
     procedure.runs = 1u;
-    say(&procedure, TELEMETRY_PROCEDURE_STARTED, 0u, "");
+    report(&procedure, TELEMETRY_PROCEDURE_STARTED, 0u, "");
     return COMMAND_OK;
 }
 
@@ -491,7 +491,7 @@ static CommandReason stop(const CommandContext *context, uint16_t slot)
     }
     procedure.runs = 0u;
     procedure.context.t = context->t;
-    say(&procedure, TELEMETRY_PROCEDURE_STOPPED, 0u, "by command");
+    report(&procedure, TELEMETRY_PROCEDURE_STOPPED, 0u, "by command");
     return COMMAND_OK;
 }
 
@@ -534,7 +534,8 @@ static CommandReason evaluate(const CommandContext *context, const uint8_t *text
     entered.n = n;
     const char *wrong = run_apart(&entered.apart, run_text) == MP_OBJ_NULL ? script_error() : end_turn(&entered.apart);
     printed.text[printed.n] = '\0';
-    say(&entered.apart, wrong == NULL ? TELEMETRY_RESULT : TELEMETRY_ERROR, 0u, wrong == NULL ? printed.text : wrong);
+    report(&entered.apart, wrong == NULL ? TELEMETRY_RESULT : TELEMETRY_ERROR, 0u,
+           wrong == NULL ? printed.text : wrong);
     return wrong == NULL ? COMMAND_OK : COMMAND_FAILED;
 }
 #else

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The tables that `fledge export micropython` writes of a mission for its script: the types of its modules and
- * messages, the places of its modules in the mission's memory, and the inputs of flight from outside. All tables are constant.
- * Names are texts, so that one interpreter serves all missions. */
+ * messages, the places of its modules in the mission's memory, and the inputs of flight from outside. All tables are
+ * constant. Names are texts, so that one interpreter serves all missions. */
 #ifndef TARGETS_MICROPYTHON_TABLES_H
 #define TARGETS_MICROPYTHON_TABLES_H
 

@@ -240,9 +240,9 @@ static mp_obj_t watch_binary(mp_binary_op_t op, mp_obj_t self, mp_obj_t value)
     ExecutiveCondition c = {.join = EXEC_COMPARE, .relation = (uint8_t)relation, .depth = 1u};
     c.of.operands[0] = operand_of(w);
     c.of.operands[1] = mp_obj_is_type(value, &watch_type) ? other_of(w, MP_OBJ_TO_PTR(value)) : constant_of(w, value);
-    Condition *made = mp_obj_malloc(Condition, &condition_type);
-    made->condition = c;
-    return MP_OBJ_FROM_PTR(made);
+    Condition *handle = mp_obj_malloc(Condition, &condition_type);
+    handle->condition = c;
+    return MP_OBJ_FROM_PTR(handle);
 }
 
 static mp_obj_t watch_unary(mp_unary_op_t op, mp_obj_t self)
@@ -269,16 +269,16 @@ MP_DEFINE_CONST_OBJ_TYPE(watch_type, MP_QSTR_Watch,
 
 static mp_obj_t join_conditions(ExecJoin join, const Condition *a, const Condition *b)
 {
-    Condition *made = mp_obj_malloc(Condition, &condition_type);
+    Condition *handle = mp_obj_malloc(Condition, &condition_type);
     const unsigned depth =
         b != NULL && b->condition.depth + 1u > a->condition.depth ? b->condition.depth + 1u : a->condition.depth;
     if (depth > EXEC_DEPTH) {
         objects_refuse("a condition nests more than %d deep", EXEC_DEPTH);
     }
-    made->condition = (ExecutiveCondition){.join = (uint8_t)join, .depth = (uint8_t)depth};
-    made->condition.of.parts[0] = &a->condition;
-    made->condition.of.parts[1] = b != NULL ? &b->condition : NULL;
-    return MP_OBJ_FROM_PTR(made);
+    handle->condition = (ExecutiveCondition){.join = (uint8_t)join, .depth = (uint8_t)depth};
+    handle->condition.of.parts[0] = &a->condition;
+    handle->condition.of.parts[1] = b != NULL ? &b->condition : NULL;
+    return MP_OBJ_FROM_PTR(handle);
 }
 
 static mp_obj_t condition_binary(mp_binary_op_t op, mp_obj_t a, mp_obj_t b)

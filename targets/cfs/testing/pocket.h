@@ -46,9 +46,9 @@ protected:
 
     static CFE_SB_PipeId_t pipe(std::uint16_t depth, const char *name = "p")
     {
-        CFE_SB_PipeId_t made;
-        EXPECT_EQ(CFE_SB_CreatePipe(&made, depth, name), 0);
-        return made;
+        CFE_SB_PipeId_t pipe;
+        EXPECT_EQ(CFE_SB_CreatePipe(&pipe, depth, name), 0);
+        return pipe;
     }
 
     /// A command with its checksum.

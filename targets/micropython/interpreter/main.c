@@ -27,8 +27,8 @@ static void out(const char *text, size_t n)
 /* A global of the script; MP_OBJ_NULL: it has none of that name. */
 static mp_obj_t global(const mp_obj_dict_t *globals, qstr name)
 {
-    mp_map_elem_t *found = mp_map_lookup((mp_map_t *)(uintptr_t)&globals->map, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP);
-    return found ? found->value : MP_OBJ_NULL;
+    mp_map_elem_t *entry = mp_map_lookup((mp_map_t *)(uintptr_t)&globals->map, MP_OBJ_NEW_QSTR(name), MP_MAP_LOOKUP);
+    return entry ? entry->value : MP_OBJ_NULL;
 }
 
 static int failed(void)
