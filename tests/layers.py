@@ -50,7 +50,7 @@ RULES = {
     "cosim": Rule("C, C++20, Python", "a simulation of many programs; `bindings`: nodes in other languages",
                   [*FLIGHT, "record", "registers", "sim", "targets", "cosim"]),
     "cosim/protocol": Rule("C++20", "the frames that the programs exchange", ["record"]),
-    "cosim/security": Rule("C++20", "keys, and who may take part", []),
+    "cosim/security": Rule("C++20", "keys, and which programs may take part", []),
     "cosim/transport": Rule("C++20", "sockets and shared memory", ["cosim/protocol", "cosim/security"]),
     "cosim/controller": Rule("C++20", "which program may step how far; without sockets or clocks",
                              ["cosim/protocol", "sim"]),
