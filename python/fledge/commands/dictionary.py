@@ -55,7 +55,7 @@ class Block:
 
 @dataclass(frozen=True)
 class EventId:
-    """An event that a module may say, by its header."""
+    """An event that a module may report, by its header."""
     id: int
     name: str                   # FIRED
     severity: str               # info, low, medium, high
@@ -200,7 +200,7 @@ class Dictionary:
                 self._choice(*row) for row in packing.iter_unpack(">4H", rows)]
 
     def _choice(self, place: int, offset: int, kind: int, n: int) -> Choice:
-        """What numbers of an output are."""
+        """The field and shape of some numbers of an output."""
         for path, field, at in leaves(self.outputs[place].fields if place < len(self.outputs) else []):
             width = ELEMENTS[field.type].size
             if at <= offset < at + field.size and field.type == dict(enumerate(NUMBERS)).get(kind):
@@ -217,7 +217,7 @@ class Dictionary:
     # --- in words ---
 
     def command(self, packet: bytes) -> str:
-        """What a command asks for: "write flight.control.K"."""
+        """A command in words: "write flight.control.K"."""
         code, place = packet[6], int.from_bytes(packet[10:12], "big")
         name = Code(code).name.lower().replace("_", " ") if code in Code._value2member_map_ else f"the code {code}"
         file = " " + packet[12:].decode(errors="replace") if code in NAMED else ""
@@ -318,7 +318,7 @@ def _plain(row: Block | Output) -> dict[str, Any]:
 
 
 def events_of(module: Any) -> list[EventId]:
-    """What a module may say, by the table of its header."""
+    """The events that a module may report, by the table of its header."""
     if module.events is None:
         return []
     begin = f"{snake(module.name).upper()}_"
@@ -350,7 +350,7 @@ def block_of(path: str, struct: Any, configuration: bool) -> Block | None:
 
 def rules_of(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0, initial: bool = False
              ) -> Iterator[Rule]:
-    """The rules of the headers' fields, whose block begins at `start`."""
+    """The rules of the headers' fields; their block begins at `start`."""
     places = {f.name: f.offset - start + base for f in fields}
     for f in fields:
         at = f.offset - start + base

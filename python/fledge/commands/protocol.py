@@ -16,7 +16,7 @@ COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
 SERVICES = [stream.name.lower() for stream in Stream]     # and these the texts
 PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
-TURNS = 10_000                           # of a procedure in one instant, unless the caller says
+TURNS = 10_000                           # of a procedure in one instant, by default
 LARGEST = 1e100                          # of a parameter
 NAME_MAX = 127                           # [bytes] of a file's name on board
 NUMBERS = [number.name.lower() for number in Number if number != Number.STRUCT]      # FledgeType

@@ -52,7 +52,7 @@ class Report(NamedTuple):
 
     @property
     def stage_text(self) -> str:
-        """What it says of a command that was not refused."""
+        """The stage of a command that was not refused, in words."""
         return {Stage.ACCEPTED: "accepted", Stage.DONE: "executed", Stage.STARTED: "started"}.get(
             self.stage, f"under way, {self.detail} %")
 
@@ -95,7 +95,7 @@ def storing(packets: Iterable[bytes]) -> list[Stored]:
 
 
 class Text(NamedTuple):
-    """What an interpreter in flight says: a TelemetryText."""
+    """A text of an interpreter in flight: a TelemetryText."""
     t: int                      # [ns] of flight
     kind: Kind
     sequence: int               # of the command that started the procedure or had the text
@@ -110,7 +110,7 @@ class Text(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What a module has said: an EventRecord of the log of events."""
+    """An event of a module: an EventRecord of the log of events."""
     t: int                      # [ns]
     output: str                 # flight.monitors.event
     name: str                   # FIRED

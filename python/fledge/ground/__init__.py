@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name != "Database":      # whose extension no script of a mission needs
+    if name != "Database":      # scripts of a mission do not need its extension
         raise AttributeError(f"fledge.ground has no '{name}'; there are {', '.join(__all__)}")
     from fledge.ground.database import Database
 
@@ -89,7 +89,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
 
 def perform(sim: Any, path: Path | str, radio: Any = None) -> None:
     """Run a script with steps (docs/ground.md) in a simulation, in which it commands the one process that flies; the
-    operator says yes. A relative path is one in the mission's folder. radio: as of connect().
+    operator confirms. A relative path is one in the mission's folder. radio: as of connect().
 
     Raises SetupError if there is no such script, fledge.ground.scripts.script.CheckFailed if it does not pass.
     """

@@ -50,7 +50,7 @@ class Format(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What a packet says of itself."""
+    """The header of a packet."""
 
     command: bool
     secondary: bool
@@ -131,7 +131,7 @@ def _archived(data: Any, at: int) -> tuple[int, int, bytes]:
 
 
 def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:
-    """Packets one behind the other, with what may stand between them; ground/capture/packets.h says what is one."""
+    """Packets one behind the other, with what may stand between them, as ground/capture/packets.h finds them."""
     from fledge import _ground
 
     for at, packet, problem, note in _ground.packets_of_bytes(data, skip):

@@ -41,8 +41,8 @@ def is_loopback(host: str) -> bool:
 
 
 def open_link(address: str, accepts: Callable[[bytes], bool] | None = None, frames: Frames | None = None) -> Link:
-    """The link of an address. accepts: as of a Splitter. frames: what it carries, unless the address says so. Raises
-    SetupError."""
+    """The link of an address. accepts: as of a Splitter. frames: those that it carries, unless the address has others.
+    Raises SetupError."""
     try:
         return link_of(address, accepts, frames)()
     except OSError as error:

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from fledge.ground.scripts.files import Files, Transfer
 
 _MAKERS = {"numbered", "packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
-EVENTS = 10_000                                  # events that are known again
+EVENTS = 10_000                                  # of which repetitions are recognized
 SHOWN = 8                                       # names of outputs in an error
-WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
+WITHIN = 10.0                                   # [s] that a script waits, by default
 
 
 class NotSeen(LookupError):
@@ -43,7 +43,7 @@ class Newest:
         self._states = [f"{process}.housekeeping" for process in processes]
         self._beginnings = {path[:i] for path in self._outputs for i, letter in enumerate(path) if letter == "."}
         self._contents: dict[str, Any] = {}
-        self.events: list[Event] = []   #: what modules have said, in the order of its arrival; each once
+        self.events: list[Event] = []   #: of modules, in the order of their arrival; each once
 
     def put(self, packet: Telemetry) -> None:
         self._contents[packet.path] = packet.content
@@ -130,7 +130,7 @@ class Sent:
     def __init__(self, craft: Craft, packets: Sequence[bytes]) -> None:
         self._craft = craft
         self.packets = list(packets)            #: in the order in which flight gets them
-        self.reports: list[Report] = []         #: what flight has said of them
+        self.reports: list[Report] = []         #: of flight about them
         self.at = craft.link.t                  #: [ns] of the link's clock
         self.arrived: list[bytes] = []          #: packets of which the link knows that the spacecraft has them
         self.given_up = False                   #: the link has given one up: it may have arrived or not
@@ -148,7 +148,7 @@ class Sent:
 
     @property
     def over(self) -> bool:
-        """Whether flight will say no more of it: it is done, or refused."""
+        """Whether flight will report no more of it: it is done, or refused."""
         executed = sum(report.executed for report in self.reports)
         return executed == len(self.packets) or not all(report.good for report in self.reports)
 
@@ -231,8 +231,8 @@ class Craft:
     def __init__(self, link: Link, dictionary: Dictionary, sequence: int = 0) -> None:
         self.link, self.dictionary = link, dictionary
         self.telemetry = Newest(dictionary)         #: the newest of each packet
-        self.texts: list[Text] = []                 #: what interpreters on board have said
-        self.events = self.telemetry.events         #: what modules on board have said, each once
+        self.texts: list[Text] = []                 #: of interpreters on board
+        self.events = self.telemetry.events         #: of modules on board, each once
         self.refused = 0                            #: packets that the dictionary does not know
         self.missed = 0                             #: packets that were lost on the way, by their sequences
         self.sent: list[Sent] = []
@@ -288,7 +288,7 @@ class Craft:
     def files(self) -> Files:
         """How files go, by CFDP: fledge.ground.scripts.files.Files(craft, rate=9600) sets what is not as usual."""
         if self._files is None:
-            from fledge.ground.scripts.files import Files       # whose extension no script without files needs
+            from fledge.ground.scripts.files import Files       # a script without files does not need its extension
 
             self._files = Files(self)
         return self._files
@@ -326,8 +326,8 @@ class Craft:
 
     def wait(self, condition: Callable[[Newest], Any], within: Any, otherwise: Callable[[], str] | None = None
              ) -> Newest:
-        """Wait until a condition on the newest telemetry is true; it is looked at after each packet. within: a
-        duration on the link's clock. otherwise: what the error says. Raises NoAnswer."""
+        """Wait until a condition on the newest telemetry is true; it is evaluated after each packet. within: a
+        duration on the link's clock. otherwise: the text of the error. Raises NoAnswer."""
         begin = self.link.t
         end = begin + time_ns(within, "within")
         absent = self._holds(condition)

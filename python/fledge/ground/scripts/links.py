@@ -20,8 +20,8 @@ PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
 CHUNK = 1 << 16                             # [bytes] that are read or written at once
 AT_ONCE = 500                               # datagrams
 WAITING = 1 << 22                           # [bytes] of datagrams that the operating system keeps
-OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
-SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
+OUTBOX = 1 << 20                            # [bytes] that wait for a reader that is slower than the link
+SLICE = 50_000_000                          # [ns] after which a stream sends again what waits
 CLIENTS, UNREAD = 16, 30                    # of a server; [s] after which one that takes no byte is cut off
 USER_TIMEOUT = 18                           # TCP_USER_TIMEOUT of Linux
 GONE = "the other end of the link is gone"
@@ -155,7 +155,7 @@ class _ByTheClock(Link):
 
 
 class Udp(_ByTheClock):
-    """Datagrams: to an address, from anybody."""
+    """Datagrams: to an address, from any sender."""
 
     def __init__(self, to: tuple[str, int], listen: tuple[str, int], raw: bool = False) -> None:
         super().__init__(raw)
@@ -252,7 +252,7 @@ class Streams(_ByTheClock):
 
     @classmethod
     def listen(cls, at: tuple[str, int], accepts: Callable[[bytes], bool] | None = None, raw: bool = False) -> Streams:
-        """A server, whose clients all get what is sent."""
+        """A server; all of its clients get each packet."""
         link = cls(accepts, raw)
         link._server = server = _socket(socket.SOCK_STREAM, *at)
         server.listen()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links to a flight process of a co-simulation, whose target has queues of commands and telemetry: as an asynchronous
-program, for which the run does not wait, and as a node, for which it does. Both find the run by the variables that
+"""Links to a flight process of a co-simulation, by its queues of commands and telemetry: as an asynchronous program,
+for which the run does not wait, and as a node, for which it does. Both find the run by the variables that
 `fledge up` sets."""
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fledge.objects.si import time_ns
 if TYPE_CHECKING:
     from types import ModuleType
 
-BATCH, TURN = 1000, 0.02    # packets, [s]: the most that one look at the link takes
+BATCH, TURN = 1000, 0.02    # packets, [s]: the most that a turn takes from the link
 PATIENCE = 60.0     # [s] without any message of the run
 UNIT = Struct(">qI")    # before each unit of cosim/node/units.h: its time [ns], its length
 
@@ -37,7 +37,7 @@ def _bindings() -> ModuleType:
 
 
 def topics_of(process: str, radio: str | None = None) -> tuple[str, str]:
-    """Those by which the ground commands a flight process and hears it: its queues, or a radio of the world."""
+    """The topics of commands to a flight process and of its telemetry: its queues, or a radio of the world."""
     way = f"/{radio.replace('.', '/')}" if radio else f"/{process}"
     return (f"{way}/uplink", f"{way}/downlink") if radio else (f"{way}/commands", f"{way}/telemetry")
 
@@ -88,7 +88,7 @@ class Onlooker(Link):
         except bindings.NodeError as error:
             raise SetupError(f"cosim:{process}: {error}") from None
         self._commands, self._telemetry = topics_of(process, radio)
-        self._observer.subscribe(f"/{process}/", self._telemetry)   # all of them say what time it is
+        self._observer.subscribe(f"/{process}/", self._telemetry)   # all of them have the time
 
     @property
     def t(self) -> int:
@@ -100,7 +100,7 @@ class Onlooker(Link):
         return self._observer.topics
 
     def watch(self, topics: Iterable[str], receive: Callable[[Any], None]) -> None:
-        """Hear also the messages of these topics, as they come in receive()."""
+        """Receive also the messages of these topics, as they come in receive()."""
         self._receive = receive
         self._observer.subscribe(*topics)
 
@@ -143,8 +143,8 @@ class Onlooker(Link):
         return gaps
 
     def _count(self, message: Any) -> None:
-        """Note what went lost before a message of telemetry: of those before the first one, too, if this program came
-        late."""
+        """Record the messages of telemetry that were lost before this one, also those before the first if this program
+        came late."""
         missed = message.missed if self._newest is not None else max(message.count - 1, 0)
         self.dropped += message.missed
         if missed:

@@ -12,8 +12,8 @@
             script.check(craft.missed == 0, "no packet was lost", missed=craft.missed)
         script.hold(10 * s)
 
-`craft` is a fledge.ground.Craft. What it sends, hears and waits for is noted by itself, an entry at a time; the entries
-are all that the page of a run has (fledge.report.script). The times are those of the link's clock: simulated ones of a
+`craft` is a fledge.ground.Craft. Each thing that it sends, receives and waits for becomes an entry; the page of a run
+(fledge.report.script) is made from the entries alone. The times are those of the link's clock: simulated ones of a
 simulation, so that a script leaves the same entries wherever it runs.
 """
 from __future__ import annotations
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from fledge.ground.scripts.craft import Sent
 
 INTERRUPTED = 130
-SLICE = 0.2             # [s] for which a link in real time is heard while an operator thinks
+SLICE = 0.2             # [s] of receiving in real time between two checks for the operator's answer
 
 Entry = dict[str, Any]
 
 
 class _Noting(Newest):
-    """The newest telemetry, and which of it somebody has looked at."""
+    """The newest telemetry, with a record of the values that were read."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         super().__init__(dictionary)
@@ -61,7 +61,7 @@ class _Noting(Newest):
 
 
 class Watched(Craft):
-    """A craft that tells its script what it does."""
+    """A craft that reports its actions to its script."""
 
     script: Script
 
@@ -107,7 +107,7 @@ class Watched(Craft):
 
 
 class CheckFailed(Failure):
-    """A check of a script does not hold, or the operator said no."""
+    """A check of a script does not hold, or the operator answered no."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text, 1)
@@ -115,7 +115,7 @@ class CheckFailed(Failure):
 
 class Script:
     """One run of a script. write: takes each entry, a dict for JSON, as it is made; ask: puts a question to the
-    operator, and returns the answer and who gave it."""
+    operator, and returns the answer and the operator's name."""
 
     def __init__(self, path: Path, craft: Watched, write: Callable[[Entry], None],
                  ask: Callable[[str], tuple[bool, str]]) -> None:
@@ -124,11 +124,11 @@ class Script:
         source = path.read_text(encoding="utf-8")
         self._statements = _statements(source)
         self._steps: list[str] = []
-        self._sent: list[tuple[int, Sent, list[bytes], int, int]] = []  # of which more may be said: what has been
+        self._sent: list[tuple[int, Sent, list[bytes], int, int]] = []  # not over: what was recorded
         self._commands = 0
         craft.script = self
 
-    # --- what a script says ---
+    # --- for scripts ---
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
@@ -171,7 +171,7 @@ class Script:
         self.note("value", values=_plain({name: value}))
 
     def confirm(self, question: str) -> None:
-        """Ask the operator; the script goes on if he says yes. Real time goes on meanwhile, simulated time waits."""
+        """Ask the operator; the script goes on after a yes. Real time goes on meanwhile, simulated time waits."""
         link: Any = self.craft.link
         link = getattr(link, "link", link)
         if isinstance(link, (Simulated, Member)):
@@ -201,7 +201,7 @@ class Script:
             raise answer
         return answer
 
-    # --- what is noted ---
+    # --- entries ---
 
     def note(self, kind: str, **content: Any) -> None:
         """Make an entry."""
@@ -218,7 +218,7 @@ class Script:
                   text=", ".join(dict.fromkeys(map(self.craft.dictionary.command, command.packets))))
 
     def note_stages(self) -> None:
-        """Note what has come about the commands since the last time."""
+        """Add entries of the stages that commands have reached since the last call."""
         for place, (number, sent, packets, reports, arrived) in enumerate(self._sent):
             if sent.packets != packets:
                 self.note("stage", id=number, stage="numbered", good=True, text="anew, behind the commands of others",

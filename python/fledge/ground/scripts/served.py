@@ -19,8 +19,8 @@ from fledge.ground.scripts.address import is_loopback
 from fledge.ground.scripts.links import Link
 
 PATIENCE = 60.0         # [s] for an answer of the server
-POLL = 0.5              # [s] until it is asked again for the answer of an operator
-TOKEN = "FLEDGE_TOKEN"  # of the environment: who the script is (`fledge ground token`)
+POLL = 0.5              # [s] between requests for the answer of an operator
+TOKEN = "FLEDGE_TOKEN"  # environment variable with the script's token (`fledge ground token`)
 
 Answer = TypeVar("Answer")
 
@@ -75,7 +75,7 @@ class Served(Link):
         return []
 
     def ask(self, question: str) -> tuple[bool, str]:
-        """Ask the operators of the server's console: (the answer, who gave it). Waits for it."""
+        """Ask the operators of the server's console: (the answer, the operator). Waits for it."""
         here = f"crafts/{self._name}/questions"
         number = self._call(self._post(here, text=question))["id"]
         while (row := self._call(self._get(f"{here}/{number}")))["answer"] is None:

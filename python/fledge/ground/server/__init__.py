@@ -3,14 +3,14 @@
 the browser (docs/control-room.md).
 
     settings.py     reads FILE of `fledge ground serve FILE`
-    room.py         all spacecraft, and who gets what happens to them
+    room.py         all spacecraft, and the listeners to their events
     spacecraft.py   one spacecraft: the thread that has its link, and the order of its work; its parts are
         mission.py      the mission of Fledge that it flies, if it does
         link.py         the link: opened, and opened again when it broke; clock.py: its time
-        telemetry.py    database, monitor, archive; past.py: what comes from the archive
+        telemetry.py    database, monitor, archive; past.py: queries of the archive
         derived.py      parameters that the server computes from others
         limits.py       limits that administrators set; alarms.py: an alarm stays until it is acknowledged
-        commanding.py   commands: forms and bytes; uplink.py, verifying.py: how they leave, and their stages (stages.py)
+        commanding.py   commands: forms and bytes; uplink.py, verifying.py: sending, and stages (stages.py)
         transfers.py    files; tables.py: parameters of modules; stored.py: commands that wait on board
         scene.py        its 3-D view; contacts.py: stations and passes
         run_control.py  the run in which it flies: of the server itself, or of a co-simulation

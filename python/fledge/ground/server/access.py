@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the server listens, and who may use it: what its file says of that.
+"""Where the server listens, and its users and tokens: the keys of its file for both.
 
     host = "0.0.0.0"                # without it, this machine alone
     certificate = "server.pem"      # PEM, with its chain; and its key, which only its owner may read
@@ -59,13 +59,13 @@ OPERATOR = User("operator", frozenset(ROLES))
 
 @dataclass(frozen=True)
 class Access:
-    """Where the server listens, and to whom."""
+    """Where the server listens, and the users and tokens that it accepts."""
 
     host: str = NAMES[1]
     port: int = PORT
     certificate: Path | None = None
     key: Path | None = None
-    plain: bool = False             #: the file says in words that others may read what passes
+    plain: bool = False             #: plain HTTP: the file accepts that others may read it
     session_s: float = 12 * 3600.0
     idle_s: float = 30 * 60.0
     users: dict[str, User] = field(default_factory=dict)
@@ -73,8 +73,7 @@ class Access:
 
     @classmethod
     def read(cls, table: dict[str, Any], folder: Path) -> Access:
-        """That of the server's file, whose other keys are not looked at. folder: where its paths begin.
-        Raises SetupError."""
+        """Read the server's file; its other keys are ignored. folder: of its relative paths. Raises SetupError."""
         def given(name: str, kinds: type | tuple[type, ...], default: Any, expected: str) -> Any:
             value = table.get(name, default)
             if name in table and (not isinstance(value, kinds) or isinstance(value, bool)):

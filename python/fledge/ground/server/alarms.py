@@ -24,7 +24,7 @@ class Alarms:
     def __init__(self, telemetry: Telemetry, clock: Clock, reporter: Reporter) -> None:
         self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
         self._open: dict[str, dict[str, Any]] = {}
-        self._changed: set[str] = set()     # whose level the journal does not have yet
+        self._changed: set[str] = set()     # alarms with a level that the journal does not have yet
         for alarm in reporter.all("alarms", is_open=True):
             if int(alarm["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
                 alarm["shelved_until_ns"] = "0"
@@ -32,12 +32,12 @@ class Alarms:
         self.anew()
 
     def anew(self) -> None:
-        """The monitor is a new one: it has no value yet, and notes no state that is normal at first."""
+        """Begin with a new monitor: it has no values yet, and reports no state that is normal at first."""
         self._unknown = set(self._open)
 
     def poll(self) -> None:
-        """Learn the state of alarms that are older than the monitor, by the first value, and keep levels that changed:
-        the journal takes no row for each of the values that go to and fro."""
+        """Update alarms that are older than the monitor by its first value, and write levels that changed: a level that
+        alternates costs the journal one row for each poll, not for each value."""
         for name in self._unknown & self._open.keys():
             slot = self._telemetry.slot_numbers.get(name)
             if slot is not None and (newest := self._telemetry.monitor.newest(slot)):
@@ -47,7 +47,7 @@ class Alarms:
         self._changed.clear()
 
     def compare(self) -> None:
-        """Take the states that the monitor has: notes of it may be lost."""
+        """Update the alarms by the present states of the monitor, of which notes may be lost."""
         for slot, name in enumerate(self._telemetry.slot_names):
             newest, before = self._telemetry.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
             if newest and newest[5] != before:
@@ -85,7 +85,7 @@ class Alarms:
         self._keep(list(changed.values()))
 
     def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
-        """Note that a user has seen an alarm. Raises SetupError if there is no such alarm, or it cannot be kept."""
+        """Acknowledge an alarm for a user. Raises SetupError if there is no such alarm, or the journal fails."""
         return self._request(self._named(name), acknowledged={
             "user": user, "note": note, "t_ns": str(self._clock.now), "received_ns": str(time.time_ns())})
 
@@ -104,7 +104,7 @@ class Alarms:
                 self._changed.add(name)
 
     def _request(self, alarm: dict[str, Any], **changes: Any) -> dict[str, Any]:
-        """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
+        """Change an alarm for a user, after the journal has it. Raises JournalError: then nothing has changed."""
         later = alarm | changes
         if not later["concern"] and later["acknowledged"]:
             later["ended_ns"] = str(self._clock.now)
@@ -114,7 +114,7 @@ class Alarms:
         return self._shown(alarm)
 
     def _ends(self, alarm: dict[str, Any], t: int) -> bool:
-        """End an alarm whose two conditions hold; whether it has ended."""
+        """End an alarm if its two conditions hold; returns whether they do."""
         if alarm["concern"] or not alarm["acknowledged"]:
             return False
         alarm["ended_ns"] = str(t)

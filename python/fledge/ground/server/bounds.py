@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the server bounds: each limit with its name, its figure and the sentence of its refusal, in one table, which the
-page "This server" shows with what is in use; and how long the event loop was blocked.
+"""The limits of the server: each has a name, a figure and the sentence of its refusal, in one table, which the page
+"This server" shows with what is in use; and how long the event loop was blocked.
 
     bounds = Bounds()
     if bounds.over("connections", 2001):    # counted as a refusal
@@ -25,7 +25,7 @@ from fledge.ground.scripts.links import CLIENTS, USER_TIMEOUT
 
 MIB = 1 << 20
 SENDING = 1 << 18       # [bytes] that the operating system keeps for a connection
-READ = 1 << 14          # [bytes] that are read from one at once, so that a read delays no other
+READ = 1 << 14          # [bytes] of a read, so that it does not delay other connections
 DEPTH = 32
 # name, figure, unit, refusal, of which {most} is the figure
 TABLE: tuple[tuple[str, float, str, str], ...] = (
@@ -60,12 +60,12 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("files of a spacecraft", 4 << 30, "bytes", "the files of a spacecraft have at most {most} bytes"),
     ("disk that stays free", 512 * MIB, "bytes", "files leave {most} bytes of the disk free"),
 )
-TICK, SLOW = 0.01, 0.05     # [s] between looks of the loop at itself; a block that is reported
+TICK, SLOW = 0.01, 0.05     # [s] between the loop's measurements of itself; of a block that is reported
 
 
 @dataclass
 class Bound:
-    """One of them. used: tells how much is in use; peak: the most that there was."""
+    """A limit. used: returns how much is in use; peak: the largest use so far."""
 
     name: str
     most: float
@@ -77,7 +77,7 @@ class Bound:
 
 
 class Bounds:
-    """Those of one server."""
+    """The limits of a server."""
 
     def __init__(self) -> None:
         self.all = {row[0]: Bound(*row) for row in TABLE}
@@ -89,7 +89,7 @@ class Bounds:
         self.all[name].most = most
 
     def over(self, name: str, wanted: float) -> bool:
-        """Whether so much is too much, which counts as a refusal."""
+        """Whether a use exceeds its limit, which then counts as a refusal."""
         bound = self.all[name]
         if wanted > bound.most:
             bound.refused += 1
@@ -98,12 +98,12 @@ class Bounds:
         return False
 
     def refuses(self, name: str) -> str:
-        """Count a refusal; its sentence."""
+        """Count a refusal; returns its sentence."""
         self.all[name].refused += 1
         return self.says(name)
 
     def uses(self, name: str, used: Callable[[], float]) -> None:
-        """How to find out what is in use."""
+        """Set the function that returns how much is in use."""
         self.all[name].used = used
 
     def says(self, name: str) -> str:
@@ -121,7 +121,7 @@ class Recent:
     """Counts what happened within the last minute. Times are seconds of one monotonic clock."""
 
     def __init__(self) -> None:
-        self._all: deque[tuple[float, int]] = deque()   # when how many came
+        self._all: deque[tuple[float, int]] = deque()   # (time, how many)
         self._n = 0
 
     def within(self, now: float) -> int:
@@ -131,7 +131,7 @@ class Recent:
         return self._n
 
     def count(self, more: int, now: float) -> int:
-        """Add `more` at `now`; the number within the minute before."""
+        """Add `more` at `now`; returns the number within the minute before."""
         if more:
             self._all.append((now, more))
             self._n += more
@@ -139,7 +139,7 @@ class Recent:
 
 
 def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
-    """Let the operating system keep little for a connection, and end it when nothing of it is taken for so long [s]."""
+    """Bound the system's buffer of a connection, which ends when its client reads nothing for `unread` [s]."""
     if end := transport.get_extra_info("socket"):
         end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
         setattr(transport, "max_size", READ)
@@ -148,14 +148,14 @@ def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
 
 
 class LoopWatch:
-    """The event loop's own measure: how late a tick comes [s], and how long its thread computed between two, without
+    """Measures the event loop: how late ticks are [s], and how long its thread computed between two of them, without
     waits for a processor or another thread. slow: called for a block, once a minute at most."""
 
     def __init__(self, slow: Callable[[float], Any]) -> None:
         self.longest = 0.0          #: since the start
         self._slow, self._reported = slow, -60.0
         self._blocks: deque[tuple[float, float]] = deque()      # (when, how long), each shorter than those before it
-        self._busy: deque[tuple[float, float]] = deque()        # the same of what it computed
+        self._busy: deque[tuple[float, float]] = deque()        # the same for the time that it computed
 
     async def run(self) -> None:
         """Until it is cancelled."""

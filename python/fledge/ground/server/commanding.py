@@ -39,7 +39,7 @@ class Hazardous(SetupError):
 
 
 class Commanding:
-    """All of it but `preview` and `forms` is for the spacecraft's own thread.
+    """The spacecraft's own thread calls all methods but `preview` and `forms`.
 
     dictionary: of a mission of Fledge, or None; flown: the server flies it; past: the sessions before
     """
@@ -52,11 +52,11 @@ class Commanding:
         self._uplink: Uplink = FlightUplink(settings, dictionary, connection, telemetry, clock, self._stages) \
             if dictionary else DatabaseUplink(settings, connection, telemetry, clock, reporter, self._stages)
         self.load()
-        #: those that had not ended when the last server did
+        #: commands that had not ended when the last server stopped
         self.left = [row for row in reporter.all("sent", is_open=True) if isinstance(row.get("open"), dict)]
 
     def restore(self) -> None:
-        """Go on with the commands of the last server: flight may report them yet. What it said meanwhile is missing."""
+        """Go on with the commands of the last server: flight may report them yet. Reports sent meanwhile are lost."""
         clock, left = self._clock, self.left
         self.left = []
         if not clock.simulated:
@@ -155,7 +155,7 @@ class Commanding:
         self._uplink.verified(number, t, returned)
 
     def poll(self) -> None:
-        """Note what became of commands since the last call."""
+        """Add the stages that commands have reached since the last call."""
         self._uplink.poll()
 
     def _encoded(self, name: str, arguments: dict[str, Any]

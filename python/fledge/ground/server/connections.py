@@ -23,11 +23,11 @@ ACCEPTED, WAITING = 8, 1024         # connections, requests that are taken in a 
 
 
 class Times:
-    """Those of a connection [s], whose handshake has ended."""
+    """The times [s] of a connection after its handshake."""
 
     def __init__(self, opened: float) -> None:
         self.opened, self.requested = opened, 0.0   # requested: when its last request came
-        self.known = self.live = False              # it was a user's; it is a WebSocket
+        self.known = self.live = False              # a user has used it; it is a WebSocket
 
     def over(self, bounds: Bounds) -> str:
         """The limit by which it has to end."""
@@ -41,7 +41,7 @@ class Times:
 
 
 class Connections:
-    """log: of those that are refused."""
+    """The open connections. log: gets those that are refused."""
 
     def __init__(self, bounds: Bounds, log: RequestLog) -> None:
         self.bounds, self._log = bounds, log
@@ -57,7 +57,7 @@ class Connections:
         bounds.uses("connections of an address", lambda: max(Counter(map(_peer, self.all())).values(), default=0))
 
     async def listen(self, app: web.Application, access: Access) -> web.AppRunner:
-        """Serve an application where the file says; `addresses` then has where. Raises SetupError."""
+        """Serve an application at the address of the file, which `addresses` then has. Raises SetupError."""
         listener: list[asyncio.AbstractServer] = []
 
         async def close(_: web.Application) -> None:
@@ -67,7 +67,7 @@ class Connections:
                 transport.abort()
 
         app.on_shutdown.append(close)
-        # Not decompressed: of some hundred bytes, anybody could make gigabytes, in the loop.
+        # No decompression: a client could expand some hundred bytes to gigabytes, in the event loop.
         runner = web.AppRunner(app, logger=logger(), access_log=None, keepalive_timeout=30, auto_decompress=False)
         await runner.setup()
         self._runner = runner
@@ -99,7 +99,7 @@ class Connections:
         self._times[transport] = Times(opened)
 
     def times(self, request: web.Request) -> Times | None:
-        """Those of a request's connection; None: it is gone, or none of this server."""
+        """The times of a request's connection; None: it is closed, or of another server."""
         return self._times.get(request.transport) if request.transport else None
 
     def all(self) -> list[asyncio.Transport]:
@@ -109,7 +109,7 @@ class Connections:
                                     for connection in server.connections if connection.transport]] if server else []
 
     def full(self, address: str) -> bool:
-        """Whether one more connection would be too many; else it counts."""
+        """Whether a further connection would exceed a limit; otherwise it is counted."""
         for last in (False, True):
             n, each = self._counts.total(), self._counts[address]
             if n < self.bounds["connections"] and each < self.bounds["connections of an address"] or last:
@@ -127,15 +127,14 @@ class Connections:
             self._sweeper.cancel()
 
     def _recount(self) -> None:
-        """Count the connections of each address, for a fifth of the time at most: of the thread's own, for a wait for
-        a processor is no work."""
+        """Count the connections of each address anew, for at most a fifth of the processor time of this thread."""
         if (began := monotonic()) >= self._counted:
             used = thread_time()
             self._counts = Counter(map(_peer, self.all()))
             self._counted = began + 5 * (thread_time() - used)
 
     async def _sweep(self) -> None:
-        """End the connections whose time is over."""
+        """Close the connections that have exceeded a limit of time."""
         before = monotonic()
         while True:
             await asyncio.sleep(min(0.25, self.bounds["first request"] / 2))
@@ -209,10 +208,10 @@ def _peer(transport: asyncio.BaseTransport) -> str:
 
 
 def logger() -> logging.Logger:
-    """aiohttp's, without a trace of each request that is none: those are answered with 400."""
+    """The logger for aiohttp, without traces of malformed requests, which are answered with 400."""
     log = logging.getLogger("fledge.ground.server")
     if not log.filters:
-        # The latter: aiohttp goes on with the requests of a connection that is gone.
+        # The assertion: aiohttp goes on with the requests of a closed connection.
         log.addFilter(lambda record: not (record.exc_info and (
             isinstance(record.exc_info[1], HttpProcessingError) or
             isinstance(record.exc_info[1], AssertionError) and record.msg == "Unhandled exception")))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks each request: from where it comes, whose it is, its size; and writes it into the operators' log.
+"""Checks each request: its origin, its user, its size; and writes it into the operators' log.
 
     access = Access.read(table, folder)         # of the server's file; refuses a network address without TLS
     guard = Guard(access, log, check=check)     # log(user, action, details) is the operators' log; check(request)
-                                                # raises the answer to who may not ask this
+                                                # raises the answer if the user may not make it
     app = web.Application(middlewares=[guard.middleware])
     guard.attach(app)                           # GET /api/session, POST /api/login, POST /api/logout
     runner = await guard.listen(app)
@@ -35,7 +35,7 @@ from fledge.ground.server.request_log import Log, RequestLog
 from fledge.ground.server.routes import ANYONE, add_routes, loads, row_of
 from fledge.ground.server.sessions import Session, Sessions
 
-LOGGED = 2000                       # bytes of a body whose content the log gets, and of a stranger's
+LOGGED = 2000                       # [bytes] of a body that the log gets whole; the most without a login
 HEADERS_MOST = 128                  # of a request
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -63,11 +63,11 @@ class Guard:
 
     @property
     def access(self) -> Access:
-        """What the server's file says, as it counts now."""
+        """The access settings in force."""
         return self.sessions.access
 
     def attach(self, app: web.Application) -> None:
-        """Add the routes and headers to an application whose middleware this is."""
+        """Add the routes and headers to the application that has the middleware."""
         add_routes(app, self.logins)
         app.on_response_prepare.append(self._secured)
         app.on_cleanup.append(self._stop)
@@ -82,13 +82,13 @@ class Guard:
         return user is not None and user.may(craft, role)
 
     def require(self, request: web.Request, craft: str | None, role: str) -> None:
-        """Raises the answer 403, and notes it."""
+        """Raises the answer 403, which the log gets, unless the user has the role."""
         if not self.allowed(request, craft, role):
             raise Refusal(403, f"{request['user'].name} lacks the role '{role}'" + (f" for {craft}" if craft else ""))
 
     def take(self, access: Access) -> bool:
-        """Go on with what the changed file says of users, tokens, times and the certificate, which ends the sessions of
-        those who are others now; returns whether it says more, which waits for the next start. Raises SetupError."""
+        """Apply users, tokens, times and certificate of the changed file, and end the sessions of users that differ;
+        returns whether other keys have changed, which count from the next start. Raises SetupError."""
         old, same = self.access, access
         if not is_loopback(old.host) and not access.closed:
             raise SetupError(f"the server is open to a network, at {old.host}, and needs [[user]] or [[token]]")
@@ -103,7 +103,7 @@ class Guard:
         if times := self.connections.times(request):
             times.requested = monotonic()
         request["user"], request["bytes"] = None, 0
-        async with self._gate:      # of a crowd that comes at once, a few in each turn of the loop
+        async with self._gate:      # of many requests at once, a few in each turn of the loop
             await asyncio.sleep(0)
         try:
             return await self._admitted(request, handler)
@@ -129,7 +129,7 @@ class Guard:
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
             raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
-        if request._message.url.is_absolute():      # whose scheme and host would count as those of the connection
+        if request._message.url.is_absolute():      # its scheme and host would replace those of the connection
             raise Refusal(400, "a request names a path, without a scheme and a host before it")
         if request.headers.get("Content-Encoding", "identity") != "identity":
             raise Refusal(415, "the body of a request comes as it is, without a Content-Encoding")
@@ -158,9 +158,9 @@ class Guard:
             raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has it, "
                           "with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
         self.check(request)
-        if _changes(request) and not request.match_info.http_exception:     # a route that there is
+        if _changes(request) and not request.match_info.http_exception:     # the route exists
             await self._read(request, row.logged if row else True, row.body if row else "body")
-            if user and not (row and row.role == ANYONE) and self._session(request)[0] is not active:    # while it came
+            if user and not (row and row.role == ANYONE) and self._session(request)[0] is not active:  # it ended
                 raise Refusal(401, "the session has ended meanwhile: log in again")
         task = asyncio.current_task()
         try:

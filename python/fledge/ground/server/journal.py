@@ -20,7 +20,7 @@ MOST = 500          # rows of an answer
 # escapes its quotes.
 OPEN = {"alarms": ('"ended_ns": ""',), "transfers": ('"state": "active"', '"state": "suspended"'),
         "sent": ('"open": {',)}
-BY = "iif(json_valid(content), json_extract(content, '$.user'), NULL)"      # who did it
+BY = "iif(json_valid(content), json_extract(content, '$.user'), NULL)"      # the user that acted
 SCHEMA = "".join(f"""
 CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
     content TEXT NOT NULL);
@@ -57,7 +57,7 @@ class Journal:
             raise SetupError(f"{self.path}: {error}") from None
 
     def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
-        """Keep objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
+        """Write objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
         self.save_all([(kind, craft, content) for content in contents])
 
     def save_all(self, rows: Sequence[tuple[str, str, dict[str, Any]]]) -> None:

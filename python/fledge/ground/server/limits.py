@@ -37,7 +37,7 @@ class InForce:
         return int(self.changes[self._next]["time_ns"]) if self._next < len(self.changes) else EVER
 
     def at(self, received: int) -> list[Note]:
-        """Go on to a time [ns, UTC]; the monitor's notes."""
+        """Apply the changes up to a time [ns, UTC]; returns the monitor's notes."""
         notes: list[Note] = []
         while self._next < len(self.changes) and self.until <= received:
             change = self.changes[self._next]
@@ -47,7 +47,7 @@ class InForce:
         return notes
 
     def apply(self, name: str) -> list[Note]:
-        """Let the newest change of a parameter count in the monitor, if it fits what that has."""
+        """Apply the newest change of a parameter to the monitor, if it fits the parameter there."""
         change, about = self.newest.get(name), self.about(name)
         if about is None:
             return []
@@ -55,7 +55,7 @@ class InForce:
         return list(self.monitor.set_limits(about["slot"], levels, change["persistence"] if change else 1))
 
     def learn(self, first: int) -> list[Note]:
-        """The monitor has new slots."""
+        """Apply the limits to new slots of the monitor; returns its notes."""
         if self._known is None:
             return []
         more = {slot["name"]: slot for slot in self.monitor.slots(first)}
@@ -92,9 +92,9 @@ class SetLimits:
         self.in_force = InForce(changes, telemetry.monitor)
 
     def begin(self) -> None:
-        """Let them count in the spacecraft's monitor, and say which cannot."""
+        """Apply the limits to the spacecraft's monitor, and report those that do not fit."""
         self.in_force = InForce(self.changes, self._telemetry.monitor)
-        if self._replayed:          # whose packets have their own times
+        if self._replayed:          # its packets are judged by the limits of their own times
             return
         self.in_force.at(EVER)
         absent = []

@@ -27,7 +27,7 @@ FEED_S, FEED_AT_ONCE = 0.05, 1 << 18    # [s] between the packets for a script; 
 PAUSE = 0.005, 0.25     # [s] until the next turn of a browser, and of one that does not read
 PACKET = 200        # [bytes] that one takes besides its own
 SLICE = 0.005       # [s] that browsers are served before the loop does something else
-PIECE = 2048        # [bytes] whose frames are looked at before they are counted
+PIECE = 2048        # [bytes] that are parsed before their frames are counted
 MESSAGE_TYPES = WSMsgType.TEXT, WSMsgType.BINARY, WSMsgType.PING, WSMsgType.PONG
 
 

@@ -21,7 +21,7 @@ from fledge.ground.server.sessions import Sessions
 
 ATTEMPTS, ATTEMPTS_S = 10, 600      # failed logins of one address, or of a browser that was a user before, within [s]
 NAMED = 30                          # those of one name, of all addresses and browsers that were never that user
-KNOWN_S = 400 * 86400               # how long a browser says that it was a user; the most that browsers keep
+KNOWN_S = 400 * 86400               # how long a browser proves an earlier login; the most that browsers keep
 QUEUE = 8                           # logins that wait for their password to be checked
 
 
@@ -30,7 +30,7 @@ class Logins:
 
     def __init__(self, sessions: Sessions, log: RequestLog, clock: Callable[[], float]) -> None:
         self._sessions, self._log, self._clock = sessions, log, clock
-        self._failed: list[tuple[float, str, str]] = []     # when, where, and as whom a login has failed or goes on
+        self._failed: list[tuple[float, str, str]] = []     # (time, address, name) of logins that failed or go on
         self._checker, self._waiting = ThreadPoolExecutor(1), 0
 
     @route("GET", "/api/session", ANYONE)
@@ -62,7 +62,7 @@ class Logins:
             raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
         where = f"a browser of {name}" if known else network_of(request.remote)
         attempt = self._attempt(where, "" if known else name)
-        # Unknown names take as long, so that the time does not tell which there are.
+        # Unknown names take as long, so that the time does not reveal the known ones.
         expected = (user or next(iter(access.users.values()))).password
         assert expected
         self._waiting += 1

@@ -20,7 +20,7 @@ PICTURES = ("picture.webp", "picture.png", "picture.jpg")     # in a mission's f
 
 @dataclass(frozen=True)
 class LoadedMission:
-    """The simulation is set up as the scenario of the settings says."""
+    """A loaded mission; its simulation is set up by the scenario of the settings."""
 
     simulation: Simulation
     process: str                #: of flight, to which the link leads

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has come of one spacecraft: packets, sessions and series of values, from its archive. For all threads."""
+"""The past of one spacecraft: packets, sessions and series of values, from its archive. For all threads."""
 from __future__ import annotations
 
 import zlib
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.limits import SetLimits
     from fledge.ground.server.telemetry import Telemetry
 
-AT_ONCE = 100_000       # packets of one time among which one is sought by its id
+AT_ONCE = 100_000       # packets of the same time that are searched for an id
 LISTED = 1 << 22        # [bytes] of packets in a list, which ends then
 
 
@@ -36,7 +36,7 @@ class Past:
         self._telemetry, self._limits = telemetry, limits
 
     def packet_list(self, before: int, limit: int, container: str | None, undecoded: bool) -> list[dict[str, Any]]:
-        """The newest packets first, whose t is `before` at most."""
+        """Packets up to the time `before`, the newest first."""
         telemetry, rows = self._telemetry, list[tuple[int, int, str | None, bytes, str]]()
         inspect = telemetry.monitor.inspect
         if telemetry.history is not None:
@@ -68,8 +68,8 @@ class Past:
                      for t, received, packet in rows if number_of(t, packet) == number), None)
 
     def _at(self, t: int) -> Iterator[tuple[int, int, bytes]]:
-        """The packets of a time: also of sessions before, whose time others of a simulation or of a clock that went
-        back have again."""
+        """The packets of a time, also of earlier sessions: a new simulation, or a clock that was set back, has the same
+        times again."""
         history, reading = self._telemetry.history, self._telemetry.reading
         assert history is not None
         with reading:

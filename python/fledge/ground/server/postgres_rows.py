@@ -24,7 +24,7 @@ Connection = psycopg.Connection[Any]
 YEAR_2000 = 946_684_800 * 10**6         # [us] since 1970, from which PostgreSQL counts
 MOST = 200_000                          # values of a transaction
 LOCK = 0x464C4447                       # number of the advisory lock for changes of tables
-# What tells parameters apart: an index takes no name or labels of more than 2.7 kB.
+# Distinguishes parameters: an index takes no name or labels of more than 2.7 kB.
 DIGEST = r"md5(array[name, unit, kind, labels::text]::text)"
 
 VALUES = np.dtype([("slot", "<u4"), ("concern", "u1"), ("status", "u1"), ("zero", "<u2"), ("t", "<i8"),
@@ -189,7 +189,7 @@ def find(base: Connection, query: str, *values: Any) -> Any:
 
 
 def number_of(base: Connection, table: str, name: str) -> int:
-    """The number of a name in a table, made if it is new. A sequence would skip one at each start."""
+    """The number of a name in a table, which a new name gets. A sequence would skip a number at each start."""
     number = find(base, f"select id from fledge.{table} where name = %s", name)
     if number is None:
         number = find(base, f"insert into fledge.{table} (name) values (%s) returning id", name)

@@ -56,8 +56,8 @@ class RequestLog:
         return times if str(times).strip("0") == "1" else 0
 
     def _refused(self, request: web.Request, status: int, why: str) -> None:
-        """A refusal in the log; those of strangers, and of users who have too many, at the 1st, the 10th, the 100th,
-        ... time, for they cost nothing."""
+        """Log a refusal; those without a login, and those of a user beyond the limit, at the 1st, the 10th, the 100th,
+        ... time, because a client can cause any number of them."""
         user, address = request["user"], network_of(request.remote)
         details: dict[str, Any] = {"request": f"{request.method} {request.path}"[:200], "status": status,
                                    "why": why[:200], "from": address}

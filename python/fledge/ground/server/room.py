@@ -35,7 +35,7 @@ class Room:
         self._numbers = 0
         self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
         self._left_out = 0      # events besides
-        self._failed: set[str] = set()      # spacecraft for which an event says that the journal fails
+        self._failed: set[str] = set()      # spacecraft with an event about the failed journal
         self._keeping = RLock()
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of
@@ -129,8 +129,8 @@ class Room:
             self.publish(KINDS[kind], craft, shown({"id": None} | content))
 
     def flush(self, craft: str) -> None:
-        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is an event,
-        and that it is over."""
+        """Write the rows of a spacecraft that the journal has not taken before, in its thread. The first failure is an
+        event, and the recovery."""
         with self._keeping:
             waiting, failed = self._unsaved.get(craft), craft in self._failed
             if not waiting:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may what: each HTTP route and each message of the WebSocket has a row, beside its handler. The check, the
-document of OpenAPI and the table of the documents are made from these rows."""
+"""The role that each HTTP route and each message of the WebSocket needs: a row beside its handler. The check, the
+document of OpenAPI and the table in docs/ follow from these rows."""
 from __future__ import annotations
 
 import json
@@ -19,7 +19,7 @@ from fledge.errors import SetupError
 if TYPE_CHECKING:
     from fledge.ground.server.web import Server
 
-USER, ANYONE = "user", "anyone"     # in the place of a role: each user, and who has not logged in, too
+USER, ANYONE = "user", "anyone"     # in place of a role: all users; all clients, also without a login
 MESSAGE = "message"                 # in the place of a method: of the WebSocket
 OWN, RUN = "path", "run"            # the role holds for: the spacecraft that is named; all that its run flies
 DIGITS = 40                         # of a number in JSON
@@ -71,7 +71,7 @@ def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, serve
 
 
 def add_routes(app: web.Application, holder: object, server: Server | None = None) -> None:
-    """Those of the rows of an object, or of a module whose handlers are of a server."""
+    """Add the routes of an object, or of a module, with the handlers of a server."""
     for row, handler in rows(holder):
         handler = bound(handler, row, server) if server else handler
         if row.method == "GET":     # and HEAD
@@ -94,7 +94,7 @@ async def whole(app: web.Application) -> None:
 
 
 def loads(text: str | bytes) -> Any:
-    """JSON whose texts are Unicode and whose numbers are finite. Raises ValueError with a sentence."""
+    """Parse JSON with Unicode texts and finite numbers. Raises ValueError with a sentence."""
     def number(kind: Callable[[str], Any]) -> Callable[[str], Any]:
         def parse(digits: str) -> Any:
             value = kind(digits) if len(digits) <= DIGITS else float("inf")
@@ -124,7 +124,7 @@ def loads(text: str | bytes) -> Any:
 
 
 def described(text: str, known: dict[tuple[str, str], Row]) -> str:
-    """The file of OpenAPI, with who may ask each operation. known: rows by method and path."""
+    """The file of OpenAPI, with the role of each operation. known: rows by method and path."""
     lines, path = [], ""
     for line in text.splitlines():
         lines.append(line)

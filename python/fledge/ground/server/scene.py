@@ -102,7 +102,7 @@ class Window(Records):
             for end, sample in zip(ends, samples):
                 t, message = sample.get(port.name, (-inf, b""))
                 for at in (t, end) if end - t > old else (t,):
-                    if at > (rows[-1][0] if rows else -inf) and message:    # telemetry says it until it says another
+                    if at > (rows[-1][0] if rows else -inf) and message:    # a message holds until the next
                         rows.append((at, message))
             self._messages[port.name] = (np.array([t for t, _ in rows], dtype=float),
                                          np.frombuffer(b"".join(message for _, message in rows), port.dtype))
@@ -142,13 +142,13 @@ class Feed:
         self._used: set[str] | None = None
         self._next = 0.0
         self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
-        self._watched: Observing | None = None          # the link whose messages come here
+        self._watched: Observing | None = None          # the link that delivers messages here
         self._received: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
         self.flight_ports: dict[str, Port] = {}
         self.periods: dict[str, float] = {}     #: [s] of the instances that a task runs
         self._flights: set[str] = set()
-        self._places: dict[str, int] = {}               # process of flight -> the parameter that says its mode
+        self._places: dict[str, int] = {}               # process of flight -> slot of its mode
         self._modes: dict[str, list[tuple[float, str]]] = {}    # process -> (t [s], mode) since when telemetry has it
         self._outputs: dict[str, Any] = {}
         if simulation is None:
@@ -315,7 +315,7 @@ class Feed:
     # --- all threads ---
 
     def pack(self) -> bytes:
-        """The scene, with all that is known of its tracks, as the viewer reads it. Raises SetupError that says what is
+        """The scene, with all that is known of its tracks, as the viewer reads it. Raises SetupError that names what is
         missing."""
         derivation = self._derived()
         data, tracks = page.pack_growing(derivation.scene)
@@ -325,7 +325,7 @@ class Feed:
         return data
 
     def scene(self) -> Scene:
-        """The scene, with all that is known of its tracks. Raises SetupError that says what is missing."""
+        """The scene, with all that is known of its tracks. Raises SetupError that names what is missing."""
         return self._derived().scene
 
     def since(self, number: int) -> tuple[int, list[dict[str, Any]]]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions: what a browser with a cookie, or a script with a token, may do, until it ends."""
+"""Sessions of browsers, by their cookies, and of scripts, by their tokens."""
 from __future__ import annotations
 
 import asyncio
@@ -15,7 +15,7 @@ SESSIONS = 16       # of one user; the oldest ends
 
 
 class Session:
-    """Of a user."""
+    """A session of a user."""
 
     def __init__(self, user: User, now: float) -> None:
         self.user, self.used = user, now
@@ -30,7 +30,7 @@ class Session:
 
 
 class Sessions:
-    """All of a server, for those whom `access` names. clock: [s] of their idleness."""
+    """The sessions of the users and tokens of `access`. clock: [s] of their idleness."""
 
     def __init__(self, access: Access, log: RequestLog, clock: Callable[[], float]) -> None:
         self.access, self.clock, self._log = access, clock, log
@@ -39,13 +39,13 @@ class Sessions:
         self._without_users = Session(OPERATOR, 0.0)    # of all requests, if there are no users
 
     def of_token(self, word: str) -> Session | None:
-        """That of a script's token."""
+        """The session of a script's token."""
         hashed = digest(word)
         user = self.access.tokens.get(hashed)
         return None if user is None else self._of_scripts.setdefault(hashed, Session(user, 0.0))
 
     def of_cookie(self, word: str) -> Session | None:
-        """That of a browser's cookie, which is used now."""
+        """The session of a browser's cookie, which is used now."""
         if not self.access.closed:
             return self._without_users
         name = digest(word)
@@ -58,7 +58,7 @@ class Sessions:
         return session
 
     def begin(self, user: User, word: str) -> Session:
-        """A new one, of a cookie."""
+        """Begin a session for a new cookie."""
         own = [key for key, session in self._of_browsers.items() if session.user == user]
         for key in own[:len(own) - SESSIONS + 1]:
             self._end(key, "the user began too many others")
@@ -73,7 +73,7 @@ class Sessions:
             self._end(name, why)
 
     def take(self, access: Access) -> None:
-        """End the sessions of those who are others now."""
+        """End the sessions of users and tokens that differ in new settings."""
         self.access = access
         for name, session in list(self._of_browsers.items()):
             if (now := access.users.get(session.user.name)) != session.user:

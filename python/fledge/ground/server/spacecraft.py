@@ -46,8 +46,8 @@ SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "crit
 
 
 class Spacecraft:
-    """room: whose it is; index: its number in frames of values; source: of which it is a replay, or None. Raises
-    SetupError."""
+    """A spacecraft of a room. index: its number in frames of values; source: the spacecraft that it replays, or None.
+    Raises SetupError."""
 
     clock: Clock
     limits: SetLimits
@@ -173,10 +173,10 @@ class Spacecraft:
                     self._over.wait(TURN / 1e9)
 
     def _fail(self, why: str, wait: float) -> None:
-        """Say in red that the server itself has failed here, and close the link."""
+        """Report that the server itself has failed here, and close the link."""
         self.failed = f"the server failed here: {why}; it tries again after {wait:g} s"
         self.reporter.event("critical", "server", self.failed)
-        if not self.run:        # whose link is the simulation
+        if not self.run:        # then the simulation is the link
             self._break(why)
         self.publish()
 
@@ -193,7 +193,7 @@ class Spacecraft:
                 self._break(str(error))
             else:
                 if self.failed:
-                    self.alarms.compare()       # whose notes may have been lost
+                    self.alarms.compare()       # notes may have been lost
                     self.failed = ""
                     self.reporter.event("info", "server", "the server works here again")
                     self.publish()

@@ -66,7 +66,7 @@ class StoredLists:
                 **{name: self._newest_number(name) for name in ("stored", "released", "skipped")}}
 
     def act(self, user: str, request: dict[str, Any]) -> dict[str, Any]:
-        """What a browser asks of a list: the row of the command. Raises SetupError."""
+        """Carry out a browser's request for a list; returns the row of the command. Raises SetupError."""
         craft, number = self._connection.reach(), request.get("list", 0)
         if not self.path:
             raise SetupError(self.describe()["text"])
@@ -117,7 +117,7 @@ class StoredLists:
                 for command in self._lists.get(number, ([], None))[0]]
 
     def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
-        """What a list has. read: when the spacecraft said so; else it follows from commands that it has executed."""
+        """Set the commands of a list. read: when they were reported; None: executed commands imply them."""
         rows = [{"step": command.step, "time_ns": str(command.time), "size": command.size, "crc": command.crc,
                  "code": command.code,
                  "name": self._names.get(command.crc) or (Code(command.code).name.lower() if command.code in
@@ -138,7 +138,7 @@ class StoredLists:
         return self._telemetry.monitor.newest(slot) if slot is not None else None
 
     def _newest_number(self, name: str) -> int | None:
-        """What telemetry says of all lists."""
+        """A number that telemetry has of all lists."""
         newest = self._newest(name)
         return int(newest[3]) if newest else None
 

@@ -34,7 +34,7 @@ RECENT = 500            # packets that are kept for a spacecraft without an arch
 class Telemetry:
     """All but `slots` and `inspect` is for the spacecraft's own thread.
 
-    mission: of whose flight the packets are, or None; folder: of the files of derived parameters
+    mission: the one that sends the packets, or None; folder: of the files of derived parameters
     changes: of limits, as the journal has them; periods: [s] of the instances that a task of the mission runs
     publish_state: sends the spacecraft's state to browsers
     """
@@ -94,7 +94,7 @@ class Telemetry:
     # --- packets ---
 
     def decode(self, packets: Packets) -> list[Note]:
-        """Archive and decode a batch; what it had that is notable."""
+        """Archive and decode a batch; returns the monitor's notes."""
         self.recent.extend(packets[-RECENT:])
         notes: list[Note] = self.monitor.take(packets)
         self._clock.now = max(self._clock.now, packets[-1][0]) if self._clock.simulated else packets[-1][0]
@@ -192,7 +192,7 @@ class Telemetry:
     # --- the database ---
 
     def reload(self) -> bool:
-        """Take a database whose files have changed; returns whether there is a new one. A wrong one is refused, and
+        """Load a database that has changed on disk; returns whether there is a new one. A wrong one is refused, and
         the old one stays. The files of a mission cannot be read again while it flies."""
         if time.monotonic() - self._checked < AGAIN or self.archive_problem:    # which still has to take packets
             return False

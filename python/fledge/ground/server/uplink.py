@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How commands leave, and how far they are: two ways with one interface.
+"""Sends commands and follows their stages, in two ways with the same interface.
 
 A mission of Fledge numbers its commands and reports them by its own protocol (FlightUplink). A spacecraft that has only
 a database gets numbers of the server, and its telemetry fulfils the verifiers of the database (DatabaseUplink).
@@ -56,7 +56,7 @@ class Uplink(ABC):
 
     @abstractmethod
     def reload(self) -> None:
-        """The database is a new one, whose forms are prepared."""
+        """Go on with a new database; its forms are prepared."""
 
     @abstractmethod
     def numbered(self, packet: bytes) -> bytes:
@@ -76,7 +76,7 @@ class Uplink(ABC):
 
     @abstractmethod
     def poll(self) -> None:
-        """Note what became of commands since the last call."""
+        """Add the stages that commands have reached since the last call."""
 
     @abstractmethod
     def verified(self, number: int, t: int, returned: str) -> None:
@@ -106,7 +106,7 @@ class FlightUplink(Uplink):
         self._stepped: dict[int, int] = {}      # [ns] by the row's id, by which the clock was set since its release
 
     def prepare(self, form: Form) -> None:
-        form["verifiers"] = []                  # flight's own reports say more
+        form["verifiers"] = []                  # flight's own reports have more
 
     def reload(self) -> None:
         pass
@@ -220,7 +220,7 @@ class DatabaseUplink(Uplink):
         self._reporter, self._stages = reporter, stages
         self._verifying = Verifying(stages, telemetry, clock)
         self._sequences: dict[int, int] = {}        # of each stream, the newest one
-        self._going: dict[bytes, Row] = {}          # packets whose arrival the link will know
+        self._going: dict[bytes, Row] = {}          # packets that the link will confirm
 
     def prepare(self, form: Form) -> None:
         self._verifying.prepare(form)

@@ -40,7 +40,7 @@ class Waiting:
         return begin + int(verifier["start"] * 1e9), begin + stop
 
     def over(self, t: int) -> list[int]:
-        """Whose windows have ended. A window from the last verifier on waits for those before it."""
+        """The verifiers with ended windows. A window that begins at the last verifier waits for those before it."""
         ended: list[int] = []
         for number, verifier in self.open.items():
             before = [other for other in self.open if other < number and other not in ended]
@@ -58,7 +58,7 @@ class Verifying:
         self._newest: tuple[int, int] | None = None     # the verifier and time of the last packet
 
     def prepare(self, form: dict[str, Any]) -> None:
-        """Name the stages of a form's verifiers, and say of each why it cannot be watched, if so."""
+        """Set the stage of each verifier of a form, and its problem if it cannot be watched."""
         names = {argument["name"]: "0" for argument in form["arguments"]} | {SEQUENCE: "0"}
         for place, verifier in enumerate(form["verifiers"]):
             stage = "progress" if verifier["percent"] is not None else STAGES[verifier["stage"]]
@@ -126,7 +126,7 @@ class Verifying:
         self._rid()
 
     def stepped(self, by: int) -> None:
-        """Somebody has set the server's clock [ns]."""
+        """The server's clock was set [ns]."""
         for command in self._waiting:
             command.release += by
             command.passed += by

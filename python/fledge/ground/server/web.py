@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control room by HTTP and WebSocket (api.yaml): its application, who may use which route, and what goes to all
+"""The control room by HTTP and WebSocket (api.yaml): its application, its check of roles, and the messages to all
 browsers. The handlers are in handlers/. Requests only read what the threads of the spacecraft have, or call them."""
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Server:
             await asyncio.wait(ends, timeout=5)
 
     async def _crowd(self) -> None:
-        """Look how much waits for all."""
+        """Measure how much waits for all clients."""
         while True:
             self.crowded = self.bounds.over("waiting in all", sum(browser.waiting for browser in self.browsers))
             await asyncio.sleep(0.2)
@@ -123,19 +123,19 @@ class Server:
         """Take users, tokens and certificate of the server's file whenever it or its certificate changes; of what is
         wrong, those before stay."""
         old, access = self.room.settings, self.room.settings.access
-        now = looked = old.stamp + stamp(*filter(None, (access.certificate, access.key)))
+        now = checked = old.stamp + stamp(*filter(None, (access.certificate, access.key)))
         while True:
             await asyncio.sleep(AGAIN / 2)
             access = self.guard.access
             before, now = now, stamp(*filter(None, (old.file, access.certificate, access.key)))
-            if now == looked or now != before:      # the latter is still being written
+            if now == checked or now != before:      # a file that still changes is still being written
                 continue
-            looked = now
+            checked = now
             try:
                 settings = await asyncio.to_thread(read, old.file)
                 settings.guarded()
                 later = self.guard.take(settings.access)
-            except Exception as error:      # whatever it is, the next change is looked at
+            except Exception as error:      # of any kind: the next change is read again
                 await asyncio.to_thread(self._report, "critical", f"{old.file.name} has changed and is refused, users "
                                         "and tokens stay", str(error))
                 continue
@@ -145,8 +145,8 @@ class Server:
                 + "; what else it says counts when the server starts again" * later)
 
     def _report(self, severity: str, text: str, why: str = "") -> None:
-        """Of the server: with the events of all spacecraft, and in the log. why: for those who see all spacecraft, for
-        it may name others, and users."""
+        """Report about the server: an event of each spacecraft, and a row of the log, which also has why: that may name
+        other spacecraft and users."""
         for name in list(self.room.crafts):
             self.room.report(name, severity, "users", text + "; the log says why" * bool(why))
         self._log("", "users", {"why": f"{text}: {why}" if why else text})
@@ -155,7 +155,7 @@ class Server:
         """A line of the operators' log; what changes something is not done without it."""
         path = details["request"] if action == "refused" else action
         parts = path.partition(" ")[2].split("/")
-        # A refused one could tell its user which spacecraft there are.
+        # A refused request must not reveal which spacecraft exist.
         craft = parts[3] if action != "refused" and parts[1:3] == ["api", "crafts"] and len(parts) > 3 else ""
         try:
             self.room.log(user, action, dumps(details.get("body", details)) if details else "", craft,
@@ -183,7 +183,7 @@ class Server:
     # --- access ---
 
     def _check(self, request: web.Request) -> None:
-        """Raises the answer to who may not ask this, by the row of its route."""
+        """Raises an answer if the user may not make a request, by the row of its route."""
         if not (row := row_of(request)):
             return
         if row.craft:

@@ -228,7 +228,7 @@ class Random:
 
 
 def at_end(parameter: str, offset: int) -> str:
-    """An entry whose end lies so many bits in front of the packet's."""
+    """An entry that ends so many bits before the end of the packet."""
     return f"<ParameterRefEntry parameterRef='{parameter}'><LocationInContainerInBits " \
         f"referenceLocation='containerEnd'><FixedValue>{offset}</FixedValue></LocationInContainerInBits>" \
         "</ParameterRefEntry>"
