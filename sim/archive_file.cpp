@@ -190,8 +190,8 @@ std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::stri
     if (const auto known = m.topics.find(topic); known != m.topics.end()) {
         return known->second;
     }
-    const Pairs &kept = m.pairs.emplace_back(pairs);
-    const std::vector<McapPair> &pointers = m.pointers.emplace_back(as_pairs(kept));
+    const Pairs &lasting = m.pairs.emplace_back(pairs);
+    const std::vector<McapPair> &pointers = m.pointers.emplace_back(as_pairs(lasting));
     std::uint16_t type_id = 0, id = 0;
     require(mcap_add_schema(&writer_, m.keep("fledge/msg/" + type), m.keep(schema), &type_id));
     require(

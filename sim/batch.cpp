@@ -122,17 +122,17 @@ public:
             given_++;
         }
         begin_.notify_all();
-        Clock::time_point looked;
-        const auto look = [&] {
-            if (poll && Clock::now() - looked >= pause) {
-                looked = Clock::now();
+        Clock::time_point last;
+        const auto poll_if_due = [&] {
+            if (poll && Clock::now() - last >= pause) {
+                last = Clock::now();
                 if (!poll()) {
                     stop_ = true;
                 }
             }
             return !stop_;
         };
-        share(0, {0.0, [&](Ns) { return look(); }, same_}, look);
+        share(0, {0.0, [&](Ns) { return poll_if_due(); }, same_}, poll_if_due);
         const auto done = [&] { return working_ == 0; };
         if (soon(done)) {
             return !stop_;
@@ -140,7 +140,7 @@ public:
         std::unique_lock lock(mutex_);
         while (!done_.wait_for(lock, pause, done)) {
             lock.unlock();
-            look();
+            poll_if_due();
             lock.lock();
         }
         return !stop_;
@@ -167,7 +167,7 @@ private:
         return true;
     }
 
-    template <class Look> void share(std::size_t own, const RunControl &control, const Look &look)
+    template <class Poll> void share(std::size_t own, const RunControl &control, const Poll &poll)
     {
         for (std::size_t k = 0; k < parts_.size(); k++) {
             Part &part = parts_[(own + k) % parts_.size()];
@@ -175,7 +175,7 @@ private:
                 for (std::size_t j = i; j < std::min(part.end, i + chunk_); j++) {
                     (*work_)(j, control);
                 }
-                if (!look()) {
+                if (!poll()) {
                     return;
                 }
             }
@@ -240,10 +240,10 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     if (plan_.every <= 0) {
         throw SetupError("the duration of a step must be > 0, found " + format_time(plan_.every));
     }
-    if (const auto found = callables(nominal, true); !found.empty()) {
+    if (const auto functions = callables(nominal, true); !functions.empty()) {
         throw SetupError("a simulation that calls Python cannot be stepped in a batch, where clones would share what "
                          "its functions use: " +
-                         format_list(found));
+                         format_list(functions));
     }
     if (!callables(nominal).empty()) {
         plan_.threads = 1; // the others would wait for Python's lock
@@ -451,7 +451,7 @@ bool Batch::step(std::span<const double> actions, std::span<double> observed, co
     check_actions(actions);
     const auto work = [&](std::size_t i, const RunControl &control) {
         if (advance(clones_[i], actions.subspan(i * actions_, actions_), control)) {
-            look(clones_[i], observed.subspan(i * observations_, observations_));
+            read_row(clones_[i], observed.subspan(i * observations_, observations_));
         }
     };
     if (!crew_->run(clones_.size(), work, poll)) {
@@ -463,7 +463,7 @@ bool Batch::step(std::span<const double> actions, std::span<double> observed, co
     return true;
 }
 
-void Batch::look(const Clone &clone, std::span<double> row) const
+void Batch::read_row(const Clone &clone, std::span<double> row) const
 {
     if (clone.at < 0 || !clone.failure.empty()) {
         std::fill(row.begin(), row.end(), no_number);
@@ -477,7 +477,7 @@ void Batch::look(const Clone &clone, std::span<double> row) const
 void Batch::observe(std::span<double> to) const
 {
     for (std::size_t i = 0; i < clones_.size(); i++) {
-        look(clones_[i], to.subspan(i * observations_, observations_));
+        read_row(clones_[i], to.subspan(i * observations_, observations_));
     }
 }
 

@@ -98,7 +98,7 @@ private:
     void lay_out(Clone &clone) const;
     void begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot) const;
     bool advance(Clone &clone, std::span<const double> actions, const RunControl &control) const;
-    void look(const Clone &clone, std::span<double> row) const;
+    void read_row(const Clone &clone, std::span<double> row) const;
     void check_actions(std::span<const double> actions) const;
 
     /// Numbers that go from a row of the actions into an input or a parameter.

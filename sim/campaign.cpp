@@ -377,20 +377,20 @@ std::size_t dispersed_elements(const CampaignPlan &plan)
 
 std::vector<std::string> callables(const Simulation &simulation, bool sharing)
 {
-    std::vector<std::string> found;
+    std::vector<std::string> names;
     for (const auto &process : simulation.processes()) {
         for (const auto &event : process->events()) {
             if (event->predicate || event->action) {
-                found.push_back("event " + process->name + "." + event->name);
+                names.push_back("event " + process->name + "." + event->name);
             }
         }
         for (const auto &instance : process->instances()) {
             if (instance->script.update && (instance->script.shares || !sharing)) {
-                found.push_back(instance->path);
+                names.push_back(instance->path);
             }
         }
     }
-    return found;
+    return names;
 }
 
 void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)

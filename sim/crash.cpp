@@ -279,7 +279,7 @@ bool sanitized()
 
 // ---- the watchdog
 
-void look(Ns limit)
+void check(Ns limit)
 {
     const std::lock_guard lock(watch().mutex);
     const auto now = Clock::now();
@@ -305,7 +305,7 @@ void watch_updates()
         std::this_thread::sleep_for(
             std::chrono::nanoseconds(limit ? std::clamp<Ns>(limit / 8, 100'000, 100'000'000) : 100'000'000));
         if (limit) {
-            look(limit);
+            check(limit);
         }
     }
 }

@@ -81,15 +81,15 @@ std::string every(const TaskPlace &place)
 
 std::string not_finite(const FledgeStruct &type, const std::byte *message)
 {
-    std::string found;
+    std::string text;
     each_double(type, 0, "", [&](std::uint32_t at, const std::string &name) {
         double x;
         std::memcpy(&x, message + at, sizeof x);
-        if (found.empty() && !std::isfinite(x)) {
-            found = name + " is " + format_number(x);
+        if (text.empty() && !std::isfinite(x)) {
+            text = name + " is " + format_number(x);
         }
     });
-    return found;
+    return text;
 }
 
 const char *kind_name(Finding::Kind kind)
@@ -101,7 +101,7 @@ const char *kind_name(Finding::Kind kind)
 
 std::vector<Finding> structural_findings(const Structure &structure)
 {
-    std::vector<Finding> found;
+    std::vector<Finding> findings;
     const auto places = places_of(structure);
     const auto place_of = [&](const Port &port) {
         const auto it = places.find(port.instance.get());
@@ -142,7 +142,7 @@ std::vector<Finding> structural_findings(const Structure &structure)
         if (from->process == to->process && !wire.options.latency && before(*to, *from) && coincide(*from, *to) &&
             !leads_to(*to, *from)) {
             const std::string reader = wire.to.instance->path, writer = wire.from.instance->path;
-            found.push_back(
+            findings.push_back(
                 {Finding::Kind::late, wire.to.path(), -1, 0,
                  wire.to.path() + " reads " + wire.from.path() + " a step late: " +
                      (from->task == to->task
@@ -153,13 +153,13 @@ std::vector<Finding> structural_findings(const Structure &structure)
         }
         const Ns first = from->task->period, second = to->task->period;
         if (first % second && second % first && uneven.insert(std::minmax(from->task, to->task)).second) {
-            found.push_back({Finding::Kind::uneven, wire.to.path(), -1, 0,
-                             wire.to.path() + " of task " + every(*to) + " reads " + wire.from.path() + " of task " +
-                                 every(*from) +
-                                 ": neither period divides the other, so the age of what it reads changes"});
+            findings.push_back({Finding::Kind::uneven, wire.to.path(), -1, 0,
+                                wire.to.path() + " of task " + every(*to) + " reads " + wire.from.path() + " of task " +
+                                    every(*from) +
+                                    ": neither period divides the other, so the age of what it reads changes"});
         }
     }
-    return found;
+    return findings;
 }
 
 Health::Health(const Structure &structure)
@@ -249,10 +249,10 @@ void Health::note(const Watched &task, bool finite, Ns t)
 
 std::vector<Finding> Health::findings() const
 {
-    std::vector<Finding> found;
+    std::vector<Finding> findings;
     const auto add = [&](Finding::Kind kind, const std::string &path, const Tally &tally, const std::string &text) {
         if (tally.count) {
-            found.push_back({kind, path, tally.first, tally.count, path + text});
+            findings.push_back({kind, path, tally.first, tally.count, path + text});
         }
     };
     for (std::size_t i = 0; i < outputs_.size(); i++) {
@@ -273,7 +273,7 @@ std::vector<Finding> Health::findings() const
             " was not finite" + often(output.tallies.not_finite, updates));
         if (const std::string what = not_finite(*output.field->sub, seen_[i].message);
             output.instance->model() && !what.empty()) {
-            found.push_back({Finding::Kind::not_finite, path, -1, 0, path + " is not finite at the end: " + what});
+            findings.push_back({Finding::Kind::not_finite, path, -1, 0, path + " is not finite at the end: " + what});
         }
     }
     for (const Limit &limit : limits_) {
@@ -284,7 +284,7 @@ std::vector<Finding> Health::findings() const
         add(Finding::Kind::stale, age.input, age.stale,
             " was stale at " + std::to_string(age.stale.count) + " updates, first at " + format_time(age.stale.first));
     }
-    return found;
+    return findings;
 }
 
 } // namespace fledge::sim

@@ -33,8 +33,8 @@ double distance(Judge::Relation relation, double x, double limit)
 
 double scaled(double distance, double scale)
 {
-    const double found = distance / scale;
-    return found == 0.0 ? distance : found;
+    const double scaled = distance / scale;
+    return scaled == 0.0 ? distance : scaled;
 }
 
 } // namespace
@@ -322,11 +322,11 @@ void Judge::finish(Ns t)
 
 std::vector<double> Judge::trace(int atom) const
 {
-    std::vector<double> found;
+    std::vector<double> rows;
     for (std::size_t i = static_cast<std::size_t>(atom); i < traces_.size(); i += atoms_.size()) {
-        found.push_back(traces_[i]);
+        rows.push_back(traces_[i]);
     }
-    return found;
+    return rows;
 }
 
 } // namespace fledge::sim

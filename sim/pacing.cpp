@@ -12,13 +12,13 @@ Pacing::Pacing(const RunControl &control, Ns start, PaceReport &report)
 {
 }
 
-bool Pacing::look(Ns now)
+bool Pacing::read_clock(Ns now)
 {
     using namespace std::chrono_literals;
     const auto at = Clock::now();
-    looks_after_ = at - looked_ > 5ms ? std::max(1, looks_after_ / 2) : std::min(256, 2 * looks_after_);
-    until_look_ = looks_after_;
-    looked_ = at;
+    reads_after_ = at - read_ > 5ms ? std::max(1, reads_after_ / 2) : std::min(256, 2 * reads_after_);
+    until_read_ = reads_after_;
+    read_ = at;
     return poll(at, now);
 }
 

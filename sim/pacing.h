@@ -20,7 +20,7 @@ public:
             report_.instants++;
             return sleep_until(instant, now);
         }
-        return !control_.poll || --until_look_ != 0 || look(now);
+        return !control_.poll || --until_read_ != 0 || read_clock(now);
     }
 
     /// At the end, which need not be an instant.
@@ -29,7 +29,7 @@ public:
 private:
     using Clock = std::chrono::steady_clock;
 
-    bool look(Ns now);
+    bool read_clock(Ns now);
     bool poll(Clock::time_point at, Ns now);
     bool sleep_until(Ns simulated, Ns now);
 
@@ -37,9 +37,9 @@ private:
     PaceReport &report_;
     const Ns simulated_start_;
     const Clock::time_point start_;
-    Clock::time_point polled_ = start_, looked_;
+    Clock::time_point polled_ = start_, read_;
     // Read the clock only sometimes, for it takes as long as a small update; more often where updates are slow.
-    int looks_after_ = 16, until_look_ = looks_after_;
+    int reads_after_ = 16, until_read_ = reads_after_;
 };
 
 } // namespace fledge::sim

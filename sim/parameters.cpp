@@ -30,14 +30,14 @@ void Parameters::see()
 
 std::vector<const FledgeField *> Parameters::differing() const
 {
-    std::vector<const FledgeField *> found;
+    std::vector<const FledgeField *> changed;
     for (const FledgeField &field : fields(instance->type())) {
         const std::byte *at = instance->memory() + field.offset;
         if (field.group == FLEDGE_PAR && std::memcmp(at, seen.data() + (at - now.data()), field.size)) {
-            found.push_back(&field);
+            changed.push_back(&field);
         }
     }
-    return found;
+    return changed;
 }
 
 void Parameters::refresh() const

@@ -276,9 +276,9 @@ void Recorder::reset()
 void Recorder::rewind(Ns now)
 {
     for_all([&](Log &log) {
-        const auto kept = std::upper_bound(log.times.begin(), log.times.end(), now) - log.times.begin();
-        log.times.resize(static_cast<std::size_t>(kept));
-        log.bytes.resize(static_cast<std::size_t>(kept) * log.field->size);
+        const auto n = std::upper_bound(log.times.begin(), log.times.end(), now) - log.times.begin();
+        log.times.resize(static_cast<std::size_t>(n));
+        log.bytes.resize(static_cast<std::size_t>(n) * log.field->size);
         log.rewinds++;
         log.due_ = due_after(log.every, now);
         log.last_.clear();

@@ -149,13 +149,13 @@ void Simulation::set_seed(std::uint64_t seed)
 /// What a model depends on: its parts, and the models that it calls.
 static std::vector<const Model *> needed_by(const Instance &instance)
 {
-    std::vector<const Model *> found;
+    std::vector<const Model *> models;
     // A copy calls this for each of them.
     instance.clone()->model()->copy_setup(*instance.model(), [&](const Model *needed) {
-        found.push_back(needed);
+        models.push_back(needed);
         return const_cast<Model *>(needed);
     });
-    return found;
+    return models;
 }
 
 std::vector<Problem> Simulation::problems()
@@ -204,8 +204,8 @@ void Simulation::prepare()
     if (runtime_) {
         return;
     }
-    if (const auto found = problems(); !found.empty()) {
-        throw CompositionError(found);
+    if (const auto wrong = problems(); !wrong.empty()) {
+        throw CompositionError(wrong);
     }
     runtime_ = std::make_unique<Runtime>(structure_, decide_roles(structure_), recorder_, outputs_);
     try {
@@ -321,13 +321,14 @@ PaceReport Simulation::pace_report() const
 
 std::vector<Finding> Simulation::health() const
 {
-    std::vector<Finding> found = structural_findings(structure_);
+    std::vector<Finding> findings = structural_findings(structure_);
     if (runtime_) {
         const std::vector<Finding> seen = runtime_->health.findings();
-        found.insert(found.end(), seen.begin(), seen.end());
+        findings.insert(findings.end(), seen.begin(), seen.end());
     }
-    std::stable_sort(found.begin(), found.end(), [](const Finding &a, const Finding &b) { return a.first < b.first; });
-    return found;
+    std::stable_sort(findings.begin(), findings.end(),
+                     [](const Finding &a, const Finding &b) { return a.first < b.first; });
+    return findings;
 }
 
 void Simulation::open_outputs(const std::string &path)

@@ -96,20 +96,20 @@ std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime)
 
 bool check_snapshot(Runtime &runtime, std::span<const std::byte> bytes, bool edited)
 {
-    const auto found = "this snapshot (" + std::to_string(bytes.size()) + " bytes) is ";
+    const auto about = "this snapshot (" + std::to_string(bytes.size()) + " bytes) is ";
     Start start{};
     if (bytes.size() >= sizeof start) {
         std::memcpy(&start, bytes.data(), sizeof start);
     }
     if (bytes.size() < sizeof start || (!edited && start.checksum != checksum_of(bytes))) {
-        throw SetupError(found + "truncated or damaged: its checksum is not that of its bytes; take another one");
+        throw SetupError(about + "truncated or damaged: its checksum is not that of its bytes; take another one");
     }
     std::size_t size = sizeof start, commands = 0;
     runtime.visit_state([&](void *, std::size_t n) { size += n; });
     runtime.visit_commands([&](void *, std::size_t n) { commands += n; });
     const bool commanded = commands && bytes.size() == size + commands;
     if (start.layout != layout_of(runtime) || (bytes.size() != size && !commanded)) {
-        throw SetupError(found + "of a simulation with other modules, tasks or events; this one's have " +
+        throw SetupError(about + "of a simulation with other modules, tasks or events; this one's have " +
                          std::to_string(size) + " bytes");
     }
     return commanded;

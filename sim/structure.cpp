@@ -85,16 +85,16 @@ Process &Structure::process(std::string_view name) const
 
 std::vector<Carrier *> Structure::carriers(const Process &of) const
 {
-    std::vector<Carrier *> found;
+    std::vector<Carrier *> all;
     for (const auto &process : processes) {
         for (const auto &instance : process->instances()) {
             auto *carrier = dynamic_cast<Carrier *>(instance->model());
             if (carrier && carrier->serves() == of.name) {
-                found.push_back(carrier);
+                all.push_back(carrier);
             }
         }
     }
-    return found;
+    return all;
 }
 
 std::vector<std::string> Structure::outputs_of_type(const FledgeStruct *type) const
@@ -345,7 +345,7 @@ void check_distinct(const Structure &structure, Faults &faults)
 std::vector<std::pair<std::string, std::string>> cross_process_dependencies(const Structure &structure,
                                                                             std::string_view process)
 {
-    std::vector<std::pair<std::string, std::string>> found;
+    std::vector<std::pair<std::string, std::string>> dependencies;
     for (const auto &own : structure.processes) {
         const auto foreign = [&](const auto &is_it) -> const Instance * {
             for (const auto &other : structure.processes) {
@@ -361,7 +361,7 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
         const auto add = [&](const std::string &what, const Instance *whose) {
             if (whose &&
                 (process.empty() || own->name == process || whose->path.starts_with(std::string(process) + "."))) {
-                found.emplace_back(what, whose->path);
+                dependencies.emplace_back(what, whose->path);
             }
         };
         for (Mode mode : own->modes()) { // a copy, because visit may change what it finds
@@ -388,7 +388,7 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
             });
         }
     }
-    return found;
+    return dependencies;
 }
 
 std::vector<std::string> assumptions(const Structure &structure)

@@ -73,13 +73,13 @@ const Word *Wiring::source(const Port &input) const
 const Word *Wiring::incoming(const Port &input, std::int32_t mode, Ns t) const
 {
     // If nothing is carried: of configuration, which is there already; without a wire; or not in this mode.
-    const Word *const own = words(input.bytes()), *found = own;
+    const Word *const own = words(input.bytes()), *source = own;
     for (const Copy &copy : copies_) {
-        if (copy.to == own && (copy.by == EXEC_SOLE || takes(copy, found, mode, t))) {
-            found = copy.from;
+        if (copy.to == own && (copy.by == EXEC_SOLE || takes(copy, source, mode, t))) {
+            source = copy.from;
         }
     }
-    return found;
+    return source;
 }
 
 void Wiring::clear() const

@@ -266,10 +266,10 @@ static int read_file(void *user, int file, uint64_t offset, uint8_t *bytes, size
 static int write_file(void *user, int file, uint64_t offset, const uint8_t *bytes, size_t n)
 {
     MemoryStore *m = user;
-    const int32_t found = opened(m, file);
+    const int32_t opened_at = opened(m, file);
     const uint64_t most = (uint64_t)m->pages * MEMORY_DATA;
-    if (found < 0 || (file & 1) == 0) {
-        return found < 0 ? found : CFDP_REFUSED;
+    if (opened_at < 0 || (file & 1) == 0) {
+        return opened_at < 0 ? opened_at : CFDP_REFUSED;
     }
     if (n == 0u) {
         return 0;
@@ -277,7 +277,7 @@ static int write_file(void *user, int file, uint64_t offset, const uint8_t *byte
     if (offset > most || n > most - offset) {
         return CFDP_FULL;
     }
-    const uint32_t entry = (uint32_t)found, old = ccsds_get32(at(m, entry) + SIZE);
+    const uint32_t entry = (uint32_t)opened_at, old = ccsds_get32(at(m, entry) + SIZE);
     const uint32_t owner = ccsds_get32(at(m, entry) + OWNER);
     const uint64_t end = offset + n;
     uint32_t more = end > old ? pages_of(end) - pages_of(old) : 0u;

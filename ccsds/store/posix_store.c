@@ -57,9 +57,9 @@ static int directory_of(const PosixStore *posix, const char *name, const char **
 /* A result of a call on a name in a directory, which ends here. */
 static int ended(int directory, int result)
 {
-    const int found = result < 0 ? refusal() : result;
+    const int fault = result < 0 ? refusal() : result;
     close(directory);
-    return found;
+    return fault;
 }
 
 /* Whether there is room for n more bytes. Each write, and each file, may take a block of the disk for itself. */
@@ -151,13 +151,13 @@ static int rename_file(void *user, const char *from, const char *to)
     if (old < 0) {
         return old;
     }
-    const int made = directory_of(user, to, &last_to);
-    if (made < 0) {
+    const int target = directory_of(user, to, &last_to);
+    if (target < 0) {
         close(old);
-        return made;
+        return target;
     }
-    const int result = ended(old, renameat(old, last_from, made, last_to));
-    close(made);
+    const int result = ended(old, renameat(old, last_from, target, last_to));
+    close(target);
     return result;
 }
 

@@ -27,9 +27,9 @@ void ArrayDriveModel::update(Tick tick)
         } else {
             mem.due[i] += par.rate * dt;
             const double whole = std::floor(mem.due[i] * (1.0 + 1e-12));
-            const auto made = std::min(static_cast<std::int64_t>(std::min(whole, 4e9)), std::abs(left));
-            mem.steps[i] += static_cast<std::int32_t>(left > 0 ? made : -made);
-            mem.due[i] = made == std::abs(left) ? 0.0 : std::max(mem.due[i] - whole, 0.0);
+            const auto steps = std::min(static_cast<std::int64_t>(std::min(whole, 4e9)), std::abs(left));
+            mem.steps[i] += static_cast<std::int32_t>(left > 0 ? steps : -steps);
+            mem.due[i] = steps == std::abs(left) ? 0.0 : std::max(mem.due[i] - whole, 0.0);
             moving |= mem.steps[i] != target ? 1u << i : 0u;
         }
         const double before = angles.theta[i];

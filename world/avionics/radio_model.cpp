@@ -201,13 +201,13 @@ void RadioModel::publish(Ns t)
         take(s.up, out.up);
     }
     settle(t);
-    const auto tell = [t](RadioTraffic &to, const RadioTraffic &from) {
+    const auto add = [t](RadioTraffic &to, const RadioTraffic &from) {
         const Head head = head_next(to.head, t, QUALITY_GOOD);
         to = from;
         to.head = head;
     };
-    tell(out.down_traffic, s.down.traffic);
-    tell(out.up_traffic, s.up.traffic);
+    add(out.down_traffic, s.down.traffic);
+    add(out.up_traffic, s.up.traffic);
 }
 
 // --- the bytes -------------------------------------------------------------------------------------

@@ -14,16 +14,16 @@ namespace {
 // The columns of the code's matrix: of the data's bits, 64 bytes with 3 or 5 bits; of its own bits, those with one. So
 // one wrong bit has an odd sum of columns, which names it, and two have an even one, which is not 0.
 constexpr auto columns = [] {
-    std::array<std::uint8_t, 64> found{};
+    std::array<std::uint8_t, 64> codes{};
     std::size_t n = 0;
     for (int weight : {3, 5}) {
-        for (unsigned x = 0; x < 256 && n < found.size(); x++) {
+        for (unsigned x = 0; x < 256 && n < codes.size(); x++) {
             if (std::popcount(x) == weight) {
-                found[n++] = static_cast<std::uint8_t>(x);
+                codes[n++] = static_cast<std::uint8_t>(x);
             }
         }
     }
-    return found;
+    return codes;
 }();
 
 std::uint8_t code_of(const std::uint8_t *word)

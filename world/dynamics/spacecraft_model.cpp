@@ -628,9 +628,9 @@ LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads 
     put(whole_.torque, quad(whole_.torque) + quad(loads.torque) - cross(omega, momentum));
     Quad a, angular;
     if (free_) {
-        const Accelerations found(whole_);
-        a = found.a;
-        angular = found.domega;
+        const Accelerations solved(whole_);
+        a = solved.a;
+        angular = solved.domega;
     } else {
         rigid_accelerations(whole_, per_mass, a, angular);
     }

@@ -79,9 +79,9 @@ void AtmosphereModel::publish(Ns t)
     if (!head_written(truth.head)) {
         return;
     }
-    const State found = at(t, 0.0, view(truth.r_BN_N));
-    interface_.out.air = {head_next(interface_.out.air.head, t, quality_through(truth.head)), found.density,
-                          found.altitude, vec(found.velocity_N)};
+    const State state = at(t, 0.0, view(truth.r_BN_N));
+    interface_.out.air = {head_next(interface_.out.air.head, t, quality_through(truth.head)), state.density,
+                          state.altitude, vec(state.velocity_N)};
 }
 
 } // namespace fledge::world

@@ -251,8 +251,8 @@ void Attraction::look_closer(std::size_t body, const Knot &end, const Vector3d &
     int nearest = 1;
     double least = distance(1.0 / points);
     for (int i = 2; i < points; i++) {
-        if (const double found = distance(static_cast<double>(i) / points); found < least) {
-            least = found;
+        if (const double d = distance(static_cast<double>(i) / points); d < least) {
+            least = d;
             nearest = i;
         }
     }

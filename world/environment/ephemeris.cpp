@@ -277,10 +277,10 @@ const Ephemeris::Cursor &Ephemeris::way(int target, int center, double t, Cursor
 Vector3d Ephemeris::position(int target, int center, Epoch epoch, double tau, Cursor &cursor) const
 {
     const Instant t(epoch, tau);
-    const Cursor &found = way(target, center, t.total(), cursor);
+    const Cursor &route = way(target, center, t.total(), cursor);
     Vector3d r(0, 0, 0);
-    for (int i = 0; i < found.count; i++) {
-        add_position(*found.legs[i].segment, t, found.legs[i].sign, r);
+    for (int i = 0; i < route.count; i++) {
+        add_position(*route.legs[i].segment, t, route.legs[i].sign, r);
     }
     return r * 1e3;
 }
@@ -288,10 +288,10 @@ Vector3d Ephemeris::position(int target, int center, Epoch epoch, double tau, Cu
 BodyState Ephemeris::state(int target, int center, Epoch epoch, double tau, Cursor &cursor) const
 {
     const Instant t(epoch, tau);
-    const Cursor &found = way(target, center, t.total(), cursor);
+    const Cursor &route = way(target, center, t.total(), cursor);
     BodyState state{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-    for (int i = 0; i < found.count; i++) {
-        add_state(*found.legs[i].segment, t, found.legs[i].sign, state);
+    for (int i = 0; i < route.count; i++) {
+        add_state(*route.legs[i].segment, t, route.legs[i].sign, state);
     }
     state.r *= 1e3;
     state.v *= 1e3;

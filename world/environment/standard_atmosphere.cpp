@@ -237,8 +237,8 @@ StandardAtmosphere::StandardAtmosphere()
 
 const StandardAtmosphere &StandardAtmosphere::get()
 {
-    static const StandardAtmosphere made;
-    return made;
+    static const StandardAtmosphere instance;
+    return instance;
 }
 
 Air StandardAtmosphere::at(double altitude) const

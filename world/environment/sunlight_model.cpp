@@ -39,9 +39,9 @@ void SunlightModel::publish(Ns t)
     if (!head_written(truth.head)) {
         return;
     }
-    const State found = at(t, 0.0, view(truth.r_BN_N));
-    interface_.out.light = {head_next(interface_.out.light.head, t, quality_through(truth.head)), found.visible,
-                            found.irradiance, vec(found.s_N)};
+    const State state = at(t, 0.0, view(truth.r_BN_N));
+    interface_.out.light = {head_next(interface_.out.light.head, t, quality_through(truth.head)), state.visible,
+                            state.irradiance, vec(state.s_N)};
 }
 
 } // namespace fledge::world

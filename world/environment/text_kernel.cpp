@@ -151,11 +151,11 @@ TextKernel TextKernel::parse(std::string_view text, const std::string &file)
         if (values.empty()) {
             refuse_line(file, name.line, name.text + " has no value");
         }
-        auto &kept = kernel.values_[name.text];
+        auto &stored = kernel.values_[name.text];
         if (!append) {
-            kept.clear();
+            stored.clear();
         }
-        kept.insert(kept.end(), values.begin(), values.end());
+        stored.insert(stored.end(), values.begin(), values.end());
     }
     return kernel;
 }
@@ -176,14 +176,14 @@ const std::vector<KernelValue> &TextKernel::values(const std::string &name) cons
 
 std::vector<double> TextKernel::numbers(const std::string &name, std::size_t least, std::size_t most) const
 {
-    const auto &found = values(name);
-    if (found.size() < least || found.size() > most) {
-        refuse_line(file_, found.front().line,
-                    name + " has " + std::to_string(found.size()) + " values; expected " + std::to_string(least) +
+    const auto &all = values(name);
+    if (all.size() < least || all.size() > most) {
+        refuse_line(file_, all.front().line,
+                    name + " has " + std::to_string(all.size()) + " values; expected " + std::to_string(least) +
                         (most == least ? "" : " to " + std::to_string(most)));
     }
     std::vector<double> numbers;
-    for (const KernelValue &value : found) {
+    for (const KernelValue &value : all) {
         if (!value.is_number) {
             refuse_line(file_, value.line, "expected numbers for " + name + ", found \"" + value.text + "\"");
         }

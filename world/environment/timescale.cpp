@@ -90,9 +90,9 @@ public:
 
     bool take(char c)
     {
-        const bool found = !rest_.empty() && rest_.front() == c;
-        rest_.remove_prefix(found);
-        return found;
+        const bool matches = !rest_.empty() && rest_.front() == c;
+        rest_.remove_prefix(matches);
+        return matches;
     }
 
     /// Exactly `digits` digits.
@@ -215,15 +215,15 @@ TimeSystem TimeSystem::read(const std::string &path)
     TimeSystem system;
     // About what these are is known; a number far beyond is damage.
     const auto numbers = [&](const char *name, const std::vector<double> &most) {
-        std::vector<double> found = kernel.numbers(name, most.size(), most.size());
+        std::vector<double> values = kernel.numbers(name, most.size(), most.size());
         for (std::size_t i = 0; i < most.size(); i++) {
-            if (!(std::fabs(found[i]) <= most[i])) {
+            if (!(std::fabs(values[i]) <= most[i])) {
                 refuse_line(path, kernel.values(name)[i].line,
-                            std::string(name) + " is " + sim::format_number(found[i]) + "; expected at most " +
+                            std::string(name) + " is " + sim::format_number(values[i]) + "; expected at most " +
                                 sim::format_number(most[i]));
             }
         }
-        return found;
+        return values;
     };
     system.tt_minus_tai_ = static_cast<std::int64_t>(std::floor(1e9 * numbers("DELTET/DELTA_T_A", {100.0})[0] + 0.5));
     system.K_ = numbers("DELTET/K", {0.01})[0];
@@ -285,13 +285,13 @@ std::int64_t TimeSystem::gps(Epoch epoch) const
 
 const TimeSystem::Step *TimeSystem::step_at(std::int64_t tai) const
 {
-    const Step *found = nullptr;
+    const Step *last = nullptr;
     for (const Step &step : steps_) {
         if (step.begin() <= tai) {
-            found = &step;
+            last = &step;
         }
     }
-    return found;
+    return last;
 }
 
 int TimeSystem::tai_minus_utc(Epoch epoch) const
