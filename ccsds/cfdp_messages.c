@@ -83,7 +83,7 @@ static int write_line(void *to, const char *name)
     return result;
 }
 
-/* Send the list of a directory to the entity that asks. */
+/* Send the list of a directory to the entity that requested it. */
 static void send_listing(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *request)
 {
     const CfdpStore *store = &cfdp->set.store;

@@ -115,7 +115,7 @@ TEST(CfdpF3, get_by_proxy)
         EXPECT_EQ(origin.entity, 1u);
         EXPECT_EQ(origin.sequence, 1u);
     }
-    Link options; // what the file that is asked for is sent with
+    Link options; // the options with which the requested file is sent
     Bytes found;
     options.drops = [&](const CfdpPdu &pdu, bool up) {
         if (!up && pdu.kind == CFDP_METADATA && pdu.from.n != 0) {
@@ -133,7 +133,7 @@ TEST(CfdpF3, get_by_proxy)
                                message(CFDP_PROXY_FLOW, "f"), message(CFDP_PROXY_REQUEST, std::string("\x70\1a", 3))}));
     options.finish();
     EXPECT_EQ(found, (Bytes{2, 2, 'h', 'i', 4, 1, CFDP_INACTIVITY << 4 | CFDP_ABANDON, 5, 1, 'f', 0, 3, 0x70, 1, 'a'}));
-    Link link; // a file that is not there, and one that may not be asked for
+    Link link; // a file that is not there, and one that may not be requested
     for (const std::uint8_t allowed : {CFDP_ALLOW_PROXY, CFDP_ALLOW_LIST}) {
         link.craft.remote.allowed = allowed;
         link.craft.memory.files["secret"] = {1};

@@ -617,7 +617,7 @@ void command_through_a_bad_link(bool secured)
                               frame.type == TC_AD;
             if (data && secured) {
                 // With the number that FARM-1 waits for, and a check that holds. The standard does not protect that
-                // number: who changes it in a command under way changes their order, so only what was executed.
+                // number: an attacker that changes it under way changes the order, so only what was executed.
                 const bool executed =
                     std::binary_search(craft.executed.begin(), craft.executed.end(), ccsds_get64(frame.data + 6));
                 const bool forged = random() % 2 == 0;

@@ -239,7 +239,7 @@ TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsReportedAsBad)
     EXPECT_EQ(event().arguments[0], 6.0);
     EXPECT_EQ(event().count, 2u + 6u);
     at();
-    EXPECT_EQ(event().count, 2u + 6u); // it is said once
+    EXPECT_EQ(event().count, 2u + 6u); // it is reported once
     EXPECT_EQ(shown().head.quality, QUALITY_DEGRADED);
 }
 

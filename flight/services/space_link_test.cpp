@@ -239,7 +239,7 @@ TEST_F(SpaceLinkService, WhatIsNotSecuredOrCameBeforeChangesNothing)
     secure(0);
     begin_ground(0);
     send(packet(COMMAND_NOOP, {}, 1));
-    instant(); // without a number the ground has only asked for telemetry
+    instant(); // without a number the ground has only requested telemetry
     ASSERT_EQ(up.size(), 1u);
     const Bytes unit = up[0];
     instant();

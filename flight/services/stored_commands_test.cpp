@@ -411,7 +411,7 @@ class Kept : public Stored {
 protected:
     Kept() { mission_.stored.par.slot = 1; }
 
-    /// Instants up to t, each with an answer of the memory to what was asked `delay_` instants before.
+    /// Instants up to t, each with an answer of the memory to the request of `delay_` instants before.
     std::string until(int64_t t)
     {
         std::string done;

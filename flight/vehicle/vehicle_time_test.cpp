@@ -31,7 +31,7 @@ struct Loop {
     void second()
     {
         ClockReading &clock = m.in.clock;
-        if (aligns) { // as flight asked for: the master's time at this pulse
+        if (aligns) { // as flight requested: the master's time at this pulse
             offset = static_cast<double>(clock_ns(m.out.command.value) - t);
             aligns = false;
         }
