@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.telemetry import Telemetry
 
@@ -21,8 +20,8 @@ class Alarms:
     """The alarms of a spacecraft, by the parameter's name. The journal has each change of an alarm: begin, worse, end,
     acknowledged, shelved. The server reads the open ones from it when it starts."""
 
-    def __init__(self, telemetry: Telemetry, clock: Clock, reporter: Reporter) -> None:
-        self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
+    def __init__(self, telemetry: Telemetry, reporter: Reporter) -> None:
+        self._telemetry, self._clock, self._reporter = telemetry, reporter.clock, reporter
         self._open: dict[str, dict[str, Any]] = {}
         self._changed: set[str] = set()     # alarms with a level that the journal does not have yet
         for alarm in reporter.all("alarms", is_open=True):

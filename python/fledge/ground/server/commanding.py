@@ -16,7 +16,6 @@ from fledge.ground.server.uplink import DatabaseUplink, FlightUplink, Form, Upli
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
     from fledge.ground.scripts.craft import Sent
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.link import Connection
     from fledge.ground.server.past import Past
     from fledge.ground.server.reporter import Reporter
@@ -45,12 +44,12 @@ class Commanding:
     """
 
     def __init__(self, settings: CraftSettings, dictionary: Dictionary | None, flown: bool, connection: Connection,
-                 telemetry: Telemetry, past: Past, clock: Clock, reporter: Reporter) -> None:
+                 telemetry: Telemetry, past: Past, reporter: Reporter) -> None:
         self._flown, self._connection, self._telemetry = flown, connection, telemetry
-        self._past, self._clock, self._reporter = past, clock, reporter
-        self._stages = Stages(clock, reporter)
-        self._uplink: Uplink = FlightUplink(settings, dictionary, connection, telemetry, clock, self._stages) \
-            if dictionary else DatabaseUplink(settings, connection, telemetry, clock, reporter, self._stages)
+        self._past, self._clock, self._reporter = past, reporter.clock, reporter
+        self._stages = Stages(reporter)
+        self._uplink: Uplink = FlightUplink(settings, dictionary, connection, telemetry, self._stages) \
+            if dictionary else DatabaseUplink(settings, connection, telemetry, reporter, self._stages)
         self.load()
         #: commands that had not ended when the last server stopped
         self.left = [row for row in reporter.all("sent", is_open=True) if isinstance(row.get("open"), dict)]

@@ -27,7 +27,7 @@ hazardous = "flight begins again"
 
 @pytest.fixture
 def mission(tmp_path):
-    """(what knows the hazards, maker of its packets)"""
+    """(Commanding with hazards, maker of its packets)"""
     folder = tmp_path / "plays"
     folder.mkdir()
     for name, text in (("flight.py", FLIGHT + STORED), ("world.py", WORLD), ("ground.toml", HAZARDS)):
@@ -36,10 +36,10 @@ def mission(tmp_path):
     (tmp_path / "plays.xml").write_text(written(sim))
     dictionary = sim.flight.commands.dictionary
     telemetry = SimpleNamespace(database=fledge.ground.Database.load(tmp_path / "plays.xml"))
-    reporter = SimpleNamespace(name="plays", all=lambda kind, is_open: [])
     clock, settings = SimpleNamespace(now=0, simulated=True), SimpleNamespace(header="cfs", light_time=0.0)
+    reporter = SimpleNamespace(name="plays", clock=clock, all=lambda kind, is_open: [])
     connection = SimpleNamespace(link=None, craft=None, silent="the link is down")
-    return Commanding(settings, dictionary, False, connection, telemetry, None, clock, reporter), Packets(dictionary)
+    return Commanding(settings, dictionary, False, connection, telemetry, None, reporter), Packets(dictionary)
 
 
 def test_a_packet_is_hazardous_by_what_it_commands_writes_and_stores(mission):

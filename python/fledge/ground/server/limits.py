@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from fledge.ground.server.clock import Clock, Packets
+from fledge.ground.server.clock import Packets
 from fledge.ground.server.journal import JournalError
 from fledge.errors import SetupError, listed
 
@@ -85,9 +85,9 @@ class SetLimits:
     handle: gets what the monitor notes when limits change
     """
 
-    def __init__(self, changes: list[Change], telemetry: Telemetry, clock: Clock, reporter: Reporter, replayed: bool,
+    def __init__(self, changes: list[Change], telemetry: Telemetry, reporter: Reporter, replayed: bool,
                  handle: Callable[[list[Note]], None]) -> None:
-        self.changes, self._telemetry, self._clock, self._reporter = changes, telemetry, clock, reporter
+        self.changes, self._telemetry, self._clock, self._reporter = changes, telemetry, reporter.clock, reporter
         self._replayed, self._handle = replayed, handle
         self.in_force = InForce(changes, telemetry.monitor)
 

@@ -546,13 +546,13 @@ def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft,
 def test_stored_commands_that_are_known_outlive_the_server(tmp_path):
     """Their lists, and when a sequence began; those of a simulation end with it."""
     journal = Journal(tmp_path)
-    reporter = SimpleNamespace(all=lambda kind: journal.all(kind, "craft"),
-                               keep=lambda kind, row, shown: journal.save(kind, "craft", row))
 
     def lists(simulated):
         clock = Clock(simulated)
         clock.now = 100 * S
-        return StoredLists("flight.stored", None, None, SimpleNamespace(slot_numbers={}), clock, reporter)
+        reporter = SimpleNamespace(clock=clock, all=lambda kind: journal.all(kind, "craft"),
+                                   keep=lambda kind, row, shown: journal.save(kind, "craft", row))
+        return StoredLists("flight.stored", None, None, SimpleNamespace(slot_numbers={}), reporter)
 
     stored = lists(False)
     stored._names[7] = "flight.noop"

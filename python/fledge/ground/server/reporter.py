@@ -15,7 +15,7 @@ class Reporter:
     """name: of the spacecraft; clock: its time, at which an event happens unless another is given."""
 
     def __init__(self, room: Room, name: str, clock: Clock) -> None:
-        self.name, self._room, self._clock = name, room, clock
+        self.name, self._room, self.clock = name, room, clock
         self.bounds: Bounds = room.bounds
 
     @property
@@ -25,7 +25,7 @@ class Reporter:
 
     def event(self, severity: str, source: str, text: str, t: int | None = None) -> None:
         """Keep an event, and publish it. severity: info, watch, warning, distress, critical, severe."""
-        self._room.report(self.name, severity, source, text, self._clock.now if t is None else t)
+        self._room.report(self.name, severity, source, text, self.clock.now if t is None else t)
 
     def publish(self, kind: str, content: dict[str, Any]) -> None:
         """Send an object to all browsers."""

@@ -81,19 +81,19 @@ class Spacecraft:
             lenient=settings.lenient)
         changes = source.limits.changes if source else reporter.all("limits")
         telemetry = self.telemetry = Telemetry(
-            settings, database, mission, room.settings.file.resolve().parent, reporter, clock, changes,
+            settings, database, mission, room.settings.file.resolve().parent, reporter, changes,
             periods_of(self.simulation) if self.simulation else {}, self.publish)
         link = self.connection = Connection(settings, clock, mission, bool(self.run), self.control)
-        self.limits = SetLimits(changes, telemetry, clock, reporter, bool(source), self.handle)
+        self.limits = SetLimits(changes, telemetry, reporter, bool(source), self.handle)
         self.past = Past(telemetry, self.limits)
         commanding = self.commanding = Commanding(settings, dictionary, bool(self.run), link, telemetry, self.past,
-                                                  clock, reporter)
-        self.alarms = Alarms(telemetry, clock, reporter)
+                                                  reporter)
+        self.alarms = Alarms(telemetry, reporter)
         self.limits.begin()
-        self.transfers = Transfers(folder / "files" / self.name, settings.light_time, link, clock, reporter)
-        self.tables = Tables(blocks, link, commanding, clock, reporter)
+        self.transfers = Transfers(folder / "files" / self.name, settings.light_time, link, reporter)
+        self.tables = Tables(blocks, link, commanding, reporter)
         self.stored = StoredLists(next((block.path for block in blocks if block.type == "StoredCommands"), ""), link,
-                                  commanding, telemetry, clock, reporter)
+                                  commanding, telemetry, reporter)
         if not source:
             telemetry.keep(folder / "archive")
         telemetry.report_left_out()

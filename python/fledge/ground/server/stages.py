@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.reporter import Reporter
 
 DELIVERED = "the link knows that it is there"
@@ -15,20 +14,20 @@ GIVEN_UP = "the link gave it up after its last transmission; it may have arrived
 class Stages:
     """Of the commands of a spacecraft; a command is a row of the journal."""
 
-    def __init__(self, clock: Clock, reporter: Reporter) -> None:
-        self._clock, self._reporter = clock, reporter
+    def __init__(self, reporter: Reporter) -> None:
+        self.clock, self._reporter = reporter.clock, reporter
 
     def add(self, row: dict[str, Any], stage: str, good: bool | None, text: str, t: int | None = None) -> None:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""
         if stage == "progress":     # the newest one alone
             row["stages"] = [entry for entry in row["stages"] if entry["stage"] != stage]
-        row["stages"].append({"stage": stage, "t_ns": str(self._clock.now if t is None else t), "good": good,
+        row["stages"].append({"stage": stage, "t_ns": str(self.clock.now if t is None else t), "good": good,
                               "text": text})
 
     def add_overdue(self, row: dict[str, Any], stage: str, text: str, begin: int, t: int | None = None) -> None:
         """Add that a stage was not reported in time since `begin`: it failed, or it is not known, because telemetry is
         missing."""
-        missing = self._clock.missing(begin, self._clock.now if t is None else t)
+        missing = self.clock.missing(begin, self.clock.now if t is None else t)
         if stage == "completed":
             stage = "unknown" if missing else "failed"
         self.add(row, stage, None if missing else False, f"unknown, {missing}: {text}" if missing else text, t)

@@ -9,7 +9,6 @@ from fledge.errors import SetupError
 
 if TYPE_CHECKING:
     from fledge.ground.scripts.craft import Sent
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.commanding import Commanding
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
@@ -20,16 +19,16 @@ class StoredLists:
     """path: of flight's StoredCommands, "" without them. `describe` is for all threads, the rest for the spacecraft's
     own."""
 
-    def __init__(self, path: str, connection: Connection, commanding: Commanding, telemetry: Telemetry, clock: Clock,
+    def __init__(self, path: str, connection: Connection, commanding: Commanding, telemetry: Telemetry,
                  reporter: Reporter) -> None:
         self.path, self._connection, self._commanding = path, connection, commanding
-        self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
+        self._telemetry, self._clock, self._reporter = telemetry, reporter.clock, reporter
         self._lists: dict[int, tuple[list[dict[str, Any]], str | None]] = {}    # and when they were read
         self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
         self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
         self._held: dict[int, int] = {}
         self._rows: dict[int, dict[str, Any]] = {}      # of the journal
-        if not clock.simulated:         # what a simulation had ends with it
+        if not reporter.clock.simulated:         # what a simulation had ends with it
             for row in reporter.all("stored"):
                 number = row["list"]
                 self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])

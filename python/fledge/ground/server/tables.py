@@ -11,7 +11,6 @@ from fledge.ground.server.commanding import Hazardous
 
 if TYPE_CHECKING:
     from fledge.ground.scripts.craft import Sent
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.commanding import Commanding
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
@@ -20,10 +19,10 @@ if TYPE_CHECKING:
 class Tables:
     """blocks: of the modules. `rows` is for all threads, the rest for the spacecraft's own."""
 
-    def __init__(self, blocks: Sequence[Block], connection: Connection, commanding: Commanding, clock: Clock,
+    def __init__(self, blocks: Sequence[Block], connection: Connection, commanding: Commanding,
                  reporter: Reporter) -> None:
         self._blocks, self._connection, self._commanding = blocks, connection, commanding
-        self._clock, self._reporter = clock, reporter
+        self._clock, self._reporter = reporter.clock, reporter
         self._read: dict[str, tuple[bytes, str]] = {}       # the block, big-endian, and when
 
     def rows(self) -> list[dict[str, Any]]:

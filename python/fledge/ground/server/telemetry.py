@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.commands import SERVICES
 from fledge.errors import SetupError, listed
 from fledge.ground.database import Database
-from fledge.ground.server.clock import Clock, Packets
+from fledge.ground.server.clock import Packets
 from fledge.ground.server.derived import DerivedParameters
 from fledge.ground.server.link import AGAIN
 from fledge.records.series import stale_after
@@ -40,10 +40,11 @@ class Telemetry:
     """
 
     def __init__(self, settings: CraftSettings, database: Database, mission: LoadedMission | None, folder: Path,
-                 reporter: Reporter, clock: Clock, changes: list[Change], periods: Mapping[str, float],
+                 reporter: Reporter, changes: list[Change], periods: Mapping[str, float],
                  publish_state: Callable[[], None]) -> None:
         self._settings, self._mission, self._folder = settings, mission, folder
-        self._reporter, self._clock, self._changes, self._publish_state = reporter, clock, changes, publish_state
+        self._reporter, self._clock, self._changes = reporter, reporter.clock, changes
+        self._publish_state = publish_state
         self._dictionary: Dictionary | None = mission.dictionary if mission else None
         self._stale = {path: stale_after(period) for path, period in periods.items()}
         self.database = database

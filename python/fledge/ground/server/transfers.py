@@ -17,7 +17,6 @@ from fledge.ground.scripts.links import NoAnswer
 
 if TYPE_CHECKING:
     from fledge.ground.scripts.craft import Craft
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
 
@@ -28,10 +27,9 @@ PERIOD = 0.2        # [s] between two texts of a transfer's progress
 class Transfers:
     """folder: of the files that come down; light_time: [s] to the spacecraft, one way."""
 
-    def __init__(self, folder: Path, light_time: float, connection: Connection, clock: Clock, reporter: Reporter
-                 ) -> None:
+    def __init__(self, folder: Path, light_time: float, connection: Connection, reporter: Reporter) -> None:
         self.folder, self._light_time = folder, light_time
-        self._connection, self._clock, self._reporter = connection, clock, reporter
+        self._connection, self._clock, self._reporter = connection, reporter.clock, reporter
         self._open: dict[int, tuple[dict[str, Any], Transfer]] = {}
         self._listings: list[tuple[Transfer, Future[list[str]]]] = []
         self._published = self._measured = 0.0

@@ -19,7 +19,6 @@ from fledge.ground.server.verifying import Verifying
 
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.settings import CraftSettings
@@ -98,8 +97,8 @@ class FlightUplink(Uplink):
     header = "cfs"
 
     def __init__(self, settings: CraftSettings, dictionary: Dictionary, connection: Connection, telemetry: Telemetry,
-                 clock: Clock, stages: Stages) -> None:
-        self._settings, self._dictionary, self._connection, self._clock = settings, dictionary, connection, clock
+                 stages: Stages) -> None:
+        self._settings, self._dictionary, self._connection, self._clock = settings, dictionary, connection, stages.clock
         self._telemetry, self._stages = telemetry, stages
         self._open: list[tuple[Row, Sent, int]] = []            # and how many reports of it the row has
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
@@ -213,12 +212,12 @@ class FlightUplink(Uplink):
 class DatabaseUplink(Uplink):
     """By a database: the server numbers the commands, and packets of telemetry fulfil the verifiers."""
 
-    def __init__(self, settings: CraftSettings, connection: Connection, telemetry: Telemetry, clock: Clock,
+    def __init__(self, settings: CraftSettings, connection: Connection, telemetry: Telemetry,
                  reporter: Reporter, stages: Stages) -> None:
         self.header = settings.header
-        self._connection, self._telemetry, self._clock = connection, telemetry, clock
+        self._connection, self._telemetry, self._clock = connection, telemetry, stages.clock
         self._reporter, self._stages = reporter, stages
-        self._verifying = Verifying(stages, telemetry, clock)
+        self._verifying = Verifying(stages, telemetry)
         self._sequences: dict[int, int] = {}        # of each stream, the newest one
         self._going: dict[bytes, Row] = {}          # packets that the link will confirm
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
-    from fledge.ground.server.clock import Clock
     from fledge.ground.server.stages import Stages
     from fledge.ground.server.telemetry import Telemetry
 
@@ -52,8 +51,8 @@ class Waiting:
 class Verifying:
     """For the spacecraft's own thread."""
 
-    def __init__(self, stages: Stages, telemetry: Telemetry, clock: Clock) -> None:
-        self._stages, self._telemetry, self._clock = stages, telemetry, clock
+    def __init__(self, stages: Stages, telemetry: Telemetry) -> None:
+        self._stages, self._telemetry, self._clock = stages, telemetry, stages.clock
         self._waiting: list[Waiting] = []
         self._newest: tuple[int, int] | None = None     # the verifier and time of the last packet
 
