@@ -78,14 +78,14 @@ def in_browser(rows: Rows, path: Path, runs: int) -> None:
     with Browser(1280, 720) as browser:
         for _ in range(runs):
             browser.open(path)
-            opened.append(float(browser.ask("document.querySelector('.fledge-view').dataset.opened")) / 1e3)
+            opened.append(float(browser.evaluate("document.querySelector('.fledge-view').dataset.opened")) / 1e3)
         rows.add("browser", "time to the first picture", opened, "s")
         count = "fledgeView.stage.renderer.info.render.frame"
-        browser.ask("fledgeView.play(true)")
+        browser.evaluate("fledgeView.play(true)")
         time.sleep(4)       # the picture finds its resolution
-        begin, frames, before = time.perf_counter(), browser.ask(count), processor(browser)
+        begin, frames, before = time.perf_counter(), browser.evaluate(count), processor(browser)
         time.sleep(8)
-        frames, busy = browser.ask(count) - frames, processor(browser) - before
+        frames, busy = browser.evaluate(count) - frames, processor(browser) - before
         rows.add("browser", "rate", frames / (time.perf_counter() - begin), "1/s", note="1280 x 720")
         rows.add("browser", "of a processor, per frame", 1e3 * busy / frames, "ms")
-        rows.add("browser", "pixels drawn per pixel, along an edge", browser.ask("fledgeView.stage.ratio"), "-")
+        rows.add("browser", "pixels drawn per pixel, along an edge", browser.evaluate("fledgeView.stage.ratio"), "-")

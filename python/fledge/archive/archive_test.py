@@ -528,10 +528,10 @@ def test_messages_larger_than_the_chunks_are_read(tmp_path, shim):
     with Archive(path) as a:
         assert a.complete and a["small.x"].tolist() == [0, 1, 2]
         assert a["image.pixels"].shape == (3, 1000, 3000)
-        assert [one.tobytes() for one in a["image.pixels"]] == images
+        assert [row.tobytes() for row in a["image.pixels"]] == images
     os.truncate(path, path.stat().st_size - 3_000_000)
     with Archive(path) as a:        # the last image and all that follows it
-        assert [one.tobytes() for one in a["image.pixels"]] == images[:2] and a["small.x"].tolist() == [0, 1, 2]
+        assert [row.tobytes() for row in a["image.pixels"]] == images[:2] and a["small.x"].tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize("chunk_size", long_after(1, [1024, 0], "every byte of a file"))
@@ -684,12 +684,12 @@ def test_csv_is_exact(run, tmp_path):
     wheels = (tmp_path / "csv" / "world.wheels.wheels.csv").read_text().splitlines()[1]
     assert wheels.startswith("11.000000005,1.0,2.0,3.0,4.0,5.0,6.0,0.5,0.25,1,0,112,")
 
-    one = tmp_path / "gains.csv"
-    assert a.to_csv(one, "gains") == [one]
-    heading, first, *_ = one.read_text().splitlines()
+    file = tmp_path / "gains.csv"
+    assert a.to_csv(file, "gains") == [file]
+    heading, first, *_ = file.read_text().splitlines()
     assert heading.startswith("time [s],K_I [N m/s],P[0][0] [N m s],") and heading.endswith(",valid_at [s],quality")
     assert first.split(",")[-2:] == [first.split(",")[0], "degraded"]
-    assert a.to_csv(one, "gains", head=False) == [one] and "quality" not in one.read_text()
+    assert a.to_csv(file, "gains", head=False) == [file] and "quality" not in file.read_text()
     with pytest.raises(ArchiveError, match="takes one topic, not 3 .*name one, or give a folder"):
         a.to_csv(tmp_path / "all.csv")
     assert not list(tmp_path.glob("**/*.part")) and not (tmp_path / "all.csv").exists()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The differences of two records: topics, definitions, times and values, by the messages' names.
 
-    for one in compare(Archive("desktop.mcap"), Archive("linux.mcap")):
-        print(one)                        # the earliest first
+    for difference in compare(Archive("desktop.mcap"), Archive("linux.mcap")):
+        print(difference)                 # the earliest first
 """
 
 from __future__ import annotations
@@ -76,16 +76,15 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
     times: a function that selects from an array of times [ns]; None: all
     A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, unless there is a tolerance.
     """
-    found: list[Difference] = []
-    for topic in chosen(a, b, topics):
-        found += _topic(a, b, topic, ignore, tolerance, times)
-    return sorted(found, key=lambda one: one.t)
+    differences = [difference for topic in chosen(a, b, topics)
+                   for difference in _topic(a, b, topic, ignore, tolerance, times)]
+    return sorted(differences, key=lambda difference: difference.t)
 
 
 def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
-    """(what, in a, in b) of what the two runs began with, where they differ: mission, scenario, seed, version of
-    Fledge, revisions, parameters. Only what both records tell."""
-    found = []
+    """(name, value in a, value in b) of the facts with which the two runs began and that differ: mission, scenario,
+    seed, version of Fledge, revisions, parameters. Only facts that are in both records."""
+    differing = []
     for group in ("run", "revisions", "parameters"):
         here, there = a.metadata.get(group), b.metadata.get(group)
         if not here or not there:
@@ -96,13 +95,13 @@ def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
             pair = here.get(key, "none"), there.get(key, "none")
             if pair[0] != pair[1] and key != "assumptions":     # these follow from the parameters
                 element = _element(*pair) if group == "parameters" else ""
-                found.append((f"revision of {key}" if group == "revisions" else key + element,
-                              _at(pair[0], element), _at(pair[1], element)))
-    return found
+                differing.append((f"revision of {key}" if group == "revisions" else key + element,
+                                  _at(pair[0], element), _at(pair[1], element)))
+    return differing
 
 
 def _element(a: str, b: str) -> str:
-    """The indices of the first element in which two texts of lists differ: "[2][0]"; "" if they are no like lists."""
+    """The indices of the first element in which two texts of lists differ: "[2][0]"; "" if they are no such lists."""
     import json
 
     try:
@@ -117,7 +116,7 @@ def _element(a: str, b: str) -> str:
 
 
 def _at(text: str, element: str) -> str:
-    """That element of a list in a text, with the unit that follows the list."""
+    """An element of the list in a text, with the unit that follows the list."""
     import json
 
     value, end = json.JSONDecoder().raw_decode(text) if element else (text, len(text))
@@ -157,9 +156,8 @@ def _topic(a: Archive, b: Archive, topic: str, ignore: Sequence[str], tolerance:
             yield Difference(STRUCTURE, name, "", None, None,
                              f"only in {there.path}, {there.topics[topic].count} messages")
             return
-    one, two = a.topics[topic], b.topics[topic]
-    text = _definitions_differ(one, two)
-    if text:
+    first, second = a.topics[topic], b.topics[topic]
+    if text := _definitions_differ(first, second):
         yield Difference(STRUCTURE, name, "", None, None, text)
         return
     ta, tb = a.time_ns(topic), b.time_ns(topic)
@@ -172,20 +170,21 @@ def _topic(a: Archive, b: Archive, topic: str, ignore: Sequence[str], tolerance:
         n = int(moved[0])
     if n < max(len(ta), len(tb)):
         yield _unpaired(a, b, name, ta, tb, n)
-    yield from _values(one, name, va[:n], vb[:n], ta[:n], ignore, tolerance)
+    yield from _values(first, name, va[:n], vb[:n], ta[:n], ignore, tolerance)
 
 
-def _definitions_differ(one: Channel, two: Channel) -> str:
-    if one.schema != two.schema:
-        return f"a {one.schema.split('/')[-1]} here, a {two.schema.split('/')[-1]} there"
-    fields, others = one.fields, two.fields
+def _definitions_differ(first: Channel, second: Channel) -> str:
+    if first.schema != second.schema:
+        return f"a {first.type} here, a {second.type} there"
+    fields, others = first.fields, second.fields
     for name in dict.fromkeys([*fields, *others]):
         if name not in fields or name not in others:
             return f"its definition has {name} only {'here' if name in fields else 'there'}"
         f, g = fields[name], others[name]
-        for what in ("dtype", "shape", "unit"):
-            if getattr(f, what) != getattr(g, what):
-                return f"{name} has the {what} {getattr(f, what)} here and {getattr(g, what)} there"
+        for property_ in ("dtype", "shape", "unit"):
+            here, there = getattr(f, property_), getattr(g, property_)
+            if here != there:
+                return f"{name} has the {property_} {here} here and {there} there"
     if list(fields) != list(others):
         return "its fields stand in another order"
     return ""
@@ -255,18 +254,18 @@ def _ulps(p: Any, q: Any) -> int | None:
 
 
 def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) -> str:
-    """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits. What executives
-    say of themselves, their modes and activity, is left out."""
+    """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits. The messages of
+    executives, modes and activity, are left out."""
     import hashlib
 
     import numpy as np
 
     total = hashlib.sha256()
-    said = [port.topic for port in archive.executives()]
-    for topic in sorted(set(topics) - {*said}):
+    executives = {port.topic for port in archive.executives()}
+    for topic in sorted(set(topics) - executives):
         t = archive.time_ns(topic)
-        keep = np.ones(len(t), bool) if times is None else times(t)
+        counted = np.ones(len(t), bool) if times is None else times(t)
         total.update(topic.encode() + b"\0")
-        total.update(t[keep].astype("<i8").tobytes())
-        total.update(archive[topic][keep].tobytes())
+        total.update(t[counted].astype("<i8").tobytes())
+        total.update(archive[topic][counted].tobytes())
     return total.hexdigest()[:16]

@@ -124,11 +124,11 @@ def test_numbers_are_looked_at_as_bits(run, old, new, ulps):
             values["u"][3:, 1] = value
         return change
 
-    one, two = (changed(run, "flight.motor.command", put(v)) for v in (old, new))
-    found = compare(one, two)
-    assert [(d.name, d.t, d.count, d.ulps) for d in found] == [("u[1]", 3 * 10**9, 18, ulps)]
-    assert (repr(found[0].a), repr(found[0].b)) == (repr(old), repr(new))
-    assert compare(one, changed(run, "flight.motor.command", put(old))) == []
+    first, second = (changed(run, "flight.motor.command", put(v)) for v in (old, new))
+    differences = compare(first, second)
+    assert [(d.name, d.t, d.count, d.ulps) for d in differences] == [("u[1]", 3 * 10**9, 18, ulps)]
+    assert (repr(differences[0].a), repr(differences[0].b)) == (repr(old), repr(new))
+    assert compare(first, changed(run, "flight.motor.command", put(old))) == []
 
 
 def test_a_wrong_name_is_refused(run, capsys):

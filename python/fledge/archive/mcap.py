@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The container: finds every message in the bytes of an MCAP file, by record/mcap_reader.h. numpy decodes the requested
-topics later.
-"""
+"""The container: finds the messages in the bytes of an MCAP file, by record/mcap_reader.h. numpy decodes them later."""
 
 from __future__ import annotations
 
@@ -53,15 +51,14 @@ class RawChannel:
 
 
 def _merged(records: Iterable[tuple[str, dict[str, str]]]) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {}
+    merged: dict[str, dict[str, str]] = {}
     for name, pairs in records:
-        found.setdefault(name, {}).update(pairs)
-    return found
+        merged.setdefault(name, {}).update(pairs)
+    return merged
 
 
 def metadata(path: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
-    """The metadata of a file, as Scan has them, without its messages: only the heads of chunks are read. It ends at the
-    first fault."""
+    """The metadata of a file, as Scan has them, up to the first fault. Of chunks, only the heads are read."""
     with open(path, "rb") as file:
         if not os.fstat(file.fileno()).st_size:
             return {}
@@ -86,15 +83,15 @@ class Scan:
             return None if struct is None else PAYLOAD_AT - CONTENT_AT + struct.size
 
         try:
-            found = _core.McapScan(data, declare)
+            scan = _core.McapScan(data, declare)
         except ValueError as error:
             raise Unsupported(str(error)) from None
         self.size = len(data)
-        self.metadata = _merged(found.metadata)
-        self.profile, self.library = found.profile, found.library
-        self.problem, self.problem_at = found.problem or None, found.problem_at
-        self.t_good = found.good_until
+        self.metadata = _merged(scan.metadata)
+        self.profile, self.library = scan.profile, scan.library
+        self.problem, self.problem_at = scan.problem or None, scan.problem_at
+        self.t_good = scan.good_until
         self.channels: dict[int, RawChannel] = {}
-        for channel, (id, offsets) in zip(channels, found.offsets):
+        for channel, (id, offsets) in zip(channels, scan.offsets):
             channel.offsets.frombytes(offsets)
             self.channels[id] = channel

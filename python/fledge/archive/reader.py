@@ -55,9 +55,9 @@ class Channel:
 
     topic: "/flight/tracking/error"; name: the same with dots, "flight.tracking.error"
     schema: the message type, "fledge/msg/AttError"; type: its own name, "AttError"; schema_text: its definition
-    metadata: notes of the writer on the topic, text to text
+    metadata: of the topic, by the writer, text to text
     count: number of messages
-    problem: why its messages cannot be decoded, as those that have no fixed size; None if they can
+    problem: why its messages cannot be decoded, as those without a fixed size; None if they can
     """
 
     def __init__(self, raw: mcap.RawChannel, path: Path) -> None:
@@ -148,15 +148,15 @@ class Archive(Records):
         `metadata["parameters"]` has them as texts with units. {} if the file has none.
         """
         decode = json.JSONDecoder().raw_decode
-        found = {}
+        parameters = {}
         for name, text in self.metadata.get("parameters", {}).items():
             try:
-                found[name] = decode(text)[0]
+                parameters[name] = decode(text)[0]
             except (ValueError, RecursionError):
                 damage = f"; {self.problem}" if self.problem else ""
                 raise ArchiveError(f"{self.path}: the metadata of the parameter {printable(name)} are damaged: found "
                                    f"{printable(text[:60])!r}{damage}") from None
-        return found
+        return parameters
 
     def close(self) -> None:
         """Close the file. Arrays and frames that were read stay valid."""
@@ -276,8 +276,8 @@ class Archive(Records):
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
-            None: all but what executives say, which has no rate. Topics of different rates share the index, with NaN
-            where one has no value, as where a message was never written.
+            None: all but those of executives, which have no rate. Topics of different rates share the index, with NaN
+            where a topic has no value, and where a message was never written.
         head: with two columns for the head of each whole message: "error.valid_at", the time for which it holds
             [s], and "error.quality", of the ordered categories none, stale, degraded and good
         Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
@@ -331,7 +331,7 @@ class Archive(Records):
             files = {path: selected[0]}
         else:
             path.mkdir(parents=True, exist_ok=True)
-            files = {path / (re.sub(r"[^\w.-]", "_", one[0].name) + ".csv"): one for one in selected}
+            files = {path / (re.sub(r"[^\w.-]", "_", row[0].name) + ".csv"): row for row in selected}
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
                 self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)
@@ -344,7 +344,7 @@ class Archive(Records):
             unit = f" [{field.unit}]" if field.unit else ""
             headings += [name + unit for name in field.columns()]
             for column in self.raw._elements(channel, field):
-                columns.append([cell(one) for one in column.tolist()] if column.dtype.kind == "U" else column.tolist())
+                columns.append([*map(cell, column.tolist())] if column.dtype.kind == "U" else column.tolist())
                 for i in missing:
                     columns[-1][i] = ""
         for name, source in heads.items():
@@ -364,7 +364,7 @@ class Archive(Records):
         topics, head: as for `frame`; `valid_at` [s] and `quality`, an enumeration, are datasets too.
         """
         import h5py
-        # Made in memory: where a disk is full, HDF5 ends the process.
+        # In memory first: where a disk is full, HDF5 ends the process.
         with h5py.File(os.fspath(path), "w", driver="core", backing_store=False) as out:
             for name, pairs in self.metadata.items():
                 out.require_group(f"_metadata/{name}").attrs.update(pairs)
@@ -398,7 +398,7 @@ class Archive(Records):
 
 
 def missing_of(metadata: dict[str, dict[str, str]]) -> str:
-    """What a record lacks, by its metadata; "" if nothing."""
+    """The data that a record lacks, by its metadata, in words; "" if none."""
     if "missing" not in metadata:
         return ""
     about = metadata["missing"]
@@ -418,9 +418,9 @@ def _map(path: Path) -> mmap.mmap:
         with open(path, "rb") as file:
             begin = file.read(len(mcap.MAGIC))
             if begin != mcap.MAGIC:
-                found = f"{begin.hex(' ')} ({begin!r})" if begin else "an empty file"
+                content = f"{begin.hex(' ')} ({begin!r})" if begin else "an empty file"
                 raise ArchiveError(f"{path}: not an MCAP file: expected it to begin with "
-                                   f"{mcap.MAGIC.hex(' ')}, found {found}")
+                                   f"{mcap.MAGIC.hex(' ')}, found {content}")
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError as error:
         raise ArchiveError(f"{path}: cannot be opened: {error.strerror}") from None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions as the archive holds them: ROS 2 text that also carries the true names.
+"""Message definitions in an archive: ROS 2 text that also has the original names.
 
     fledge/Head head
     float64[3] sigma_br  # sigma_BR [-] (3) MRP of B relative to R
@@ -207,9 +207,9 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
     if kind == "char" and shape:
         of, shape = f"S{shape[0]}", ()
     unit, meaning, values = "", comment, {}
-    noted = _COMMENT.fullmatch(comment)
-    if noted and (noted["unit"] is not None or noted["name"].lower() == name):
-        name, unit, meaning = noted["name"], noted["unit"] or "", noted["meaning"] or ""
+    comments = _COMMENT.fullmatch(comment)
+    if comments and (comments["unit"] is not None or comments["name"].lower() == name):
+        name, unit, meaning = comments["name"], comments["unit"] or "", comments["meaning"] or ""
         dims = _SHAPE.match(meaning)
         if dims and str(of).startswith("S"):
             meaning = meaning[dims.end():]

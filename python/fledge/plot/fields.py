@@ -139,7 +139,7 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
         axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
         for i, (axis, group) in enumerate(zip(axes, groups)):
             _panel(axis, group, factor, chosen, titles[i] if titles and i < len(titles) else None)
-        left, right = axes[0].get_xlim()    # of all; what was never written has no place in it
+        left, right = axes[0].get_xlim()    # of all panels; fields that were never written do not extend it
         axes[0].set_xlim(min(left, first / factor), max(right, last / factor))
         began = modes(source)
         for i, (axis, group) in enumerate(zip(axes, groups)):
@@ -184,7 +184,7 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
         for k in range(used(values, series.shape)):
             text = names[k] if len(group) == 1 else f"{names[k]} ({series.port.rpartition('.')[2]})"
             axis.plot(series.time / factor, shown[:, k], label=text,
-                      drawstyle="steps-post" if series.words else "default")  # it has no values between its values
+                      drawstyle="steps-post" if series.words else "default")  # an enumeration has no values between
         _shade(axis, series, factor)
         labels.append(axis_label(label, unit_label(shown_unit)))
     axis.set_ylabel(", ".join(dict.fromkeys(labels)))
@@ -211,14 +211,14 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
 
 def _mode_band(axis: Axes, group: list[Series], began: dict[str, list[tuple[float, str]]], last: float, factor: float,
                named: bool) -> None:
-    """A strip above a panel with the modes of its process; if that has none, of the only one that has. named: write
-    their names"""
-    found = began.get(group[0].port.partition(".")[0]) or (next(iter(began.values())) if len(began) == 1 else [])
-    order = list(dict.fromkeys(name for _, name in found))
+    """A strip above a panel with the modes of its process, or of the only process with modes. named: write their names
+    """
+    entered = began.get(group[0].port.partition(".")[0]) or (next(iter(began.values())) if len(began) == 1 else [])
+    order = list(dict.fromkeys(name for _, name in entered))
     if len(order) < 2:
         return
     left, right = axis.get_xlim()
-    for (t, name), end in zip(found, [*(t / factor for t, _ in found[1:]), max(last, right)]):
+    for (t, name), end in zip(entered, [*(t / factor for t, _ in entered[1:]), max(last, right)]):
         begin, end = max(t / factor, left), min(end, right)
         if begin >= end:
             continue
@@ -230,7 +230,7 @@ def _mode_band(axis: Axes, group: list[Series], began: dict[str, list[tuple[floa
 
 
 def _shade(axis: Axes, series: Series, factor: float) -> None:
-    """Shade the times of messages that are there and not good."""
+    """Shade the times of messages that were written and are not good."""
     import numpy as np
 
     if series.quality is None or not len(series.time):
@@ -248,7 +248,7 @@ def _chosen_units(plotted: list[Series], units: dict[str, str]) -> dict[str, tup
     plotted, and for a unit that is none or has another dimension."""
     from fledge.units import unit_of
 
-    found = {}
+    sizes = {}
     for name, wanted in units.items():
         fits = [series for series in plotted if series.key == name or series.key.endswith("." + name)]
         if not fits:
@@ -265,12 +265,12 @@ def _chosen_units(plotted: list[Series], units: dict[str, str]) -> dict[str, tup
                         if other and unit_of(other).dims == own.dims]
                 raise SetupError(f"plot: {series.key} is in {series.unit.strip('-') or 'no unit'}, which cannot be "
                                  f"shown in {wanted}" + "".join(f"; did you mean {other}?" for other in near))
-            found[series.key] = wanted, size.value / own.value
-    return found
+            sizes[series.key] = wanted, size.value / own.value
+    return sizes
 
 
 def used(values: np.ndarray, shape: tuple[int, ...]) -> int:
-    """The number of elements to draw: of a long array only those up to the last that is ever non-zero."""
+    """The number of elements to draw: of a long array, those up to the last that is not always zero."""
     import numpy as np
 
     if len(shape) == 1 and shape[0] > 3:
@@ -305,7 +305,7 @@ def _file_name(groups: list[list[Series]]) -> str:
 # --- delivery --------------------------------------------------------------------------------------
 
 def silent(source: Records) -> bool:
-    """Whether the simulation of a Log draws nothing."""
+    """Whether the simulation of a Log draws no plots."""
     return getattr(source, "plots", None) is False
 
 

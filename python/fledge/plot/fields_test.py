@@ -107,8 +107,9 @@ def test_an_enumeration_has_its_names_on_the_axis(log, tmp_path):
     assert axis.get_title(loc="left") == "tracking.error: how far the content may be trusted"
     assert save(figure, tmp_path).stat().st_size > 5000
     both = plot(log, ["tracking.error.head.quality", "craft.state.head.quality"]).axes[0]
-    one, two = (line.get_ydata()[-1] for line in both.lines)
-    assert one < 3 < two and both.get_title(loc="left") == "tracking.error, craft.state"    # neither hides the other
+    quality, truth = (line.get_ydata()[-1] for line in both.lines)
+    assert quality < 3 < truth      # neither hides the other
+    assert both.get_title(loc="left") == "tracking.error, craft.state"
 
 
 def test_names_of_files_stay_in_their_folder(log, tmp_path):

@@ -10,8 +10,8 @@
     scan.plane(log, {"commanded": wanted, "achieved": flown})
     scan.sphere(log, {"commanded": wanted, "achieved": flown})
 
-A boresight is an axis of the body: 1, 2, 3, or -1, -2, -3 for the other way, or any vector in body
-components. The plane's angles are those that an EulerRotation takes: they turn the base's axis, the
+A boresight is an axis of the body: 1, 2, 3, or -1, -2, -3 for the opposite direction, or any vector in
+body components. The plane's angles are those of an EulerRotation: they turn the base's axis, the
 centre, to the boresight, first about the axis before it in the cycle 1, 2, 3 (axis 3, yaw, for the
 centre 1), then about the new axis after it (axis 2, pitch).
 """

@@ -91,7 +91,7 @@ def test_what_is_drawn(tmp_path):
 
     figure = scan.sphere(None, {"wanted": line}, rays="wanted", view=(0.0, 0.0), name="b")
     # Seen along axis 1: yaw runs to the right, and what is behind is not drawn in front.
-    drawn = next(one for one in figure.axes[0].lines if one.get_label() == "wanted")
+    drawn = next(line_ for line_ in figure.axes[0].lines if line_.get_label() == "wanted")
     np.testing.assert_allclose(drawn.get_xdata(), np.sin(angle), atol=1e-15)
     behind = scan.sphere(None, {"wanted": scan.Path(time, -line.direction)}, view=(0.0, 0.0))
-    assert np.isnan(next(one for one in behind.axes[0].lines if one.get_label() == "wanted").get_xdata()).all()
+    assert np.isnan(next(line_ for line_ in behind.axes[0].lines if line_.get_label() == "wanted").get_xdata()).all()

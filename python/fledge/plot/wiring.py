@@ -79,11 +79,11 @@ def dot(wiring: Wiring, links: bool = False) -> str:
         style = _attributes(shape="plaintext", style="", fontcolor=SOFT, fontsize=9.5)
         lines.append(f"  {_quoted(port)} [{style}];")
     lines += [_wire(wiring, link) for link in wiring.links]
-    for one in wiring.nodes.values():
-        if one.host:
-            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[one.kind][0],
+    for part in wiring.nodes.values():
+        if part.host:
+            style = _attributes(label="part", dir="back", arrowtail="odiamond", color=SHADES[part.kind][0],
                                 penwidth=0.8, arrowsize=0.8, weight=20)
-            lines.append(f"  {_quoted(one.host)} -> {_quoted(one.path)} [{style}];")
+            lines.append(f"  {_quoted(part.host)} -> {_quoted(part.path)} [{style}];")
     return "\n".join([*lines, "}", ""])
 
 
@@ -152,10 +152,10 @@ def _wire(wiring: Wiring, link: Link) -> str:
              *(_font(ACCENT, option) for option in link.options)]
     # The blanks keep the words off the line.
     label = _Markup("<" + "".join(f'&#160;{word}&#160;<BR ALIGN="LEFT"/>' for word in words) + ">")
-    says = f"{link.source} >> {link.target}"
+    tip = f"{link.source} >> {link.target}"
     style: dict[str, object] = {
         "label": label, "color": PALE if quiet else SHADES[wiring.kinds[(link.start or link.to).partition(".")[0]]][0],
-        "edgetooltip": says, "labeltooltip": says}
+        "edgetooltip": tip, "labeltooltip": tip}
     tail, head = (link.start if a else link.source), (link.to if b else link.target)
     if link.back:
         style["style"] = "dashed"

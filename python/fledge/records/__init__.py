@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run recorded, in memory (`mission.log`) or in a file (`archive`), seen alike.
+"""The records of a run, with the same methods in memory (`mission.log`) and in a file (`archive`).
 
     series.py    fields by name: `Records`, and the `Series` of one field
     activity.py  modes, events, commands and resets

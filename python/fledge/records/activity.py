@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in the processes of a run, from any record: modes that began, events that fired, commands and their
+"""The activity of the processes of a run, from any record: modes that began, events that fired, commands with their
 answers, resets.
 
     happenings(log), happenings(Archive("run.mcap"))
@@ -31,7 +31,7 @@ class Happening(NamedTuple):
 
 
 def happenings(records: Records) -> list[Happening]:
-    """All that is recorded, by time; of one instant the mode first."""
+    """All recorded happenings, by time; at the same time modes first."""
     unsorted = [happening for port in records.executives() for happening in _of_port(records, port)]
     return sorted(unsorted, key=lambda happening: (happening.t, happening.kind != "mode"))
 
@@ -48,7 +48,7 @@ def _of_port(records: Records, port: Any) -> Iterator[Happening]:
     for row in records._values(port):
         t = row["head"]["t"] / 1e9
         if port.type == MODE:
-            if last != (last := row["head"]["sequence"]):   # sampled, a message stands there many times
+            if last != (last := row["head"]["sequence"]):   # a record of samples has a message many times
                 yield Happening(t, process, "mode", row["name"].decode(), "")
         elif row["kind"] == EVENT:
             dropped = "; its mode was refused" if row["reason"] == Reason.GUARDED else ""
@@ -67,7 +67,7 @@ def _function(code: int) -> str:
 
 
 def facts(simulation: Simulation) -> dict[str, Any]:
-    """What happened in each process of a run that had modes, events, commands or resets, as plain data."""
+    """The happenings of each process of a run with modes, events, commands or resets, as plain data."""
     plain: dict[str, Any] = {}
     happened = happenings(simulation.activity)
     for process in simulation.processes:

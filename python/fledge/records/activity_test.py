@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modes, events, commands and resets as data; and what was never written: of a run, its record, its plots and pages."""
+"""Modes, events, commands and resets as data, and messages that were never written: in records, plots and pages."""
 
 import json
 import re
@@ -89,11 +89,11 @@ def test_a_record_says_which_modes_began_and_which_events_fired(here, capsys):
                                "science": {"entered": 0, "first": None}}
     page = (folder / "report.html").read_text()
     assert "What happened" in page and "none was ever\nwritten" in page
-    # The hash is of what flight put out.
+    # The hash is over flight's outputs alone.
     assert digest(archive, archive.topics) == digest(archive, [t for t in archive.topics if t.count("/") > 2])
 
 
-def test_what_was_never_written_has_no_value(here):
+def test_a_message_that_was_never_written_has_no_value(here):
     sim = fledge.load("modal")
     f = sim.flight
     log = sim.record(f.motor.command, f.fine.error, f.tracking.error, every=1 * s)
@@ -112,7 +112,7 @@ def test_what_was_never_written_has_no_value(here):
 
 
 @pytest.mark.long("flies a campaign")
-def test_a_campaign_judges_nothing_that_does_not_exist(here, capsys):
+def test_a_campaign_judges_no_missing_data(here, capsys):
     result = fledge.montecarlo.Campaign("modal").fly(30, seed=1)
     d = result.campaign.dispersions
     held = [int(result.reached(requirement)[2].sum()) for requirement in d.requirements]

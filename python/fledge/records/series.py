@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded fields by name: the part that a Log and an Archive have in common.
+"""Recorded fields by name, as a Log and an Archive have them.
 
 Names are read from the end and may be as short as they are unique: "flight.tracking.error.sigma_BR",
 "error.sigma_BR", "sigma_BR". "error" alone is the whole message, "sigma_BR[0]" an element, "wheels[2].axis_B" a field
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
 MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
-NONE, GOOD = 0, 3                              # of Quality: never written; with nothing to say against it
+NONE, GOOD = 0, 3                              # of Quality: never written; without a defect
 STALE_S, STALE_UPDATES = 5.0, 10               # as of stale_after()
 HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
@@ -85,7 +85,7 @@ class Records:
         raise NotImplementedError
 
     def executives(self) -> list[Any]:
-        """The ports with what the executives of processes said: ProcessMode and Activity."""
+        """The ports with the messages of processes' executives: ProcessMode and Activity."""
         return [port for port in self._ports() if port.type in (MODE, ACTIVITY)]
 
     def _find(self, key: str) -> tuple[Any, str | None, tuple[Any, ...]]:
@@ -98,15 +98,15 @@ class Records:
             def fits(full: str) -> bool:
                 return full == dotted if exact else full.endswith(tail) and not key.startswith("/")
 
-            # Every message has a head: a key means it only if it names it.
-            found = [(p, None) for p in ports if fits(p.name)] or [
+            # Every message has a head: a key means a field of the head only if it names the head.
+            matches = [(p, None) for p in ports if fits(p.name)] or [
                 (p, n) for p in ports for n in p.names if fits(f"{p.name}.{n}")
                 and (exact or not n.startswith(HEAD) or f".{HEAD}" in tail)]
-            if len(found) == 1:
-                return *found[0], self._index(key, *found[0], given)
-            if found:
+            if len(matches) == 1:
+                return *matches[0], self._index(key, *matches[0], given)
+            if matches:
                 raise self._error(f"{self._label}: '{key}' is ambiguous: it may be "
-                                  + listed([full_name(p, n) for p, n in found], most=12) + "; write more of the name")
+                                  + listed([full_name(p, n) for p, n in matches], most=12) + "; write more of the name")
         owner, _, last = dotted.rpartition(".")
         if owners := [(p, n) for p in ports for n in (None, *p.names) if owner and n not in p.fields
                       and f".{full_name(p, n)}".endswith(f".{owner}")]:
@@ -128,16 +128,16 @@ class Records:
                              f"there are {listed([p.name for p in ports], most=12)}"))
 
     def _index(self, key: str, port: Any, name: str | None, given: list[tuple[int, ...]]) -> tuple[Any, ...]:
-        """The index of samples, from the indices that a key gives to each part of a name: () of none, slices where an
-        inner part alone is indexed, as in "parts.steps[2]"."""
+        """The index into a sample, from the indices of each part of a key: () without any; slices where only an inner
+        part is indexed, as in "parts.steps[2]"."""
         parts = self._parts(port, name)
         missing = len(parts) - len(given)
         at = [()] * missing + given if missing > 0 else given[-len(parts):] if parts else []
         index: list[Any] = []
-        for (_, shape), one in zip(parts, at):
-            if len(one) > len(shape) or any(i >= n for i, n in zip(one, shape)):
+        for (_, shape), own in zip(parts, at):
+            if len(own) > len(shape) or any(i >= n for i, n in zip(own, shape)):
                 break
-            index += [*one, *[slice(None)] * (len(shape) - len(one))]
+            index += [*own, *[slice(None)] * (len(shape) - len(own))]
         else:
             if not any(given[:max(-missing, 0)]):
                 return tuple(index) if any(at) else ()
@@ -148,14 +148,14 @@ class Records:
         """((name, shape), ...) of the parts of a field's name, or of a nested message's."""
         if not name:
             return ()
-        parts = next(parts for one, parts in port.parts.items() if f"{one}.".startswith(f"{name}."))
+        parts = next(parts for field, parts in port.parts.items() if f"{field}.".startswith(f"{name}."))
         return parts[:name.count(".") + 1]
 
     def __getitem__(self, key: str) -> Any:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
 
-        The arrays are read-only. NaN where the message was never written; a message whole has its bytes, and says so
-        in its head.
+        The arrays are read-only. NaN where the message was never written; a whole message has its bytes, and its head
+        has the quality.
         """
         port, name, indices = self._find(key)
         return self._field(port, name)[(slice(None), *indices)]
@@ -163,9 +163,9 @@ class Records:
     @property
     def raw(self) -> Self:
         """The same records with the bytes of messages that were never written, which are zeros."""
-        found = copy(self)
-        found._raw = True
-        return found
+        records = copy(self)
+        records._raw = True
+        return records
 
     def _quality(self, port: Any) -> NDArray[Any] | None:
         """(n,) the quality of each message; None if they have no head."""
@@ -179,7 +179,7 @@ class Records:
         return [] if self._raw or quality is None else (quality == NONE).nonzero()[0]
 
     def _field(self, port: Any, name: str | None) -> NDArray[Any]:
-        """The values of a field; NaN where its message was never written. Of heads and whole messages their bytes."""
+        """The values of a field; NaN where its message was never written. Heads and whole messages have their bytes."""
         values = part(self._values(port), name)
         missing = self._missing(port)
         if len(missing) and values.dtype.kind in "fiub" and not f"{name}.".startswith(HEAD):
@@ -189,12 +189,12 @@ class Records:
         return decoded(values) if values.dtype.kind == "S" else values
 
     def _ipython_key_completions_(self) -> list[str]:
-        """What IPython offers behind [": each port and field, as short as its last names are unique, and in full."""
+        """The completions of IPython behind [": each port and field by its full name, and by its short unique one."""
         full = [full_name(p, n) for p in self._ports() for n in (None, *p.names)
                 if not (n or "").startswith(HEAD.rstrip("."))]
-        short = [".".join(one.split(".")[2:]) or one for one in full]
+        short = [".".join(name.split(".")[2:]) or name for name in full]
         seen = Counter(short)
-        return [*(one for one in short if seen[one] == 1), *full]
+        return [*(name for name in short if seen[name] == 1), *full]
 
     def _table(self, title: str) -> str:
         """The ports and their fields, for a notebook."""
@@ -219,11 +219,11 @@ class Records:
         field = self.field(key)
         port, name, index = self._find(key)
         shown, rest = [], list(index)
-        for one, shape in self._parts(port, name):
+        for part, shape in self._parts(port, name):
             inside = [i for i in rest[:len(shape)] if isinstance(i, int)]
-            shown.append(one + "".join(f"[{i}]" for i in inside))
+            shown.append(part + "".join(f"[{i}]" for i in inside))
             del rest[:len(shape)]
-        outer = [i for i, one in enumerate(shown[:-1]) if "[" in one]
+        outer = [i for i, part in enumerate(shown[:-1]) if "[" in part]
         short = ".".join(shown[min(outer, default=-1):])
         words = words_of(field)
         if port.type == MODE and name == "index":
@@ -236,13 +236,13 @@ class Records:
         """The shortest ending of a port's name that is unique here: "error"."""
         parts = port.name.split(".")
         tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
-        names = ["." + one.name for one in self._ports()]
+        names = ["." + other.name for other in self._ports()]
         return next((tail for tail in tails if sum(name.endswith("." + tail) for name in names) == 1), port.name)
 
 
 def stale_after(period: float) -> float:
-    """[s] How old what is written each `period` [s] may be before it is stale: ten updates, as flight itself has it
-    (data_lost() of flight/msg/head.h), and 5 s at least, as telemetry is later than flight."""
+    """[s] The age at which a message that is written each `period` [s] becomes stale: ten updates, as for flight itself
+    (data_lost() of flight/msg/head.h), and 5 s at least, since telemetry comes later."""
     return max(STALE_S, STALE_UPDATES * period)
 
 
@@ -260,22 +260,22 @@ def nested_names(fields: Iterable[str]) -> list[str]:
 def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
     """The names of a field's elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
     names = [""]
-    for one, shape in parts:
+    for part_name, shape in parts:
         elements = [""]
         for n in shape:
             elements = [f"{e}[{i}]" for e in elements for i in range(n)]
         dot = "." if names != [""] else ""
-        names = [f"{prefix}{dot}{one}{e}" for prefix in names for e in elements]
+        names = [f"{prefix}{dot}{part_name}{e}" for prefix in names for e in elements]
     return names
 
 
 def _meaning(field: Any) -> str:
-    """Of a field of a header, or of an archive."""
+    """The meaning of a field of a header or of an archive."""
     return field.meaning if hasattr(field, "meaning") else field.doc
 
 
 def decoded(values: Any) -> Any:
-    """Texts of an array of C as texts."""
+    """The texts of an array of char arrays."""
     import numpy as np
 
     return np.char.decode(values, "utf-8", "replace")
@@ -295,13 +295,13 @@ def head_columns(fields: Iterable[str]) -> dict[str, str]:
 
 
 def words_of(field: Any) -> dict[int, str]:
-    """Value -> name of a field that is an enumeration: 3 -> "good". {} of others."""
+    """Value -> name of an enumeration, as 3 -> "good"; {} of other fields."""
     named = dict(getattr(field, "values", None) or getattr(field, "enumerators", None) or {})
     return {named[name]: short.lower().replace("_", " ") for name, short in short_names(named).items()}
 
 
 def in_words(values: Any, field: Any) -> list[str]:
-    """The values of an enumeration by their names; a number that has none stays one."""
+    """The values of an enumeration by their names; a number without a name stays a number."""
     words = words_of(field)
     return [words.get(value, str(value)) for value in values.tolist()]
 
@@ -327,7 +327,7 @@ def frame_of(tables: Iterable[tuple[Any, dict[str, Any]]], units: dict[str, str]
     elif all(f.index.is_unique for f in frames):
         frame = pd.concat(frames, axis=1, sort=True) if frames else pd.DataFrame()
     else:
-        # Several messages of a topic at one instant: the k-th of one stands beside the k-th of the others.
+        # Several messages of a topic have the same time: its k-th is in a row with the k-th of other topics.
         for f in frames:
             nth = f.groupby(level=0).cumcount() if len(f) else np.empty(0, int)
             f.index = pd.MultiIndex.from_arrays([f.index, nth])

@@ -11,7 +11,7 @@ Example:
 
 The modules:
 
-    scene.py    what a picture shows: Scene, Craft, and what a mission adds by its view.py
+    scene.py    the parts of a picture: Scene, Craft, and the methods for a mission's view.py
     derive.py   a scene from a record
     tracks.py   motions and signals over time, thinned within bounds
     page.py     a scene as one HTML file
@@ -37,7 +37,7 @@ __all__ = ["Craft", "Direction", "Part", "Planet", "Plot", "Pose", "Scene", "of"
 
 
 def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: bool = False) -> Scene:
-    """The scene of a record: an Archive or its file, a Log, or all that a simulation recorded.
+    """The scene of a record: an Archive or its file, a Log, or all records of a simulation.
 
     plots_only: without spacecraft, for a record that has no attitude
     Raises SetupError if it has no attitude, MissionError with the line if the mission's view.py is wrong.
@@ -88,7 +88,7 @@ def _facts_of_archive(archive: Archive) -> Facts:
 
 
 def facts_of_simulation(sim: Simulation) -> Facts:
-    """What a simulation is made of."""
+    """The facts of a simulation."""
     import json
 
     from fledge.mission.provenance import instances, parameters, wires

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages in a headless Chromium, spoken to over its pipe: opened, asked, looked at."""
+"""Pages in a headless Chromium, by its DevTools protocol over a pipe."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SWITCHES = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enab
 
 
 class Browser:
-    """A browser with one page. problems: what the page wrote to its console as warning or error, and exceptions.
+    """A browser with one page. problems: warnings and errors on the page's console, and exceptions.
 
         with Browser(1280, 720) as browser:
             browser.open("view.html", "#t=60")
-            browser.ask("document.title")
+            browser.evaluate("document.title")
     """
 
     def __init__(self, width: int = 1280, height: int = 720, dark: bool = True, wait: float = 60.0) -> None:
@@ -40,15 +40,15 @@ class Browser:
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self._from, output = os.pipe()
         input_, self._to = os.pipe()
-        # The browser reads its descriptor 3 and writes 4; those to begin with must be neither.
-        ends = [fcntl.fcntl(one, fcntl.F_DUPFD_CLOEXEC, 10) for one in (input_, output)]
+        # The browser reads its descriptor 3 and writes 4, so the ends of the pipes get higher numbers first.
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (input_, output)]
         self._process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{ends[0]} 4>&{ends[1]}', "bash", str(PROGRAM), *SWITCHES,
              f"--user-data-dir={self._folder.name}", f"--window-size={width},{height}", "about:blank"],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=ends,
             env=without_preload(os.environ))
-        for one in (input_, output, *ends):
-            os.close(one)
+        for end in (input_, output, *ends):
+            os.close(end)
         self._session = None
         pages = [targetInfo for targetInfo in self._call("Target.getTargets")["targetInfos"]
                  if targetInfo["type"] == "page"]
@@ -71,7 +71,7 @@ class Browser:
 
     @property
     def pid(self) -> int:
-        """The number of its process, of which the others are children."""
+        """The id of its first process, the parent of the others."""
         return self._process.pid
 
     def open(self, page: str | Path, anchor: str = "") -> None:
@@ -87,36 +87,36 @@ class Browser:
     def wait_for(self, expression: str) -> object:
         """Wait until an expression is true; returns it."""
         end = time.monotonic() + self._wait
-        while not (found := self.ask(expression)):
+        while not (value := self.evaluate(expression)):
             if time.monotonic() > end:
-                raise TimeoutError(f"{expression} is still {found!r}; {self.problems}")
+                raise TimeoutError(f"{expression} is still {value!r}; {self.problems}")
             time.sleep(0.02)
-        return found
+        return value
 
-    def ask(self, expression: str) -> object:
+    def evaluate(self, expression: str) -> object:
         """The value of an expression on the page, also of a promise."""
-        found = self._call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in found:
-            raise RuntimeError(found["exceptionDetails"]["exception"].get("description", expression))
-        return found["result"].get("value")
+        reply = self._call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in reply:
+            raise RuntimeError(reply["exceptionDetails"]["exception"].get("description", expression))
+        return reply["result"].get("value")
 
     def picture(self) -> bytes:
-        """What is seen, as PNG."""
+        """The picture of the page, as PNG."""
         return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
-        asked = {"id": self._number, "method": method, "params": parameters}
+        request = {"id": self._number, "method": method, "params": parameters}
         if self._session:
-            asked["sessionId"] = self._session
-        os.write(self._to, json.dumps(asked).encode() + b"\0")
+            request["sessionId"] = self._session
+        os.write(self._to, json.dumps(request).encode() + b"\0")
         end = time.monotonic() + self._wait
         while True:
-            answer = self._read(end)
-            if answer.get("id") == self._number:
-                if "error" in answer:
-                    raise RuntimeError(f"{method}: {answer['error']['message']}")
-                return answer["result"]
+            reply = self._read(end)
+            if reply.get("id") == self._number:
+                if "error" in reply:
+                    raise RuntimeError(f"{method}: {reply['error']['message']}")
+                return reply["result"]
 
     def _read(self, end: float) -> dict[str, Any]:
         while b"\0" not in self._rest:
@@ -127,15 +127,15 @@ class Browser:
                 raise RuntimeError("the browser has ended")
             self._rest += more
         text, _, self._rest = self._rest.partition(b"\0")
-        found = json.loads(text)
-        self._note(found.get("method"), found.get("params", {}))
-        return found
+        message = json.loads(text)
+        self._collect_problem(message.get("method"), message.get("params", {}))
+        return message
 
-    def _note(self, event: str | None, about: dict[str, Any]) -> None:
+    def _collect_problem(self, event: str | None, parameters: dict[str, Any]) -> None:
         if event == "Runtime.exceptionThrown":
-            self.problems.append(about["exceptionDetails"]["exception"].get("description", "an exception"))
-        if event == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning"):
+            self.problems.append(parameters["exceptionDetails"]["exception"].get("description", "an exception"))
+        if event == "Runtime.consoleAPICalled" and parameters["type"] in ("error", "warning"):
             self.problems.append(" ".join(str(argument.get("value", argument.get("description")))
-                                          for argument in about["args"]))
-        if event == "Log.entryAdded" and about["entry"]["level"] == "error":
-            self.problems.append(about["entry"]["text"])
+                                          for argument in parameters["args"]))
+        if event == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+            self.problems.append(parameters["entry"]["text"])

@@ -23,7 +23,7 @@ from fledge.programs import without_preload
 
 WEB = Path(__file__).with_name("web")
 CONSOLE = WEB.parents[1] / "ground/console/web"
-MADE = ("view.js", "view.css", "viewer.js", "console.js", "console.css")
+BUILT = ("view.js", "view.css", "viewer.js", "console.js", "console.css")
 ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
 
 
@@ -43,7 +43,7 @@ def built() -> tuple[str, str]:
 
 def is_built(*names: str) -> bool:
     """Whether these files are there; by default the viewer's."""
-    return all((folder() / name).exists() for name in names or MADE[:2])
+    return all((folder() / name).exists() for name in names or BUILT[:2])
 
 
 def build() -> None:
@@ -55,7 +55,7 @@ def build() -> None:
     stamp = out / "stamp"
 
     def is_new() -> bool:
-        return is_built(*MADE) and stamp.exists() and stamp.read_text() == state.hexdigest()
+        return is_built(*BUILT) and stamp.exists() and stamp.read_text() == state.hexdigest()
 
     if is_new():
         return
@@ -64,7 +64,7 @@ def build() -> None:
         raise SetupError(ADVICE)
     out.mkdir(parents=True, exist_ok=True)
     with open(out.with_name("view.lock"), "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)    # npm takes away what another one works with
+        fcntl.flock(lock, fcntl.LOCK_EX)    # npm deletes files that another process would use
         if is_new():
             return
         _make(out, npm, sources)
@@ -73,7 +73,7 @@ def build() -> None:
 
 def _make(out: Path, npm: str, sources: dict[Path, Path]) -> None:
     work = out / "work"
-    shutil.rmtree(work / "console", ignore_errors=True)     # what was deleted is not to be found
+    shutil.rmtree(work / "console", ignore_errors=True)     # so that no deleted source remains
     for name, path in sources.items():
         copy = work / name
         copy.parent.mkdir(parents=True, exist_ok=True)
@@ -83,8 +83,8 @@ def _make(out: Path, npm: str, sources: dict[Path, Path]) -> None:
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
-    for made in MADE:
-        shutil.copyfile(work / "dist" / made, out / made)
+    for name in BUILT:
+        shutil.copyfile(work / "dist" / name, out / name)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Scene from a record: what the messages, and the parameters, types and wires that stand in the record, tell."""
+"""A Scene from a record: from its messages, and from the parameters, types and wires that it holds."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from fledge import world
 
 HAPPENINGS = 500    # on the time line
-LONG, WIDE = 4.0, 1.6   # [-] extents of a spacecraft that a cone at it is long, and half wide; half of that to keep out
+LONG, WIDE = 4.0, 1.6   # [-] largest length and radius of a cone, in extents of its spacecraft; half of it to keep out
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
 FLATTENING = {"EARTH": 1 / 298.257223563, "MARS": 1 - 3376.20 / 3396.19}     # WGS 84; of the IAU's report of 2000
 SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
 
 
 class Facts:
-    """What a run began with.
+    """What a record says of its run.
 
-    title, about: in words; parameters: path -> value in SI; types: path of an instance -> its type;
+    title, about: of the page; parameters: path -> value in SI; types: path of an instance -> its type;
     wires: input -> output, or several; folder: of the mission, or None
-    periods [s]: of the instances that a task runs, where that is known
+    periods [s]: of the instances that a task runs, where they are known
     """
 
     def __init__(self, title: str, about: str, parameters: dict[str, Any], types: dict[str, str],
@@ -46,47 +46,46 @@ class Facts:
 
     def all_of(self, *types: str) -> list[str]:
         """The paths of the instances of some types."""
-        return [path for path, one in self.types.items() if one in types]
+        return [path for path, type_ in self.types.items() if type_ in types]
 
-    def said(self, names: list[str]) -> list[str]:
-        """Of outputs that say the same, those that are not made from others of them, in the order in which flight
-        itself prefers them: from an attitude and its correction the correction, from two that flight chooses from both.
-        """
-        into: dict[str, list[str]] = {}     # input -> those that are wired to it
+    def preferred(self, names: list[str]) -> list[str]:
+        """Of outputs with the same meaning, those that no other of them is computed from, in flight's own order of
+        preference: of an attitude and its correction the correction, of two that flight chooses from both."""
+        into: dict[str, list[str]] = {}     # input -> the outputs of `names` that are wired to it
         for target, text in self.wires.items():
             sources = [word.partition(" (")[0] for word in text.split(", ")]
             into[target] = [source for source in sources if source in names]
         choices = [sources for sources in into.values() if len(sources) > 1]
-        made = {source for target, sources in into.items() for source in sources for name in names
-                if name != source and name.rpartition(".")[0] == target.rpartition(".")[0]
-                and not any({name, source} <= {*sources} for sources in choices)}
+        consumed = {source for target, sources in into.items() for source in sources for name in names
+                    if name != source and name.rpartition(".")[0] == target.rpartition(".")[0]
+                    and not any({name, source} <= {*sources} for sources in choices)}
         order = [source for sources in choices for source in sources] + names
-        return sorted((name for name in names if name not in made), key=order.index)
+        return sorted((name for name in names if name not in consumed), key=order.index)
 
 
 def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
-    """The Scene of a record. Raises SetupError if it has no attitude, unless its plots alone are wanted."""
-    found = Derivation(records, facts)
+    """The Scene of a record. Raises SetupError if it has no attitude, unless plots_only."""
+    derivation = Derivation(records, facts)
     if not plots_only:
-        found.add_flight()
-    found.add_plots()
-    found.scene.modes = modes(records)
-    found.scene.happened = [happening for happening in happenings(records) if happening.kind != "mode"][:HAPPENINGS]
-    return found.scene
+        derivation.add_flight()
+    derivation.add_plots()
+    derivation.scene.modes = modes(records)
+    derivation.scene.happened = [event for event in happenings(records) if event.kind != "mode"][:HAPPENINGS]
+    return derivation.scene
 
 
 class Derivation:
     """Derives a scene from records.
 
-    live: what comes later makes its tracks grow: by track.source(Derivation(later records, facts, live=True))
-    used: the names of the ports from which it took motions, attitudes and levels
+    live: the tracks of the scene can grow, by track.source(Derivation(later records, facts, live=True))
+    used: the names of the ports whose messages the motions, attitudes and levels come from
     """
 
     def __init__(self, records: Any, facts: Facts, live: bool = False) -> None:
         self._records, self._facts, self._live = records, facts, live
-        said = [port.name for port in records.executives()]
+        executives = [port.name for port in records.executives()]
         self._ports = {port.name: port for port in records._ports()
-                       if port.names and port.name not in said and (live or len(records._time(port)))}
+                       if port.names and port.name not in executives and (live or len(records._time(port)))}
         self.used: set[str] = set()
         self.scene = Scene(facts.title, facts.about)
 
@@ -125,7 +124,7 @@ class Derivation:
             scene.notes.append("The record does not say where the Sun is: give the spacecraft a sky, or record the "
                                "direction to the Sun. The light comes from a fixed direction.")
 
-    # --- what is recorded ----------------------------------------------------------------------------
+    # --- recorded messages ---------------------------------------------------------------------------
 
     def _of(self, *types: str) -> list[str]:
         """The names of recorded ports with messages of some types."""
@@ -157,15 +156,15 @@ class Derivation:
         import numpy as np
 
         table, last, good = self._rows(name, *fields)
-        kept = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
-        found = [np.array(table[field][kept], dtype=float) for field in fields]
-        for one in found:
-            one[~good[kept]] = np.nan
-        return self._records._time(self._ports[name])[kept], *found
+        chosen = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
+        columns = [np.array(table[field][chosen], dtype=float) for field in fields]
+        for column in columns:
+            column[~good[chosen]] = np.nan
+        return self._records._time(self._ports[name])[chosen], *columns
 
     def _stale_after(self, name: str, table: NDArray[Any]) -> float:
-        """[s] The age at which messages of a port are stale. Without its task's period, by what lies between two
-        messages that it wrote one after the other; what is written once does not age."""
+        """[s] The age at which messages of a port are stale. Without its task's period, by the shortest time between
+        two messages that follow each other; messages that are written once do not age."""
         import numpy as np
 
         if self._facts.periods is not None:
@@ -184,53 +183,55 @@ class Derivation:
         return np.where(old & (table["head"]["quality"] != NONE), t, np.nan)
 
     def _newest(self, names: list[str], *fields: str, gaps: bool = True) -> tuple[NDArray[Any], ...]:
-        """(times [s], values of each field, when they were written [s]) of outputs that say the same: of each time the
-        newest, of those as new the best, of those the first that is named. The last is NaN of what is not stale.
+        """(times [s], values of each field, when they were written [s]) of outputs with the same meaning: at each time
+        the newest message, of equally new ones the best, of equally good ones that of the first name. The last column
+        is NaN where a value is not stale.
 
-        gaps: with NaN for what was not written, after it was
+        gaps: with NaN for messages that were not written and follow one that was
         """
         import numpy as np
 
-        found = []
+        outputs = []
         for name in names:
             table, last, good = self._rows(name, *fields)
             time, head = self._records._time(self._ports[name]), table["head"]
-            found.append([one[last] for one in (time, good, head["t"] / 1e9, head["quality"],
-                                                self._written(name, table), *(
-                np.array(table[field], dtype=float) for field in fields))])
-        times = np.unique(np.concatenate([one[0] for one in found]))
+            columns = [np.array(table[field], dtype=float) for field in fields]
+            outputs.append([column[last] for column in (time, good, head["t"] / 1e9, head["quality"],
+                                                        self._written(name, table), *columns)])
+        times = np.unique(np.concatenate([time for time, *_ in outputs]))
         if getattr(self._records, "single", False):
             times = times[-1:]
-        best = (np.full(len(times), -np.inf), np.zeros(len(times)))     # when, and how well it was written
-        chosen = [np.full((len(times), *one.shape[1:]), np.nan) for one in found[0][4:]]
-        for time, good, t, quality, *columns in found:
+        best = (np.full(len(times), -np.inf), np.zeros(len(times)))     # time and quality
+        chosen = [np.full((len(times), *column.shape[1:]), np.nan) for column in outputs[0][4:]]
+        for time, good, t, quality, *columns in outputs:
             i = np.searchsorted(time, times, side="right") - 1
             has = (i >= 0) & (good[i] if len(good) else False)
-            t, quality = (np.where(has, one[i], 0) if len(one) else np.zeros(len(times)) for one in (t, quality))
+            t, quality = (np.where(has, column[i], 0) if len(column) else np.zeros(len(times))
+                          for column in (t, quality))
             better = has & ((t > best[0]) | (t == best[0]) & (quality > best[1]))
             best = np.where(better, t, best[0]), np.where(better, quality, best[1])
-            for into, one in zip(chosen, columns):
-                into[better] = one[i[better]]
-        kept = np.isfinite(best[0]) if not gaps else np.logical_or.accumulate(np.isfinite(best[0])) if (
+            for into, column in zip(chosen, columns):
+                into[better] = column[i[better]]
+        some = np.isfinite(best[0]) if not gaps else np.logical_or.accumulate(np.isfinite(best[0])) if (
             not self._live) else slice(None)
-        written, *values = (one[kept] for one in chosen)
-        return times[kept], *values, written
+        written, *values = (column[some] for column in chosen)
+        return times[some], *values, written
 
     def _aged(self, track: Any, written: NDArray[Any]) -> Any:
-        """A track with when it was written, if that matters."""
+        """A track with the times when it was written, if a value is stale or the track grows."""
         import numpy as np
 
         if self._live or np.isfinite(written).any():
             track.written = written
         return track
 
-    def _signal(self, name: str, one: str, element: int | None = None) -> Signal | None:
+    def _signal(self, name: str, field: str, element: int | None = None) -> Signal | None:
         """The Signal of a field or of an element of it; None if the port was not recorded."""
         if name not in self._ports:
             return None
 
-        def make(found: Derivation) -> Signal:
-            time, values = found._values(name, one, gaps=True)
+        def make(source: Derivation) -> Signal:
+            time, values = source._values(name, field, gaps=True)
             values = values.reshape(len(time), math.prod(values.shape[1:]))
             return Signal(time, values if element is None else values[:, [element]], read=True)
 
@@ -246,24 +247,24 @@ class Derivation:
     # --- spacecraft ----------------------------------------------------------------------------------
 
     def _craft(self, name: str) -> Craft:
-        def all_of(found: Derivation) -> tuple[NDArray[Any], ...]:
-            return found._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
+        def all_of(source: Derivation) -> tuple[NDArray[Any], ...]:
+            return source._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
 
         if not len(all_of(self)[0]):
             raise SetupError(f"{self._records._label}: {name} has no attitude that was written")
         path = name.rpartition(".")[0]
-        several = [one.rpartition(".")[0] for one in self._of("CraftState")
-                   if one.partition(".")[0] == path.partition(".")[0]]
+        several = [state.rpartition(".")[0] for state in self._of("CraftState")
+                   if state.partition(".")[0] == path.partition(".")[0]]
         craft = Craft(path.partition(".")[0] if len(several) == 1 else path, path,
-                      self._grows(lambda found: Motion(*all_of(found)[:3])),
-                      self._grows(lambda found: Turning.of_mrp(*all_of(found)[::3])), self._facts.folder)
+                      self._grows(lambda source: Motion(*all_of(source)[:3])),
+                      self._grows(lambda source: Turning.of_mrp(*all_of(source)[::3])), self._facts.folder)
         rate = self._signal(name, "omega_BN_B")
         if rate:
             craft.signals["rate"] = rate
         return craft
 
     def _from_estimates(self) -> None:
-        """Spacecraft by what navigation says of them, in a record without the truth: of a real one."""
+        """Spacecraft by their navigation, in a record without the truth: that of a real spacecraft."""
         import numpy as np
 
         by_process: dict[str, list[str]] = {}
@@ -279,39 +280,39 @@ class Derivation:
                 motion = Motion(time[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
                 self.scene.notes.append(f"No position of {process} is recorded: it stands at the origin. Record its "
                                         "NavOrbit.")
-            self.scene.crafts.append(Craft(process, self._facts.said(names)[0].rpartition(".")[0], motion, turning,
-                                           self._facts.folder))
+            path = self._facts.preferred(names)[0].rpartition(".")[0]
+            self.scene.crafts.append(Craft(process, path, motion, turning, self._facts.folder))
 
     def _estimated_motion(self, process: str) -> Motion | None:
-        """By what navigation says of its orbit; None if that is nothing."""
-        names = self._facts.said([name for name in self._of("NavOrbit") if name.partition(".")[0] == process])
+        """The motion by navigation of the orbit; None without it."""
+        names = self._facts.preferred([name for name in self._of("NavOrbit") if name.partition(".")[0] == process])
         if not names:
             return None
-        motion = self._grows(lambda found: Motion(*found._newest(names, "r_BN_N", "v_BN_N", gaps=False)[:3]))
+        motion = self._grows(lambda source: Motion(*source._newest(names, "r_BN_N", "v_BN_N", gaps=False)[:3]))
         return motion if self._live or len(motion.time) else None
 
-    def _turning(self, names: list[str], one: str, gaps: bool = True) -> Turning:
-        """The Turning of a field with MRP, of outputs that say the same."""
-        names = self._facts.said(names)
+    def _turning(self, names: list[str], field: str, gaps: bool = True) -> Turning:
+        """The Turning of a field with MRP, of outputs with the same meaning."""
+        names = self._facts.preferred(names)
 
-        def make(found: Derivation) -> Turning:
-            time, sigma, written = found._newest(names, one, gaps=gaps)
-            return found._aged(Turning.of_mrp(time, sigma), written)
+        def make(source: Derivation) -> Turning:
+            time, sigma, written = source._newest(names, field, gaps=gaps)
+            return source._aged(Turning.of_mrp(time, sigma), written)
 
         return self._grows(make)
 
     def _home(self, process: str) -> Craft | None:
-        """The spacecraft that a process belongs to: whose world it commands, or else whose world it reads. None if
-        that is not one."""
+        """The spacecraft that a process belongs to: the one whose world it commands, else the one whose world it reads;
+        None if there are several or none."""
         crafts = {craft.process: craft for craft in self.scene.crafts}
         if process in crafts:
             return crafts[process]
         if len(crafts) == 1:
             return next(iter(crafts.values()))
         pairs = [(a.partition(".")[0], b.partition(".")[0]) for a, b in self._facts.wires.items()]
-        for found in ({a for a, b in pairs if b == process}, {b for a, b in pairs if a == process}):
-            if len(found & crafts.keys()) == 1:
-                return crafts[(found & crafts.keys()).pop()]
+        for candidates in ({a for a, b in pairs if b == process}, {b for a, b in pairs if a == process}):
+            if len(candidates & crafts.keys()) == 1:
+                return crafts[(candidates & crafts.keys()).pop()]
         return None
 
     def _fit_out(self, craft: Craft) -> None:
@@ -330,44 +331,44 @@ class Derivation:
         for part in craft.parts:
             if part.kind == "cone" and not part.length:
                 part.length = craft.extent * min(LONG, WIDE / math.tan(part.half_angle)) / (2 if part.keep_out else 1)
-        if self._of("CraftState"):      # else it is shown by its estimate
-            self._add_pose(craft, "estimate", self._said_of(craft, "NavAttitude"), "sigma_BN")
-        self._add_pose(craft, "reference", self._said_of(craft, "AttReference"), "sigma_RN")
-        if errors := self._facts.said(self._said_of(craft, "AttError")):
+        if self._of("CraftState"):      # else the spacecraft itself is at its estimate
+            self._add_pose(craft, "estimate", self._outputs_about(craft, "NavAttitude"), "sigma_BN")
+        self._add_pose(craft, "reference", self._outputs_about(craft, "AttReference"), "sigma_RN")
+        if errors := self._facts.preferred(self._outputs_about(craft, "AttError")):
             craft.signals["attitude error"] = self._angle(errors)
         for name in self._of("MagneticField"):
             if self._home(name.partition(".")[0]) is craft:
                 craft.directions.append(Direction("magnetic field", self._unit(name, "B_N")))
 
-    def _said_of(self, craft: Craft, kind: str) -> list[str]:
-        """The outputs with messages of a type that flight says of a spacecraft; where it says none, its world."""
+    def _outputs_about(self, craft: Craft, kind: str) -> list[str]:
+        """The outputs with messages of a type that belong to a spacecraft: those of flight, else those of its world."""
         names = [name for name in self._of(kind) if self._home(name.partition(".")[0]) is craft]
         return [name for name in names if name.partition(".")[0] != craft.process] or names
 
-    def _add_pose(self, craft: Craft, kind: str, names: list[str], one: str) -> None:
+    def _add_pose(self, craft: Craft, kind: str, names: list[str], field: str) -> None:
         if not names:
             return
-        turning = self._turning(names, one)
+        turning = self._turning(names, field)
         if self._live or len(turning.time):
             motion = self._estimated_motion(names[0].partition(".")[0]) if kind == "estimate" else None
-            craft.poses.append(Pose(kind, ", ".join(self._facts.said(names)), turning, motion))
+            craft.poses.append(Pose(kind, ", ".join(self._facts.preferred(names)), turning, motion))
 
     def _angle(self, names: list[str]) -> Signal:
         """[rad] The size of the attitude's error."""
         import numpy as np
 
-        def make(found: Derivation) -> Signal:
-            time, sigma, written = found._newest(names, "sigma_BR")
+        def make(source: Derivation) -> Signal:
+            time, sigma, written = source._newest(names, "sigma_BR")
             angle = 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True))
-            return found._aged(Signal(time, angle, read=True), written)
+            return source._aged(Signal(time, angle, read=True), written)
 
         return self._grows(make)
 
-    def _unit(self, name: str, one: str) -> Signal:
+    def _unit(self, name: str, field: str) -> Signal:
         import numpy as np
 
-        def make(found: Derivation) -> Signal:
-            time, values = found._values(name, one, gaps=True)
+        def make(source: Derivation) -> Signal:
+            time, values = source._values(name, field, gaps=True)
             size = np.linalg.norm(values, axis=1, keepdims=True)
             return Signal(time, values / np.where(size > 0, size, 1))
 
@@ -488,7 +489,7 @@ class Derivation:
         if port not in self._ports:
             self.scene.notes.append(f"{port} is not recorded: {without}.")
 
-    # --- what surrounds them -------------------------------------------------------------------------
+    # --- surroundings --------------------------------------------------------------------------------
 
     def _surroundings(self) -> None:
         """The celestial bodies, and the Sun."""
@@ -501,7 +502,7 @@ class Derivation:
                              self._facts.of(first, "gravity", "") or "")
         sky = SKY.match(self._facts.of(first, "sky", "") or "")
         if not sky:
-            for name, mu, radius in gravity[:1]:    # it stands at the origin of N
+            for name, mu, radius in gravity[:1]:    # at the origin of N
                 self.scene.planets.append(Planet(name, float(radius) * 1e3, None, self._spinning(),
                                                  FLATTENING.get(name, 0.0), float(mu)))
             self._recorded_sun()
@@ -509,12 +510,12 @@ class Derivation:
         ephemeris, centre = world.Sky(sky[1], center=int(sky[2])), int(sky[2])
         self.scene.epoch = sky[1]
         wanted = [world.BODIES[name] for name, *_ in gravity if name in world.BODIES]
-        wanted += [one for one in world.BODIES.values() if one.naif == centre]
+        wanted += [body for body in world.BODIES.values() if body.naif == centre]
         wanted += ([world.MOON] if centre == world.EARTH.naif else [])
         for body in dict.fromkeys([*wanted, world.SUN]):
             try:
                 motion = self._moves(ephemeris, body) if body.naif != centre else None
-            except SetupError:      # an ephemeris of the mission's own had it
+            except SetupError:      # the mission has its own ephemeris of this body
                 continue
             if body is world.SUN:
                 self.scene.sun = motion or Motion(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
@@ -524,7 +525,7 @@ class Derivation:
                                              FLATTENING.get(body.name, 0.0), body.mu))
 
     def _times(self) -> NDArray[Any]:
-        """[s] at which bodies are looked for: in the span of the run, or, of what goes on, those of the spacecraft."""
+        """[s] The times of the bodies' tracks: over the span of the run; in a growing scene those of the spacecraft."""
         import numpy as np
 
         if self._live:
@@ -535,8 +536,8 @@ class Derivation:
     def _moves(self, sky: world.Sky, body: world.Body) -> Motion:
         import numpy as np
 
-        def make(found: Derivation) -> Motion:
-            times = found._times()
+        def make(source: Derivation) -> Motion:
+            times = source._times()
             states = [sky.state(body, t) for t in times]
             return Motion(times, np.array([s.r_PN_N for s in states]).reshape(-1, 3),
                           np.array([s.v_PN_N for s in states]).reshape(-1, 3))
@@ -546,8 +547,8 @@ class Derivation:
     def _turns(self, sky: world.Sky, body: world.Body) -> Turning | None:
         import numpy as np
 
-        def make(found: Derivation) -> Turning:
-            times = found._times()
+        def make(source: Derivation) -> Turning:
+            times = source._times()
             return Turning.of_dcm(times, np.array([sky.orientation(body, t).dcm_PN for t in times]).reshape(-1, 3, 3))
 
         try:
@@ -556,38 +557,38 @@ class Derivation:
             return None
 
     def _spinning(self) -> Turning | None:
-        """The turning of a body without a sky: about its third axis, at the rate that a station on it has."""
+        """The turning of a body without a sky: about its third axis, at the `spin` of a station on it."""
         import numpy as np
 
         spin = max((self._facts.of(path, "spin", 0) for path in self._facts.all_of("GroundStation")), default=0)
         if not spin:
             return None
 
-        def make(found: Derivation) -> Turning:
-            half = spin * (times := found._times()) / 2
+        def make(source: Derivation) -> Turning:
+            half = spin * (times := source._times()) / 2
             return Turning(times, np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1))
 
         return self._grows(make)
 
     def _stations(self) -> None:
-        """The stations on the ground, one for all that stand at the same place, and their radios."""
-        found: dict[tuple, Station] = {}
+        """The stations on the ground, one for each place, and their radios."""
+        by_place: dict[tuple, Station] = {}
         of: dict[str, Station] = {}     # path -> its station
         for path in self._facts.all_of("GroundStation"):
             planet = str(self._facts.of(path, "body", "")).partition(",")[0]
-            body = next((one for one in self.scene.planets if one.name == planet), None)
+            body = next((candidate for candidate in self.scene.planets if candidate.name == planet), None)
             if body is None:
                 continue
             place, up = place_on(body.radius, body.flattening, *(
                 self._facts.of(path, name, 0.0) for name in ("latitude", "longitude", "altitude")))
-            of[path] = found.setdefault((planet, *place), Station(path.partition(".")[2], planet, place, up,
-                                                                  self._facts.of(path, "mask", 0.0)))
+            of[path] = by_place.setdefault((planet, *place), Station(path.partition(".")[2], planet, place, up,
+                                                                     self._facts.of(path, "mask", 0.0)))
         for path in self._facts.all_of("Radio"):
             station, craft = of.get(self._facts.of(path, "station", "")), self._home(path.partition(".")[0])
             if station and craft:
                 station.links.append(RadioLink(path, craft.name, self._lock(f"{path}.down"), self._lock(f"{path}.up")))
                 self._advise(f"{path}.down", "nothing says when the ground's receiver is locked")
-        self.scene.stations = list(found.values())
+        self.scene.stations = list(by_place.values())
 
     def _lock(self, name: str) -> Signal | None:
         """(locked, Eb/N0 [dB]) of a radio's link."""
@@ -596,8 +597,8 @@ class Derivation:
         if name not in self._ports:
             return None
 
-        def make(found: Derivation) -> Signal:
-            time, lock, ratio = found._values(name, "lock", "eb_n0_dB", gaps=True)
+        def make(source: Derivation) -> Signal:
+            time, lock, ratio = source._values(name, "lock", "eb_n0_dB", gaps=True)
             return Signal(time, np.stack([lock, ratio], axis=1))
 
         return self._grows(make)
@@ -625,7 +626,7 @@ class Derivation:
     # --- plots ---------------------------------------------------------------------------------------
 
     def _plots(self, port: Any) -> Iterator[Plot]:
-        """A Plot of each numeric field of a port; of long arrays the elements up to the last that is ever not 0."""
+        """A Plot of each numeric field of a port; of long arrays, the elements up to the last that is not always 0."""
         import numpy as np
 
         for name, about in port.fields.items():
@@ -637,14 +638,14 @@ class Derivation:
                 (k for k in range(size) if np.nan_to_num(values.reshape(-1, size)[:, k].astype(float)).any()),
                 default=0) + 1
 
-            def make(found: Derivation, name: str = name, size: int = size, used: int = min(used, 16)) -> Signal:
-                of, last = found._ports[port.name], found._last(port.name)
-                time, table = found._records._time(of)[last], found._records._values(of)
-                flat = found._records._field(of, name).reshape(-1, size)[last].astype(float)
+            def make(source: Derivation, name: str = name, size: int = size, used: int = min(used, 16)) -> Signal:
+                of, last = source._ports[port.name], source._last(port.name)
+                time, table = source._records._time(of)[last], source._records._values(of)
+                flat = source._records._field(of, name).reshape(-1, size)[last].astype(float)
                 signal = Signal(time, np.ascontiguousarray(flat[:, :used]))
                 if "head" not in table.dtype.names:
                     return signal
-                return found._aged(signal, found._written(port.name, table)[last])
+                return source._aged(signal, source._written(port.name, table)[last])
 
             signal = self._grows(make)
             labels = element_names(port.parts[name])[:signal.values.shape[1]]
@@ -656,7 +657,7 @@ class Derivation:
 
 def place_on(radius: float, flattening: float, latitude: float, longitude: float, altitude: float
              ) -> tuple[list[float], list[float]]:
-    """(place [m], zenith), each (3,) in the frame of a body: of geodetic coordinates [rad, m] over its ellipsoid, of an
+    """(place [m], zenith), each (3,) in a body's frame, of geodetic coordinates [rad, m] over an ellipsoid with an
     equatorial radius [m]."""
     up = [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
     share = (1 - flattening) ** 2       # of the squares of the polar and the equatorial radius

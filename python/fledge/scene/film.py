@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fledge.scene.scene import Scene
 
 WIDTH, HEIGHT = 800, 450        # [px]
-EACH = 80                       # [ms] that a frame stands
+EACH = 80                       # [ms] of each frame
 QUALITY = 45                    # of WebP, up to 100
 
 
@@ -41,14 +41,14 @@ def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float 
     path, pictures = Path(path), []
     shown = page.write(scene, path.with_name(f"{path.name}.html"))
     try:
-        with browser.Browser(WIDTH, HEIGHT) as one, Bar(path.name) as bar:
-            one.open(shown, f"#map=0&{look}")
-            one.ask("fledgeView.root.classList.add('filmed')")
+        with browser.Browser(WIDTH, HEIGHT) as chromium, Bar(path.name) as bar:
+            chromium.open(shown, f"#map=0&{look}")
+            chromium.evaluate("fledgeView.root.classList.add('filmed')")
             for k in range(frames):
                 bar.at(k / frames, f"{k} of {frames} frames")
-                one.ask(f"fledgeView.seek({begin + (end - begin) * k / (frames - 1)!r})")
-                one.wait_for("!fledgeView.dirty")
-                pictures.append(Image.open(io.BytesIO(one.picture())).convert("RGB"))
+                chromium.evaluate(f"fledgeView.seek({begin + (end - begin) * k / (frames - 1)!r})")
+                chromium.wait_for("!fledgeView.dirty")
+                pictures.append(Image.open(io.BytesIO(chromium.picture())).convert("RGB"))
     finally:
         shown.unlink(missing_ok=True)
     pictures[0].save(path, "WEBP", save_all=True, append_images=pictures[1:], duration=EACH, loop=0, quality=QUALITY,

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A record with its scene as Foxglove's 3-D panel takes it: transforms, and primitives that follow them.
+"""A record with its scene for Foxglove's 3-D panel: transforms, and primitives that follow them.
 
-The root of all frames, "inertial", has N's axes and moves with the first spacecraft, so that the panel shows that one
-in its middle and in metres, and numbers stay small near it. Frames below it:
+The root of all frames, "inertial", has N's axes and moves with the first spacecraft, so that the panel shows this
+spacecraft in its middle and in metres, and numbers stay small near it. Frames below it:
 
-    NAME                a spacecraft's body; NAME/estimate ..., NAME/panels 1, ... its estimates and what turns on it
-    N                   the origin of N, with the planets and the ways of the spacecraft
+    NAME                a spacecraft's body; NAME/estimate ..., NAME/panels 1, ...: its estimates and turning parts
+    N                   the origin of N, with the planets and the paths of the spacecraft
     NAME/to the Sun     a frame whose first axis points there; also NAME/nadir and NAME/velocity
 
 The file is the record's, byte for byte up to its end of data, with the topics /scene/transforms and /scene/entities
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from fledge.scene.scene import Craft, Part, Pose, Scene
 
-MOST = 50_000           # transforms of a frame; of a longer record some of its samples
+MOST = 50_000           # transforms of a frame; of a longer record, each n-th sample
 CHUNK = 4_000_000       # [bytes]
 
 DEFINITIONS = {
@@ -81,24 +81,24 @@ CODES = {"bool": "?", "uint8": "B", "int32": "i", "uint32": "I", "float64": "d"}
 # --- messages --------------------------------------------------------------------------------------
 
 def definition(name: str) -> str:
-    """The text of a message's definition with those of all that it holds."""
-    found: dict[str, str] = {}
+    """The text of a message's definition, with the definitions of its members."""
+    texts: dict[str, str] = {}
 
-    def add(one: str) -> None:
-        if one not in found:
-            found[one] = DEFINITIONS[one]
-            for line in DEFINITIONS[one].splitlines():
+    def add(kind_: str) -> None:
+        if kind_ not in texts:
+            texts[kind_] = DEFINITIONS[kind_]
+            for line in DEFINITIONS[kind_].splitlines():
                 kind = line.split()[0].removesuffix("[]")
                 if "/" in kind:
                     add(kind)
 
     add(name)
-    rest = "".join(f"\n{80 * '='}\nMSG: {one}\n{text}" for one, text in found.items() if one != name)
-    return found[name] + rest + "\n"
+    rest = "".join(f"\n{80 * '='}\nMSG: {kind}\n{text}" for kind, text in texts.items() if kind != name)
+    return texts[name] + rest + "\n"
 
 
 def encoded(name: str, message: dict[str, Any]) -> bytes:
-    """A message as CDR. What a dict leaves out is empty or zero."""
+    """A message as CDR. Members that the dict does not have are empty or zero."""
     out = bytearray(b"\0\1\0\0")
     _encode(out, name, message)
     return bytes(out)
@@ -133,8 +133,8 @@ def _encode(out: bytearray, kind: str, value: Any) -> None:
             if isinstance(given, bytes):
                 out += given
                 continue
-            for one in given:
-                _encode(out, inner, one)
+            for element in given:
+                _encode(out, inner, element)
 
 
 def _time(t: float) -> dict[str, int]:
@@ -261,8 +261,6 @@ def _frames(scene: Scene, times: NDArray[Any]) -> Iterator[tuple[str, str, NDArr
     """(parent, child, translations (n, 3), rotations (n, 4)) of all frames."""
     import numpy as np
 
-    from fledge.scene.tracks import Turning
-
     still, level = np.zeros((len(times), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(times), 1))
     origin = scene.crafts[0].motion.at(times)
     yield "inertial", "N", -origin, level
@@ -289,19 +287,19 @@ def _ways(scene: Scene, craft: Craft, times: NDArray[Any]) -> Iterator[tuple[str
     """(name, unit vectors in N (n, 3)) of the directions at a spacecraft."""
     import numpy as np
 
-    here, found = craft.motion.at(times), {}
+    here, directions = craft.motion.at(times), {}
     if scene.sun is not None:
-        found["to the Sun"] = scene.sun.at(times) - here
+        directions["to the Sun"] = scene.sun.at(times) - here
     elif scene.sun_N is not None:
-        found["to the Sun"] = np.tile(scene.sun_N, (len(times), 1))
+        directions["to the Sun"] = np.tile(scene.sun_N, (len(times), 1))
     if scene.planets:
-        nearest = min(scene.planets, key=lambda one: np.linalg.norm(
-            here[0] - (one.motion.at(times[:1])[0] if one.motion else 0)) / one.radius)
-        found["nadir"] = (nearest.motion.at(times) if nearest.motion else 0) - here
+        nearest = min(scene.planets, key=lambda planet: np.linalg.norm(
+            here[0] - (planet.motion.at(times[:1])[0] if planet.motion else 0)) / planet.radius)
+        directions["nadir"] = (nearest.motion.at(times) if nearest.motion else 0) - here
     if craft.motion.v.any():
-        found["velocity"] = craft.motion.v[np.searchsorted(
+        directions["velocity"] = craft.motion.v[np.searchsorted(
             craft.motion.time, times).clip(max=len(craft.motion.time) - 1)]
-    for name, ways in found.items():
+    for name, ways in directions.items():
         size = np.linalg.norm(ways, axis=1, keepdims=True)
         yield name, np.where(size > 0, ways / np.where(size > 0, size, 1), [1.0, 0.0, 0.0])
 
@@ -351,7 +349,7 @@ def _pose_axes(craft: Craft, pose: Pose, stale: bool, stamp: dict[str, int]) -> 
 
 def _plumes(plumes: list[tuple[Craft, Part, NDArray[Any]]], now: NDArray[Any], burning: NDArray[Any], i: int,
             stamp: dict[str, int]) -> dict[str, list]:
-    """The update of the plumes at a sample: those that burn anew, those that ended deleted."""
+    """The update of the plumes at a sample: burning ones are entities, ended ones deletions."""
     import numpy as np
 
     update: dict[str, list] = {"deletions": [], "entities": []}
@@ -416,7 +414,7 @@ class _Appendix:
         self.data = data
 
     def write(self, scene: Scene, out: Any) -> None:
-        ids = [struct.unpack_from("<H", one, 9)[0] for kind in (mcap.SCHEMA, mcap.CHANNEL) for one in self.old[kind]]
+        ids = [struct.unpack_from("<H", record, 9)[0] for record in self.old[mcap.SCHEMA] + self.old[mcap.CHANNEL]]
         start = max(ids, default=0) + 1
         channels = {topic: start + k for k, topic in enumerate(TOPICS)}
         heads = b"".join(
@@ -453,7 +451,7 @@ class _Appendix:
             "<QHIIIIQQ", total + sum(counts.values()), schemas + 2, n +
             2, attachments, metadata, n_chunks + len(chunks),
             t0, max(t1, last)), _text(old + b"".join(struct.pack("<HQ", *item) for item in counts.items())))
-        # Without an index of the record's own chunks one of the others would hide them.
+        # Without an index of the record's own chunks, an index of the new ones would hide those.
         indexed = self.old[mcap.CHUNK_INDEX] + chunks if self.old[mcap.CHUNK_INDEX] or not n_chunks else []
         summary = b"".join([*self.old[mcap.SCHEMA], *self.old[mcap.CHANNEL], heads, statistics, *indexed,
                             *self.old[mcap.METADATA_INDEX]])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene in a record, decoded by the definitions that stand in the file itself."""
+"""The scene in a record, decoded by the definitions in the file itself."""
 
 import re
 import struct
@@ -53,13 +53,13 @@ class Reader:
             self.at += size
             assert self.bytes[self.at - 1] == 0
             return self.bytes[self.at - size:self.at - 1].decode()
-        found = {}
+        members = {}
         for line in self.types[kind].split("\n"):
             if line:
                 inner, name = line.split()
-                found[name] = [self.read(inner[:-2]) for _ in range(self.number("I"))] if inner.endswith("[]") \
+                members[name] = [self.read(inner[:-2]) for _ in range(self.number("I"))] if inner.endswith("[]") \
                     else self.read(inner)
-        return found
+        return members
 
 
 def vector(of):
@@ -108,12 +108,12 @@ def test_the_command_writes_it_beside_the_record_and_hides_nothing(formation, tm
     (tmp_path / "runs/formation/free").mkdir(parents=True)
     (tmp_path / "runs/formation/free/run.mcap").write_bytes(formation[0].read_bytes())
     monkeypatch.chdir(tmp_path)
-    for _ in range(2):      # the copy is no run of its own
+    for _ in range(2):      # the copy is not listed as a run
         assert cli.main(["view", "formation", "--foxglove"]) == 0
         assert capsys.readouterr().out.startswith("runs/formation/free/run.scene.mcap (")
     with fledge.Archive("runs/formation/free/run.scene.mcap") as archive:
         assert archive.problem is None
-    # What is no plain data is named, and the rest is converted and plotted.
+    # Topics without plain structs are named, and the others converted and plotted.
     for name in ("run", "run.scene"):
         assert cli.main(["convert", "--csv", f"runs/formation/free/{name}.mcap", "--out", name]) == 0
     without = [f"fledge: without {topic} ({schema}), whose messages are no plain structs" for topic, schema in
@@ -148,7 +148,7 @@ def test_the_transforms_are_the_recorded_motion(formation):
         np.testing.assert_allclose(down, -r["deputy_world"][i] / np.linalg.norm(r["deputy_world"][i]), atol=1e-12)
 
 
-def test_each_entity_follows_a_frame_that_there_is(formation):
+def test_each_entity_follows_an_existing_frame(formation):
     reader = Reader(formation[1], "/scene/entities")
     (t, update), = reader.messages
     frames = {transform["child_frame_id"]
@@ -165,16 +165,16 @@ def test_each_entity_follows_a_frame_that_there_is(formation):
     assert way["type"] == 0 and len(way["points"]) == 1000
 
 
-def test_what_is_stale_is_grey_until_it_is_written_again(formation):
-    found = scene.of(formation[0])
-    [pose] = found.crafts[0].poses
+def test_a_stale_estimate_is_grey_until_it_is_written_again(formation):
+    shown = scene.of(formation[0])
+    [pose] = shown.crafts[0].poses
     time = pose.turning.time
     pose.turning.written = np.where((time >= 10) & (time < 20), 4.0, np.nan)
-    told = [(t, message["entities"][0]["arrows"][0]["color"]) for t, topic, message in foxglove.messages(found)
-            if topic == "/scene/entities" and t > 0]
-    assert [t for t, _ in told] == [10, 20]
-    grey, again = (color for _, color in told)
-    assert np.ptp([grey[one] for one in "rgb"]) < 0.1 and (again["r"], again["b"]) == (1.0, 0.18)
+    changes = [(t, message["entities"][0]["arrows"][0]["color"]) for t, topic, message in foxglove.messages(shown)
+               if topic == "/scene/entities" and t > 0]
+    assert [t for t, _ in changes] == [10, 20]
+    grey, again = (color for _, color in changes)
+    assert np.ptp([grey[channel] for channel in "rgb"]) < 0.1 and (again["r"], again["b"]) == (1.0, 0.18)
 
 
 def test_cones_and_plumes():
@@ -185,13 +185,13 @@ def test_cones_and_plumes():
     craft.cone("camera", [0, -1, 0], half_angle=0.25, at_B=[0, 1, 0], length=8)
     craft.parts.append(Part("thruster", "rcs 1", (0, 0, -1), (0, 0, 1), full=2.0,
                             level=tracks.Signal(t, np.array([[0.0], [2.0], [1.0], [0.0], [0.0]]))))
-    found = list(foxglove.messages(scene.Scene("test", crafts=[craft], end=4.0)))
-    first = {entity["id"]: entity for entity in found[0][2]["entities"]}
+    updates = list(foxglove.messages(scene.Scene("test", crafts=[craft], end=4.0)))
+    first = {entity["id"]: entity for entity in updates[0][2]["entities"]}
     cone, = first["craft/0 camera"]["cylinders"]
     assert (cone["bottom_scale"], cone["top_scale"]) == (0, 1) and cone["size"]["x"] == pytest.approx(16 * np.tan(0.25))
     along = axes(cone["pose"]["orientation"])[:, 2]
     np.testing.assert_allclose(along, [0, -1, 0], atol=1e-15)
     np.testing.assert_allclose(vector(cone["pose"]["position"]) - 4 * along, [0, 1, 0], atol=1e-12)
     plumes = [(time, len(update["entities"]), [deletion["id"] for deletion in update["deletions"]])
-              for time, topic, update in found[1:] if topic == "/scene/entities"]
+              for time, topic, update in updates[1:] if topic == "/scene/entities"]
     assert plumes == [(1.0, 1, []), (2.0, 1, []), (3.0, 0, ["craft/rcs 1, plume"])]

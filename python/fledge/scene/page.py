@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene as a page: the viewer that was built from web/, and the data of the scene, in one HTML file.
 
-The data are the bytes that pack() makes, deflated and in base64: the length of a JSON text (4 bytes), the text, zeros
-up to a multiple of 8, and arrays, all little-endian. In the text an array is
+The data are the bytes of pack(), deflated and in base64: the length of a JSON text (4 bytes), the text, zeros up to a
+multiple of 8, and arrays, all little-endian. In the text an array is
 {"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}. A track that grows has a number, "id";
-"written" has when a stale value was written, NaN of others.
+"written" has the times when stale values were written, NaN for others.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ class _Arrays:
         return {"at": at, "n": len(table), "k": prod(table.shape[1:]), "as": kind}
 
     def _track(self, track: Any, thin: Any, kind: str, *names: str) -> dict[str, Any]:
-        found: dict[str, Any] = {name: self.add(getattr(thin, name), kind) for name in names}
+        columns: dict[str, Any] = {name: self.add(getattr(thin, name), kind) for name in names}
         if thin.written is not None:
-            found["written"] = self.add(thin.written)
+            columns["written"] = self.add(thin.written)
         if track.source:
-            found["id"] = len(self.growing)
+            columns["id"] = len(self.growing)
             self.growing.append(track)
-        return {"time": self.add(thin.time), **found}
+        return {"time": self.add(thin.time), **columns}
 
     def motion(self, motion: Motion | None) -> dict[str, Any] | None:
         if motion is None:
@@ -76,7 +76,7 @@ def pack(scene: Scene) -> bytes:
 
 
 def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
-    """The same, and its tracks that grow, each at the place that is its number in the data."""
+    """The data of a scene, and its tracks that grow; a track's index is its number in the data."""
     arrays = _Arrays()
     text = {
         "title": scene.title, "about": scene.about, "begin": scene.begin, "end": scene.end, "epoch": scene.epoch,
@@ -89,11 +89,11 @@ def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
         "stations": [{"name": station.name, "planet": station.planet, "place": list(station.r_P),
                       "up": list(station.up_P),
                       "mask": station.mask, "links": [{"name": link.name, "craft": link.craft,
-                                                   "down": arrays.signal(link.down), "up": arrays.signal(link.up)}
-                                                  for link in station.links]} for station in scene.stations],
+                                                       "down": arrays.signal(link.down), "up": arrays.signal(link.up)}
+                                                      for link in station.links]} for station in scene.stations],
         "modes": [{"process": name, "began": list(began)} for name, began in scene.modes.items()],
-        "happened": [{"t": one.t, "text": f"{one.process}: {one.kind} {one.name}" + f", {one.text}" * bool(one.text)}
-                     for one in scene.happened],
+        "happened": [{"t": event.t, "text": f"{event.process}: {event.kind} {event.name}"
+                      + f", {event.text}" * bool(event.text)} for event in scene.happened],
         "plots": [{"name": plot.name, "unit": plot.unit, "meaning": plot.meaning, "labels": plot.labels,
                    "signal": arrays.signal(plot.signal)} for plot in scene.plots],
     }
@@ -109,19 +109,19 @@ def _craft(craft: Craft, arrays: _Arrays) -> dict[str, Any]:
                        "motion": arrays.motion(pose.motion)} for pose in craft.poses],
             "directions": [{"name": direction.name, "signal": arrays.signal(direction.signal)}
                            for direction in craft.directions],
-            "signals": {name: arrays.signal(one) for name, one in craft.signals.items()}}
+            "signals": {name: arrays.signal(signal) for name, signal in craft.signals.items()}}
 
 
 def _part(part: Part, arrays: _Arrays) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    packed: dict[str, Any] = {
         "kind": part.kind, "name": part.name, "at": list(part.at_B), "axis": list(part.axis_B), "size": list(part.size),
         "half_angle": part.half_angle, "length": part.length, "keep_out": part.keep_out, "color": part.color,
         "level": arrays.signal(part.level), "full": part.full, "scale": part.scale}
     if part.hinge_B is not None and part.hinge_axis_B is not None:
-        found |= {"hinge": list(part.hinge_B), "hinge_axis": list(part.hinge_axis_B)}
+        packed |= {"hinge": list(part.hinge_B), "hinge_axis": list(part.hinge_axis_B)}
     if part.data:
-        found["data"] = arrays.add(list(part.data), "u1")
-    return found
+        packed["data"] = arrays.add(list(part.data), "u1")
+    return packed
 
 
 def data_of(scene: Scene) -> str:
@@ -133,7 +133,7 @@ def data_of(scene: Scene) -> str:
 def fragment(scene: Scene, page: bool = False) -> str:
     """The elements of an HTML page that show a scene: its data, the viewer and its style.
 
-    page: the viewer has the page for itself; else it takes its width, with the plots below
+    page: the viewer fills the page; else it has the page's width, with the plots below
     Raises SetupError where the viewer was not built.
     """
     script, style = bundle.built()

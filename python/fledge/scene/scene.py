@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a mission shows: bodies and spacecraft over time, the parts of each, cones, directions, estimates.
+"""The parts of a picture of a mission: bodies and spacecraft over time, with parts, cones, directions and estimates.
 
-A Scene is derived from a record and the parameters, types and wires in it (derive.py). A mission adds what no record
-has, cameras, meshes and colours, by a function in its view.py:
+A Scene is derived from a record and the parameters, types and wires in it (derive.py). A mission adds cameras, meshes
+and colours, which no record has, by a function in its view.py:
 
     def build(view):
         craft = view.craft()                                     # view.craft("chief_world") where there are several
@@ -46,7 +46,7 @@ class Part:
     at_B [m] (3,): where; axis_B (3,): the unit vector of its boresight, spin, force, dipole or normal
     size [m]: of a box (3,), of a panel (2,); half_angle [rad], length [m]: of a cone
     keep_out: of a cone, the body that must not be in it; "": it is a field of view
-    level: what moves it, a speed [rad/s], a thrust [N], a dipole [A m^2], an angle [rad]; full: the largest
+    level: its speed [rad/s], thrust [N], dipole [A m^2] or angle [rad] over time; full: the largest value
     hinge_B [m], hinge_axis_B: of a panel that `level` turns
     file: of a mesh, its bytes in `data`; scale [-] of it
     """
@@ -126,7 +126,7 @@ class Station:
 class Craft:
     """A spacecraft: its motion, its attitude, and its parts.
 
-    name: of the process of its world; path: of the instance that says how it moves; label: what the picture calls it
+    name: of the process of its world; path: of the instance with its motion; label: its name in the picture
     """
 
     def __init__(self, name: str, path: str, motion: Motion, turning: Turning, folder: Path | None) -> None:
@@ -141,7 +141,7 @@ class Craft:
 
     @property
     def extent(self) -> float:
-        """[m] how far its boxes, panels and thrusters reach from the origin of B."""
+        """[m] The distance of its farthest box, panel or thruster from the origin of B."""
         reach = 0.0
         for part in self.parts:
             if part.kind in ("box", "panel", "thruster"):
@@ -149,7 +149,7 @@ class Craft:
         return reach or 1.0
 
     def box(self, size: Any, at_B: Any = (0, 0, 0), color: str = "") -> None:
-        """A box with edges along the body's axes, in place of the one that the inertia suggests.
+        """A box with edges along the body's axes, in place of the box by the inertia.
 
         size [m] (3,); at_B [m]: its centre
         """
@@ -220,11 +220,11 @@ class Plot:
 
 @dataclass
 class Scene:
-    """Everything that a picture of a run shows.
+    """All that a picture of a run shows.
 
     title, about: of the page; begin, end [s]: of the run; epoch: the UTC of t = 0, or ""
-    sun: where it is from the origin of N, None if unknown; sun_N: a constant direction to it, or None
-    notes: what the record does not have, and what it would take
+    sun: its motion relative to the origin of N, None if unknown; sun_N: a constant direction to it, or None
+    notes: which data the record lacks, and how to record them
     """
     title: str
     about: str = ""
@@ -243,11 +243,11 @@ class Scene:
 
     def craft(self, name: str | None = None) -> Craft:
         """The spacecraft of a process; without a name, the only one. Raises SetupError that lists them."""
-        found = [craft for craft in self.crafts if name in (None, craft.name)]
-        if len(found) == 1:
-            return found[0]
-        what = "which spacecraft" if name is None else f"there is no spacecraft {name!r}"
-        raise SetupError(f"view: {what}; there are {listed([craft.name for craft in self.crafts])}")
+        matches = [craft for craft in self.crafts if name in (None, craft.name)]
+        if len(matches) == 1:
+            return matches[0]
+        problem = "which spacecraft" if name is None else f"there is no spacecraft {name!r}"
+        raise SetupError(f"view: {problem}; there are {listed([craft.name for craft in self.crafts])}")
 
 
 def _vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
@@ -261,11 +261,11 @@ def _positive(values: list[float], path: str) -> list[float]:
 
 
 def _unit(value: Any, path: str) -> list[float]:
-    found = to_vector(value, path, "-", NUMBER)
-    size = _length(found)
+    direction = to_vector(value, path, "-", NUMBER)
+    size = _length(direction)
     if not 0 < size < float("inf"):
         raise SetupError(f"{path}: expected a direction; found {value!r}")
-    return [x / size for x in found]
+    return [x / size for x in direction]
 
 
 def _length(vector: Iterable[float]) -> float:

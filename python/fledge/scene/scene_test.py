@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes against what was recorded and against closed forms, and the page that shows them in a browser."""
+"""Scenes against records and closed forms, and the page that shows them in a browser."""
 
 import base64
 import json
@@ -32,7 +32,7 @@ def circle(t, radius=7e6):
     return tracks.Motion(t, r, rate * np.stack([-r[:, 1], r[:, 0], 0 * a], axis=1))
 
 
-def test_what_was_not_told_yet_has_no_samples():
+def test_a_track_without_values_has_no_samples():
     none = np.zeros(0)
     for track in (tracks.Motion(none, np.zeros((0, 3)), np.zeros((0, 3))), tracks.Turning(none, np.zeros((0, 4))),
                   tracks.Signal(none, np.zeros((0, 2)))):
@@ -50,7 +50,7 @@ def test_a_circle_needs_few_samples_and_stays_within_the_bound():
     assert 0.8 * bound < off <= tracks.POSITION < 16 * bound * 1.3
 
 
-def test_a_steady_turn_needs_only_what_tells_its_way_round():
+def test_a_steady_turn_needs_only_samples_less_than_half_a_turn_apart():
     t = np.arange(0, 100, 0.1)
     phi = 0.3 * t
     turning = tracks.Turning(t, np.stack([0 * t, 0 * t, np.sin(phi / 2), np.cos(phi / 2)], axis=1))
@@ -69,7 +69,7 @@ def test_a_quaternion_turns_as_its_mrp():
     np.testing.assert_allclose(dcm * np.sign(dcm[3]), [x, y, z, w], atol=1e-15)
 
 
-def test_what_is_read_as_a_number_is_exact_where_it_is_small_and_ages_are_kept():
+def test_a_signal_that_is_shown_as_a_number_is_exact_where_it_is_small_and_keeps_its_ages():
     t = np.arange(0, 600.0)
     decay = tracks.Signal(t, 94 * np.exp(-t / 60)[:, None], read=True)
     decay.written = np.where((t > 200) & (t < 400), 200.0, np.nan)
@@ -78,17 +78,17 @@ def test_what_is_read_as_a_number_is_exact_where_it_is_small_and_ages_are_kept()
     assert thin.age(t).tolist() == decay.age(t).tolist() == np.where((t > 200) & (t < 400), t - 200, 0).tolist()
 
 
-def test_of_what_says_the_same_the_end_of_each_chain_counts_in_the_order_of_flight():
-    """As the CubeSat's: references that are chosen from, kept out of the Sun and slewed to; two orbits, the second of
-    which propagates the first."""
+def test_of_outputs_with_the_same_meaning_the_end_of_each_chain_is_preferred_in_the_order_of_flight():
+    """As the CubeSat's: references between which flight chooses, that a module keeps out of the Sun and another slews
+    to; two orbits, the second of which propagates the first."""
     facts = scene.Facts("", "", {}, {}, {
         "f.keep.target": "f.down.reference (newest), f.up.reference (newest)", "f.slew.target": "f.keep.way",
         "f.error.reference": "f.slew.reference", "f.ahead.base": "f.gps.orbit",
         "f.passes.orbit": "f.gps.orbit (best), f.ahead.orbit (best), f.elements.orbit (best)"}, None)
-    assert facts.said(["f.down.reference", "f.up.reference", "f.keep.way", "f.slew.reference", "f.hill.reference"]) == [
-        "f.slew.reference", "f.hill.reference"]
-    assert facts.said(["f.down.reference", "f.up.reference"]) == ["f.down.reference", "f.up.reference"]
-    assert facts.said(["f.elements.orbit", "f.ahead.orbit", "f.gps.orbit"]) == [
+    assert facts.preferred(["f.down.reference", "f.up.reference", "f.keep.way", "f.slew.reference",
+                            "f.hill.reference"]) == ["f.slew.reference", "f.hill.reference"]
+    assert facts.preferred(["f.down.reference", "f.up.reference"]) == ["f.down.reference", "f.up.reference"]
+    assert facts.preferred(["f.elements.orbit", "f.ahead.orbit", "f.gps.orbit"]) == [
         "f.gps.orbit", "f.ahead.orbit", "f.elements.orbit"]
 
 
@@ -157,7 +157,7 @@ def test_the_parts_are_those_of_the_parameters(record):
 
 
 def unpacked(html):
-    """(text, arrays) of the data of a page, by what page.py says of them."""
+    """(text, arrays) of the data of a page, in the format of page.py."""
     data = base64.b64decode(re.search(r'id="fledge-data">([^<]+)<', html)[1])
     plain = zlib.decompress(data, -15)
     length = int.from_bytes(plain[:4], "little")
@@ -180,7 +180,7 @@ def cubic(a, b, va, vb, h, x):
 
 @pytest.fixture
 def viewer(monkeypatch, tmp_path):
-    """A viewer that shows nothing, for tests of what is around it."""
+    """A viewer that shows nothing, for tests of the page around it."""
     monkeypatch.setattr(bundle, "folder", lambda: tmp_path)
     (tmp_path / "view.js").write_text("// </script>")
     (tmp_path / "view.css").write_text("")
@@ -190,7 +190,7 @@ def viewer(monkeypatch, tmp_path):
 def test_the_data_in_the_page_are_those_of_the_record_within_the_bounds(record, viewer):
     path = scene.view(record, viewer / "view.html")
     html = path.read_text()
-    assert html.count("</script>") == 2, "the script ends where it says that it ends"
+    assert html.count("</script>") == 2, "no text in the script ends it"
     text, array = unpacked(html)
     craft = text["crafts"][0]
     with fledge.Archive(record) as archive:
@@ -203,20 +203,19 @@ def test_the_data_in_the_page_are_those_of_the_record_within_the_bounds(record, 
         h = time[i, 0] - time[i - 1, 0]
         shown = cubic(place[i - 1], place[i], v[i - 1], v[i], h, (t[at] - time[i - 1, 0]) / h)
         assert np.linalg.norm(shown - r[at]) <= text["bounds"]["position"]
-    q, found = array(craft["turning"]["q"]).astype(float), array(craft["turning"]["time"])[:, 0]
-    kept = np.searchsorted(t, found)
+    q, times = array(craft["turning"]["q"]).astype(float), array(craft["turning"]["time"])[:, 0]
     exact = tracks.Turning.of_mrp(t, sigma)
-    assert np.abs(np.abs((q * exact.q[kept]).sum(axis=1)) - 1).max() < 1e-6
-    shown = tracks.Turning(found, q).at(t)
+    assert np.abs(np.abs((q * exact.q[np.searchsorted(t, times)]).sum(axis=1)) - 1).max() < 1e-6
+    shown = tracks.Turning(times, q).at(t)
     off = np.linalg.norm(shown * np.sign((shown * exact.q).sum(axis=1))[:, None] - exact.q, axis=1)
     assert 2 * off.max() <= text["bounds"]["attitude"] + 1e-6       # in single precision
-    plot = next(one for one in text["plots"] if one["name"] == "world.wheels.speeds.Omega")
+    [plot] = [plot for plot in text["plots"] if plot["name"] == "world.wheels.speeds.Omega"]
     assert plot["unit"] == "rad/s" and plot["labels"] == ["[0]"]
     level = np.interp(t_speed, array(plot["signal"]["time"])[:, 0], array(plot["signal"]["values"])[:, 0])
     assert np.abs(level - speed).max() <= text["bounds"]["share"] * np.ptp(speed) + 1e-6 * np.abs(speed).max()
 
 
-def test_a_log_in_memory_shows_what_its_file_shows(record):
+def test_a_log_in_memory_has_the_scene_of_its_file(record):
     sim = fledge.Simulation("test_craft")
     w = craft_of(sim)
     log = sim.record(w.craft.state, w.wheels.speeds, w.rcs.output, w.nav.attitude, every=1 * s)
@@ -244,7 +243,7 @@ def test_a_drive_turns_the_panels_that_have_an_axis():
     assert turned.level.values.shape == (len(turned.level.time), 1)
 
 
-def test_a_sky_says_where_the_sun_is_and_how_the_earth_is_turned():
+def test_a_sky_gives_the_place_of_the_sun_and_the_turning_of_the_earth():
     sim = fledge.load("earth_imager")
     w = sim.world
     log = sim.record(w.craft.state, every=10 * s)
@@ -276,7 +275,7 @@ def test_each_flight_computer_belongs_to_the_spacecraft_that_it_commands():
         found.craft()
 
 
-def test_a_record_without_an_attitude_says_what_to_record(tmp_path, viewer):
+def test_the_error_of_a_record_without_an_attitude_names_the_ports_to_record(tmp_path, viewer):
     sim = fledge.Simulation("test_craft")
     w = craft_of(sim)
     sim.record(w.wheels.speeds, every=1 * s)
@@ -288,7 +287,7 @@ def test_a_record_without_an_attitude_says_what_to_record(tmp_path, viewer):
     assert not (tmp_path / "view.html").exists()
 
 
-def test_navigation_stands_for_a_truth_that_was_not_recorded():
+def test_navigation_replaces_a_truth_that_was_not_recorded():
     sim = fledge.Simulation("test_craft")
     w = craft_of(sim)
     log = sim.record(w.nav.attitude, every=1 * s)
@@ -309,7 +308,7 @@ def test_navigation_stands_for_a_truth_that_was_not_recorded():
     ("craft.mesh('view.py')", r"expected a \.glb or \.obj file"),
     ("view.craft('deputy')", "there is no spacecraft 'deputy'; there are world"),
 ])
-def test_what_a_mission_adds_is_checked_with_its_line(tmp_path, line, why):
+def test_errors_in_a_missions_view_have_their_line(tmp_path, line, why):
     mission = tmp_path / "missions" / "seen"
     mission.mkdir(parents=True)
     (mission / "flight.py").write_text("def build(f):\n    pass\n")
@@ -322,7 +321,7 @@ def test_what_a_mission_adds_is_checked_with_its_line(tmp_path, line, why):
         scene.of(log)
 
 
-def test_without_node_the_reason_is_said(record, monkeypatch, tmp_path):
+def test_without_node_the_error_has_the_reason(record, monkeypatch, tmp_path):
     monkeypatch.setattr(bundle, "folder", lambda: tmp_path)
     with pytest.raises(SetupError, match="need Node when Fledge is built: ./fledge setup --view"):
         scene.view(record, tmp_path / "view.html")
@@ -335,7 +334,7 @@ def test_without_node_the_reason_is_said(record, monkeypatch, tmp_path):
 
 @needs_node
 def test_a_track_grows_within_a_bound_and_stays_where_it_was():
-    """A day of a circle at 4 Hz: what is shown of its first minute and of its last is the circle."""
+    """A day of a circle at 4 Hz: its first minute and its last are still on the circle."""
     found = in_node("""
         import {append, known, level, position} from "SOURCES/data.js";
         const empty = (k, kind = Float64Array) => ({data: new kind(0), n: 0, k});
@@ -343,7 +342,7 @@ def test_a_track_grows_within_a_bound_and_stays_where_it_was():
         const signal = {time: empty(1), values: empty(1, Float32Array)};
         const rate = 1e-3, size = 7e6, exact = (t) => [size * Math.cos(rate * t), size * Math.sin(rate * t), 0];
         const grown = [], far = [];
-        const away = (t) => Math.hypot(...position(motion, t).map((one, k) => one - exact(t)[k]));
+        const away = (t) => Math.hypot(...position(motion, t).map((x, k) => x - exact(t)[k]));
         for (let hour = 0; hour < 24; hour++) {
             for (let i = 0; i < 14400; i++) {
                 const t = 3600 * hour + i / 4, [x, y] = exact(t);
@@ -380,15 +379,15 @@ needs_browser = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def browser():
-    with Browser(480, 360, wait=PATIENCE) as one:
-        yield one
+    with Browser(480, 360, wait=PATIENCE) as opened:
+        yield opened
 
 
 def labels(browser):
     """Name -> (x, y) [px] of the names in the picture."""
-    return {name: (float(x), float(y)) for name, x, y in browser.ask(
-        "[...document.querySelectorAll('.label:not([hidden])')].map(one => "
-        "[one.dataset.name, ...one.style.transform.match(/-?[\\d.]+/g)])")}
+    return {name: (float(x), float(y)) for name, x, y in browser.evaluate(
+        "[...document.querySelectorAll('.label:not([hidden])')].map(({dataset, style}) => "
+        "[dataset.name, ...style.transform.match(/-?[\\d.]+/g)])")}
 
 
 def projected(place, eye, up, width, height, fov=40 * np.pi / 180):
@@ -406,8 +405,8 @@ def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
     path = scene.view(record, tmp_path / "view.html")
     azimuth, elevation, distance, t = 0.4, 0.6, 3e7, 300.0
     browser.open(path, f"#camera=orbit&around={azimuth},{elevation},{distance}&t={t}")
-    width, height = browser.ask("[document.querySelector('.picture').clientWidth, "
-                                "document.querySelector('.picture').clientHeight]")
+    width, height = browser.evaluate("[document.querySelector('.picture').clientWidth, "
+                                     "document.querySelector('.picture').clientHeight]")
     eye = distance * np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
                                np.sin(elevation)])
     with fledge.Archive(record) as archive:
@@ -415,15 +414,15 @@ def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
         sigma = archive["craft.state.sigma_BN"]
     x, y = labels(browser)["test_craft"]
     assert np.allclose((x, y), projected(r, eye, [0, 0, 1], width, height), atol=0.1)
-    altitude = browser.ask("document.querySelector('.readout dd').textContent")
+    altitude = browser.evaluate("document.querySelector('.readout dd').textContent")
     assert float(altitude.split()[0]) == pytest.approx((np.linalg.norm(r) - EARTH.radius) / 1e3, abs=0.01)
 
     # In the frame of the body its axes stay where they are, whatever the time.
     browser.open(path, f"#camera=body&around={azimuth},{elevation},12&t=0")
-    extent = browser.ask("fledgeView.data.crafts[0].extent")
+    extent = browser.evaluate("fledgeView.data.crafts[0].extent")
     eye *= 12 / distance
     for t in (0, 901):
-        browser.ask(f"fledgeView.seek({t})")
+        browser.evaluate(f"fledgeView.seek({t})")
         browser.wait_for("!fledgeView.dirty")
         shown = labels(browser)
         for k, name in enumerate(("b1", "b2", "b3")):
@@ -445,42 +444,42 @@ def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
     shown.craft().panel([0, 1, 0] * m, [1, 0.5] * m, [1, 0, 0])
     path = page.write(shown, tmp_path / "view.html")
     browser.open(path, "#plots=1&theme=light&show=inside,hill,inertial,reference&camera=hill")
-    assert browser.ask("document.querySelectorAll('.charts canvas').length") == 3
-    browser.ask("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob.size; }")
-    browser.ask("fledgeView.savePicture()")
+    assert browser.evaluate("document.querySelectorAll('.charts canvas').length") == 3
+    browser.evaluate("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob.size; }")
+    browser.evaluate("fledgeView.savePicture()")
     assert browser.wait_for("window.saved?.png") > 1000
-    browser.ask("fledgeView.film()")
+    browser.evaluate("fledgeView.film()")
     browser.wait_for("fledgeView.t > 1 && fledgeView.parts.length")
-    browser.ask("fledgeView.film()")
+    browser.evaluate("fledgeView.film()")
     assert browser.wait_for("window.saved.webm") > 1000
     for camera in ("follow", "body", "orbit", "sun", "boresight"):
-        browser.ask(f"fledgeView.choose('{camera}')")
+        browser.evaluate(f"fledgeView.choose('{camera}')")
         browser.wait_for("!fledgeView.dirty || fledgeView.playing")
-        assert browser.ask("fledgeView.stage.preset") == camera
+        assert browser.evaluate("fledgeView.stage.preset") == camera
     assert browser.problems == []
 
 
 @pytest.mark.long("pictures of a browser")
 @needs_browser
-def test_from_afar_it_is_enlarged_if_one_wants_it(browser, record, tmp_path):
+def test_from_afar_it_is_enlarged_if_the_user_chooses_so(browser, record, tmp_path):
     path = page.write(scene.of(record), tmp_path / "view.html")
     browser.open(path, "#camera=orbit&around=0.6,0.75,3e7&t=300")
     assert "b1" not in labels(browser)
-    browser.ask("fledgeView.toggle('enlarged', true)")
+    browser.evaluate("fledgeView.toggle('enlarged', true)")
     for distance in (3e7, 1e8):
-        browser.ask(f"fledgeView.stage.view.distance = {distance}; fledgeView.dirty = true")
+        browser.evaluate(f"fledgeView.stage.view.distance = {distance}; fledgeView.dirty = true")
         browser.wait_for("!fledgeView.dirty")
         shown = labels(browser)
         apart = [np.hypot(*np.subtract(shown[name], shown["test_craft"])) for name in ("b1", "b2", "b3")]
         assert 30 < max(apart) < 110, apart     # [px], at any distance
     browser.open(path, "#camera=body&show=enlarged")
-    assert browser.ask("fledgeView.stage.crafts[0].body.scale.x") == 1, "near enough"
+    assert browser.evaluate("fledgeView.stage.crafts[0].body.scale.x") == 1, "near enough"
     assert browser.problems == []
 
 
 @pytest.mark.long("films in a browser")
 @needs_browser
-def test_a_film_shows_the_span_that_was_asked_for(record, tmp_path, capsys):
+def test_a_film_shows_the_given_span(record, tmp_path, capsys):
     image = pytest.importorskip("PIL.Image", reason="needs python3-pil")
     path, look = tmp_path / "film.webp", "camera=orbit&show=enlarged"
     arguments = ["view", str(record), "--film", str(path), "--look", look]
@@ -493,7 +492,7 @@ def test_a_film_shows_the_span_that_was_asked_for(record, tmp_path, capsys):
             frames.append(np.asarray(shown.convert("RGB"), float))
     assert all(np.abs(a - b).max() > 100 for a, b in zip(frames, frames[1:])), "nothing moves"
     assert all(np.abs(a - b).mean() < 20 for a, b in zip(frames, frames[1:])), "the camera stays"
-    assert [one.name for one in tmp_path.iterdir()] == ["film.webp"]
+    assert [file.name for file in tmp_path.iterdir()] == ["film.webp"]
     for wrong in (["--from", "10min", "--to", "1min"], ["--to", "9h"], ["--frames", "1"]):
         assert cli.main([*arguments, *wrong]) == 2
         assert "a film has two frames or more" in capsys.readouterr().err
@@ -533,27 +532,28 @@ def apart(a, b):
 def test_the_ground_track_is_that_of_another_library(browser, passing, tmp_path):
     shown, sim, log = passing
     browser.open(page.write(shown, tmp_path / "view.html"), "#map=1&t=900")
-    assert browser.ask("fledgeView.mapCanvas.dataset.planet") == "EARTH"
+    assert browser.evaluate("fledgeView.mapCanvas.dataset.planet") == "EARTH"
     path = path_of(log)
-    points = browser.ask("fledgeView.map.track(fledgeView.data.crafts[0], fledgeView.data.planets"
-                         ".find((one) => one.name === 'EARTH'), 900)")
+    points = browser.evaluate("fledgeView.map.track(fledgeView.data.crafts[0], fledgeView.data.planets"
+                              ".find(({name}) => name === 'EARTH'), 900)")
     inside = [point for point in points if point["t"] <= 1800]
     assert len(inside) > 50 and inside[0]["t"] < 40
-    for one in inside:
-        lat, lon, coarse = ground_below(sim, one["t"], path.at(np.array([one["t"]]))[0])
-        assert one["latitude"] == pytest.approx(lat, abs=3e-5)
-        assert apart(one["longitude"], lon) * np.cos(lat) < 3e-5
-        assert apart(one["longitude"], coarse) < np.deg2rad(0.3)
-    # Beyond the record the orbit of the moment goes on, without what flattening does to it, and the Earth turns on.
+    for point in inside:
+        lat, lon, coarse = ground_below(sim, point["t"], path.at(np.array([point["t"]]))[0])
+        assert point["latitude"] == pytest.approx(lat, abs=3e-5)
+        assert apart(point["longitude"], lon) * np.cos(lat) < 3e-5
+        assert apart(point["longitude"], coarse) < np.deg2rad(0.3)
+    # Beyond the record the track follows a Kepler orbit, and the Earth turns on.
     sim.run(20 * minute)
-    for one in [point for point in points if 1800 < point["t"] < 3000]:
-        lat, lon, _ = ground_below(sim, one["t"], path_of(log).at(np.array([one["t"]]))[0])
-        assert one["latitude"] == pytest.approx(lat, abs=0.01) and apart(one["longitude"], lon) * np.cos(lat) < 0.01
-    words = browser.ask("fledgeView.mapWords.textContent").split()
+    for point in [point for point in points if 1800 < point["t"] < 3000]:
+        lat, lon, _ = ground_below(sim, point["t"], path_of(log).at(np.array([point["t"]]))[0])
+        assert point["latitude"] == pytest.approx(lat, abs=0.01)
+        assert apart(point["longitude"], lon) * np.cos(lat) < 0.01
+    words = browser.evaluate("fledgeView.mapWords.textContent").split()
     lat, lon, _ = ground_below(sim, 900, path.at(np.array([900.0]))[0])
     assert float(words[0].rstrip("\u00b0")) == pytest.approx(abs(np.rad2deg(lat)), abs=0.006)
     assert words[1] == ("N," if lat > 0 else "S,") and words[3] == ("E," if lon > 0 else "W,")
-    painted = browser.ask("new Set(fledgeView.mapCanvas.getContext('2d').getImageData(0, 0, 150, 70).data).size")
+    painted = browser.evaluate("new Set(fledgeView.mapCanvas.getContext('2d').getImageData(0, 0, 150, 70).data).size")
     assert painted > 30, "coasts, night and tracks"
     assert browser.problems == []
 
@@ -563,15 +563,15 @@ def test_passes_and_radio_are_those_of_the_record(browser, passing, tmp_path):
     shown, _, log = passing
     browser.open(page.write(shown, tmp_path / "view.html"), "#map=1&camera=orbit")
     visible = log.time[log["contact.visible"] == 1]
-    [[found]] = browser.ask("fledgeView.passes.map(({found}) => found)")
-    assert found["rise"] == pytest.approx(visible[0], abs=1.1) and found["set"] == pytest.approx(visible[-1], abs=1.1)
-    assert found["peak"] == pytest.approx(log["contact.elevation"].max(), abs=1e-3)
+    [[seen]] = browser.evaluate("fledgeView.passes.map(({passes}) => passes)")
+    assert seen["rise"] == pytest.approx(visible[0], abs=1.1) and seen["set"] == pytest.approx(visible[-1], abs=1.1)
+    assert seen["peak"] == pytest.approx(log["contact.elevation"].max(), abs=1e-3)
     for t in (600, int(visible[0]) + 60, int(visible[-1]) - 30, 1790):
-        browser.ask(f"fledgeView.seek({t})")
+        browser.evaluate(f"fledgeView.seek({t})")
         browser.wait_for("!fledgeView.dirty")
-        rows = browser.ask("Object.fromEntries([...document.querySelectorAll('.readout dt')].map((one) => "
-                           "[one.textContent, one.nextSibling.textContent]))")
-        line = browser.ask("fledgeView.stage.stations.map(({locked, seen}) => [locked.visible, seen.visible])[0]")
+        rows = browser.evaluate("Object.fromEntries([...document.querySelectorAll('.readout dt')].map((term) => "
+                                "[term.textContent, term.nextSibling.textContent]))")
+        line = browser.evaluate("fledgeView.stage.stations.map(({locked, seen}) => [locked.visible, seen.visible])[0]")
         if log["contact.visible"][t]:
             elevation, far = rows["station"].split("\u00b0, ")
             assert float(elevation) == pytest.approx(np.rad2deg(log["contact.elevation"][t]), abs=0.06)
@@ -587,78 +587,80 @@ def test_passes_and_radio_are_those_of_the_record(browser, passing, tmp_path):
 
 @pytest.mark.long("a page that follows a flight")
 @needs_browser
-def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
+def test_it_goes_on_while_the_user_goes_back_in_time_and_returns(browser, tmp_path):
     from fledge.ground.server.scene import Feed
 
     sim = fledge.load("earth_imager")
     feed, number = Feed("imager", sim), 0
 
     def fly(samples):
-        """What browsers get of so many samples."""
+        """The messages to browsers of some samples."""
         nonlocal number
-        found = []
+        messages = []
         for _ in range(samples):
             sim.run(2 * s)
             feed._next = 0
             feed.sample()
             number, news = feed.since(number)
-            found += news
-        return json.dumps(found)
+            messages += news
+        return json.dumps(messages)
 
     fly(5)
     feed.pack()
     browser.open(page.write(feed.scene(), tmp_path / "view.html"))
-    browser.ask("""(() => {
+    browser.evaluate("""(() => {
         const {root, data, constructor} = fledgeView;
-        window.said = [];
+        window.times = [];
         fledgeView.destroy();
         history.replaceState(null, "", "#");
-        window.fledgeView = new constructor(root, data, {live: true, moved: (t) => said.push(t)});
+        window.fledgeView = new constructor(root, data, {live: true, moved: (t) => times.push(t)});
     })()""")
-    assert browser.ask("[fledgeView.following, fledgeView.data.end]") == [True, 10]
-    browser.ask(f"{fly(20)}.forEach((one) => fledgeView.extend(one))")
-    assert browser.ask("fledgeView.data.end") == 50 and browser.wait_for("fledgeView.t > 49.9 && fledgeView.t <= 50")
-    assert "Live" in browser.ask("fledgeView.nowButton.textContent") and "t=" not in browser.ask("location.hash")
+    assert browser.evaluate("[fledgeView.following, fledgeView.data.end]") == [True, 10]
+    browser.evaluate(f"{fly(20)}.forEach((message) => fledgeView.extend(message))")
+    assert browser.evaluate("fledgeView.data.end") == 50
+    assert browser.wait_for("fledgeView.t > 49.9 && fledgeView.t <= 50")
+    assert "Live" in browser.evaluate("fledgeView.nowButton.textContent")
+    assert "t=" not in browser.evaluate("location.hash")
 
-    # Back in time the picture stays, whatever comes; the link holds time and camera.
-    browser.ask("fledgeView.slider.value = 0.5; fledgeView.slider.oninput(); fledgeView.choose('orbit')")
-    t = browser.ask("fledgeView.t")
-    assert t == pytest.approx(26, abs=0.1) and browser.ask("said") == [None, t]
-    browser.ask(f"{fly(20)}.forEach((one) => fledgeView.extend(one))")
-    assert browser.ask("[fledgeView.t, fledgeView.data.end, fledgeView.following]") == [t, 90, False]
+    # Back in time the picture stays while samples arrive; the link holds time and camera.
+    browser.evaluate("fledgeView.slider.value = 0.5; fledgeView.slider.oninput(); fledgeView.choose('orbit')")
+    t = browser.evaluate("fledgeView.t")
+    assert t == pytest.approx(26, abs=0.1) and browser.evaluate("times") == [None, t]
+    browser.evaluate(f"{fly(20)}.forEach((message) => fledgeView.extend(message))")
+    assert browser.evaluate("[fledgeView.t, fledgeView.data.end, fledgeView.following]") == [t, 90, False]
     browser.wait_for("location.hash.includes('camera=orbit') && location.hash.includes('t=' + fledgeView.t)")
     browser.wait_for("!fledgeView.dirty")
-    here = browser.ask("fledgeView.stage.crafts[0].place")
-    browser.ask("fledgeView.savePicture = fledgeView.savePicture.bind(fledgeView)")
-    browser.ask("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob; }")
-    browser.ask("fledgeView.savePicture()")
+    here = browser.evaluate("fledgeView.stage.crafts[0].place")
+    browser.evaluate("fledgeView.savePicture = fledgeView.savePicture.bind(fledgeView)")
+    browser.evaluate("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob; }")
+    browser.evaluate("fledgeView.savePicture()")
     assert browser.wait_for("window.saved?.png?.type") == "image/png"
-    assert browser.ask("createImageBitmap(saved.png).then((one) => one.width)") == 960
-    browser.ask("fledgeView.nowButton.click()")
+    assert browser.evaluate("createImageBitmap(saved.png).then(({width}) => width)") == 960
+    browser.evaluate("fledgeView.nowButton.click()")
     browser.wait_for("fledgeView.t === 90 && !fledgeView.dirty")
-    now = browser.ask("fledgeView.stage.crafts[0].place")
+    now = browser.evaluate("fledgeView.stage.crafts[0].place")
     assert np.linalg.norm(np.array(now) - np.array(here)) == pytest.approx(64 * 7.56e3, rel=0.01)
     assert np.linalg.norm(np.array(now) - sim.world.craft.state.r_BN_N) < 1
-    browser.ask("fledgeView.film()")
-    browser.ask("(async () => { for (const one of " + fly(10) + """) {
-        fledgeView.extend(one);
+    browser.evaluate("fledgeView.film()")
+    browser.evaluate("(async () => { for (const message of " + fly(10) + """) {
+        fledgeView.extend(message);
         await new Promise((next) => setTimeout(next, 80));
     } })()""")
     browser.wait_for("fledgeView.parts.length > 0")
-    browser.ask("fledgeView.film()")
+    browser.evaluate("fledgeView.film()")
     assert browser.wait_for("window.saved.webm?.size") > 1000
 
     # An hour at 4 Hz: the tracks keep within their bound, and so does the memory.
-    browser.ask("""(() => {
+    browser.evaluate("""(() => {
         const last = """ + fly(1).strip("[]") + """, tracks = Object.entries(last.tracks);
         for (let k = 1; k <= 14400; k++) {
             const end = last.end + k / 4;
             fledgeView.extend({end, tracks: Object.fromEntries(tracks.map(([id, [, row]]) => [id, [[end], row]]))});
         }
     })()""")
-    sizes = browser.ask("[...fledgeView.tracks.values()].map((one) => [one.time.n, one.time.data.length])")
+    sizes = browser.evaluate("[...fledgeView.tracks.values()].map(({time}) => [time.n, time.data.length])")
     assert max(n for n, _ in sizes) <= 8192 and max(room for _, room in sizes) <= 8192
-    assert browser.ask("fledgeView.data.end") == pytest.approx(sim.time + 3600)
-    browser.ask("fledgeView.destroy()")
-    assert browser.ask("fledgeView.root.childElementCount") == 0
+    assert browser.evaluate("fledgeView.data.end") == pytest.approx(sim.time + 3600)
+    browser.evaluate("fledgeView.destroy()")
+    assert browser.evaluate("fledgeView.root.childElementCount") == 0
     assert browser.problems == []

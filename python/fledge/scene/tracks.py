@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions and signals over time, thinned to the samples that a picture needs, each within a stated bound.
 
-A picture interpolates between the samples that are kept: positions by cubics (Hermite), attitudes along the shortest
-turn, signals by lines. A sample is left out only where that interpolation is within the bound of it.
+A picture interpolates between the remaining samples: positions by cubics (Hermite), attitudes along the shortest turn,
+signals by lines. A sample is left out only where the interpolation is within the bound of it.
 
 Before its first sample, and from a sample that is NaN until the next one, a track has no value: at() gives NaN there.
-What was written too long ago is stale: age() says how old it is.
+A value that was written too long ago is stale: age() gives its age.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ POINTS = 20_000     # of a signal; with more, the smallest and largest of each o
 
 @dataclass
 class Track:
-    """What all have, besides time [s] (n,).
+    """A quantity at times [s] (n,).
 
-    source: of a track that grows: makes the track of what came later, from its derivation
-    written [s] (n,): when the value of a sample was written, if it is stale; NaN of others; None: no sample is
+    source: of a track that grows: builds the track of later records, from their derivation
+    written [s] (n,): when the value of a stale sample was written; NaN for others; None: no sample is stale
     """
     source: Callable[[Any], Any] | None = field(default=None, init=False, compare=False, repr=False)
     written: np.ndarray | None = field(default=None, init=False, compare=False, repr=False)
@@ -57,9 +57,9 @@ class Motion(Track):
         return _begun(self.time, _hermite(self.time, self.r, self.v, t), t)
 
     def thinned(self) -> Motion:
-        kept = keep(self.time, lambda some: _norm(_hermite(self.time[some], self.r[some], self.v[some], self.time)
-                                                  - self.r), POSITION)
-        return Motion(self.time[kept], self.r[kept], self.v[kept])
+        some = within_bound(self.time, lambda some: _norm(_hermite(self.time[some], self.r[some], self.v[some],
+                                                                   self.time) - self.r), POSITION)
+        return Motion(self.time[some], self.r[some], self.v[some])
 
 
 @dataclass
@@ -92,13 +92,13 @@ class Turning(Track):
     def thinned(self) -> Turning:
         import numpy as np
 
-        def kept(time: np.ndarray, q: np.ndarray) -> np.ndarray:
+        def choose(time: np.ndarray, q: np.ndarray) -> np.ndarray:
             def off(some: np.ndarray) -> np.ndarray:
-                found = _slerp(time[some], q[some], time)
-                return 2 * np.minimum(_norm(found - q), _norm(found + q))
-            return keep(time, off, ATTITUDE)
+                between = _slerp(time[some], q[some], time)
+                return 2 * np.minimum(_norm(between - q), _norm(between + q))
+            return within_bound(time, off, ATTITUDE)
 
-        some, q = _by_pieces(self, self.q, kept)
+        some, q = _by_pieces(self, self.q, choose)
         return _with_ages(Turning(self.time[some], q), self, some)
 
 
@@ -123,28 +123,28 @@ class Signal(Track):
         size = np.ptp(self.values[good], axis=0)
         size = np.where(size > 0, size, 1)
 
-        def kept(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+        def choose(time: np.ndarray, values: np.ndarray) -> np.ndarray:
             scaled = values / size
             within = (DIGITS * _norm(scaled)).clip(min=1e-3 * DIGITS, max=SHARE) if self.read else SHARE
-            found = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1)
-                         / within, 1.0)
+            some = within_bound(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1)
+                                / within, 1.0)
             most = max(2, POINTS * len(time) // len(good))
-            return found if len(found) <= most else _extremes(values, max(1, most // (2 * values.shape[1])))
+            return some if len(some) <= most else _extremes(values, max(1, most // (2 * values.shape[1])))
 
-        some, values = _by_pieces(self, self.values, kept)
+        some, values = _by_pieces(self, self.values, choose)
         return _with_ages(Signal(self.time[some], values, self.read), self, some)
 
 
-def _begun(time: np.ndarray, found: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """What was found at times t; NaN before the first sample."""
-    found[t < time[0]] = float("nan")
-    return found
+def _begun(time: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """The values at times t, with NaN before the first sample."""
+    values[t < time[0]] = float("nan")
+    return values
 
 
 def _by_pieces(track: Turning | Signal, values: np.ndarray,
-               kept: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """(indices, values) of the samples that kept(times, values) chooses of each piece without NaN, of one NaN after it
-    where others follow, and of both sides of where the values become stale or are no longer."""
+               choose: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(indices, values) of the remaining samples: those that choose(times, values) picks in each piece without NaN, the
+    NaN after it if a piece follows, and the samples before and after values become stale or fresh."""
     import numpy as np
 
     time = track.time
@@ -152,10 +152,10 @@ def _by_pieces(track: Turning | Signal, values: np.ndarray,
     turns = np.flatnonzero(np.diff(good, prepend=False, append=False))
     if not len(turns):
         return np.zeros(0, int), values[:0]
-    found = []
+    pieces = []
     for begin, end in zip(turns[::2], turns[1::2]):
-        found += [begin + kept(time[begin:end], values[begin:end]), [end]]
-    some = np.concatenate(found[:-1] if turns[-1] == len(time) else found)
+        pieces += [begin + choose(time[begin:end], values[begin:end]), [end]]
+    some = np.concatenate(pieces[:-1] if turns[-1] == len(time) else pieces)
     if track.written is not None:
         other = np.flatnonzero(np.diff(np.nan_to_num(track.written, nan=-1.0)) != 0)
         other = np.concatenate([other, other + 1])
@@ -171,31 +171,31 @@ def _with_ages(thin: Any, track: Track, some: Any) -> Any:
     return thin
 
 
-def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float) -> np.ndarray:
-    """The indices of samples to keep, such that off(indices), how far each of all samples is from the interpolation
-    between those, is within the bound. A span that is not is halved, until all are."""
+def within_bound(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float) -> np.ndarray:
+    """The indices of samples between which an interpolation is within the bound of all samples. off(indices): the
+    distance of each sample from it. Spans beyond the bound are halved, until none is."""
     import numpy as np
 
     last = len(time) - 1
-    kept = np.unique([0, last])[:len(time)]
-    while len(kept) > 1:
-        worst = np.maximum.reduceat(off(kept), kept[:-1])
-        gap = np.diff(kept)
+    some = np.unique([0, last])[:len(time)]
+    while len(some) > 1:
+        worst = np.maximum.reduceat(off(some), some[:-1])
+        gap = np.diff(some)
         bad = ~(worst <= bound) & (gap > 1)
         if not bad.any():
             break
-        kept = np.sort(np.concatenate([kept, kept[:-1][bad] + gap[bad] // 2]))
-    return kept
+        some = np.sort(np.concatenate([some, some[:-1][bad] + gap[bad] // 2]))
+    return some
 
 
 def _extremes(values: np.ndarray, spans: int) -> np.ndarray:
     """The indices of the smallest and the largest of each column in each of some spans."""
     import numpy as np
 
-    found = [np.array([0, len(values) - 1])]
+    extremes = [np.array([0, len(values) - 1])]
     for part in np.array_split(np.arange(len(values)), spans):
-        found += [part[values[part].argmin(axis=0)], part[values[part].argmax(axis=0)]]
-    return np.unique(np.concatenate(found))
+        extremes += [part[values[part].argmin(axis=0)], part[values[part].argmax(axis=0)]]
+    return np.unique(np.concatenate(extremes))
 
 
 def _span(time: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -210,7 +210,7 @@ def _span(time: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def _after(values: np.ndarray, i: np.ndarray) -> np.ndarray:
-    """The sample after each; a value that ends is held until then."""
+    """The sample after each of i; sample i itself where the next one is NaN."""
     import numpy as np
 
     after = values[(i + 1).clip(max=len(values) - 1)]
@@ -239,8 +239,9 @@ def _slerp(time: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     angle = np.arctan2(_norm(b - dot * a)[:, None], dot)
     sine = np.where(angle > 1e-9, np.sin(angle), 1)
     near = angle <= 1e-9
-    found = np.where(near, 1 - x, np.sin((1 - x) * angle) / sine) * a + np.where(near, x, np.sin(x * angle) / sine) * b
-    return found / _norm(found)[:, None]
+    between = (np.where(near, 1 - x, np.sin((1 - x) * angle) / sine) * a
+               + np.where(near, x, np.sin(x * angle) / sine) * b)
+    return between / _norm(between)[:, None]
 
 
 def _norm(rows: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
         return array([sky.state(body, (first + min(round((1 + at) / 2 * length), begin + span - first)) / 1e9, center)
                       .r_PN_N for at in x])
 
-    # The nodes of Chebyshev's polynomial of degree TERMS, and where errors are looked for.
+    # The nodes of Chebyshev's polynomial of degree TERMS, and the samples of the error.
     nodes = -cos(pi * (arange(TERMS) + 0.5) / TERMS)
     between = linspace(-1, 1, 8 * TERMS + 1)
     best = float("inf")

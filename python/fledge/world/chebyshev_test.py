@@ -35,9 +35,9 @@ def test_flight_holds_the_bound_over_the_whole_span(sky, body, within, duration)
     fit = world.fit_ephemeris(sky, body, within=within, duration=duration)
     _, log = fly(fit, duration, duration / 977)
     truth = [sky.state(body, t) for t in log.time]
-    off = np.linalg.norm(log["body.r_PN_N"] - [one.r_PN_N for one in truth], axis=1)
+    off = np.linalg.norm(log["body.r_PN_N"] - [state.r_PN_N for state in truth], axis=1)
     assert len(off) >= 977 and off.max() < 1.001 * float(within / m)
-    speed = np.linalg.norm(log["body.v_PN_N"] - [one.v_PN_N for one in truth], axis=1)
+    speed = np.linalg.norm(log["body.v_PN_N"] - [state.v_PN_N for state in truth], axis=1)
     assert speed.max() < 100 * float(within / m) / (fit["duration"] / 1e9 / fit["n"])
     assert set(log["body.head.quality"]) == {3}
 

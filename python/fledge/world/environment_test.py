@@ -72,8 +72,8 @@ def test_all_of_it_together_is_repeated_by_clones():
     assert w.drag.air is w.air and w.solar.light is w.light
     assert w.air.body.name == "EARTH" and [b.name for b in w.light.shadows] == ["EARTH"] and w.light.sun.name == "SUN"
     clone = sim.clone()
-    for one in (sim, clone):
-        one.run(40 * minute)
+    for simulation in (sim, clone):
+        simulation.run(40 * minute)
     assert sim.snapshot() == clone.snapshot()
     assert w.light.light.visible == 0 and not np.any(w.solar.load.force_B)
 
@@ -151,10 +151,10 @@ def test_the_world_magnetic_model_in_a_sky():
 # --- what is refused -------------------------------------------------------------------------------
 
 def test_help_has_all_keywords_of_a_model():
-    for name, one in world.TYPES.items():
-        if one.__base__.__name__ == "Model":
-            keywords = inspect.signature(one).parameters
-            own = [attribute for attribute, what in vars(one).items() if isinstance(what, property)]
+    for name, cls in world.TYPES.items():
+        if cls.__base__.__name__ == "Model":
+            keywords = inspect.signature(cls).parameters
+            own = [attribute for attribute, value in vars(cls).items() if isinstance(value, property)]
             assert set(own) <= set(keywords), name
     assert str(inspect.signature(world.Magnetism)) == (
         "(*, dipole_P=0, spin=0, degree=0, sky=None, body=None, coefficients=None)")

@@ -69,8 +69,8 @@ def _osculating(n: float, a: float, k: float, i: float, u: float) -> tuple[list[
 
 
 def _local_time(sky: Sky, t: Any, direction: Sequence[float], body: Body, apparent: bool) -> float:
-    """[s] of the meridian of a direction in N: how far its right ascension, about the body's true equator, is from that
-    of the Sun."""
+    """[s] The local time of the meridian of a direction in N, by its right ascension about the body's true equator
+    relative to that of the Sun."""
     from math import atan2, pi, radians
 
     def ascension(d: Iterable[float]) -> float:
@@ -158,8 +158,8 @@ class Orbit:
         elif names == {"altitude"} and not e_given:
             p = self.body.radius + sizes["altitude"]
         else:
-            found = ", ".join([*sizes] + ["e"] * e_given) or "none"
-            raise SetupError(f"Orbit: expected a and e, p and e, rp and ra, rp and e, or altitude; found {found}")
+            given_names = ", ".join([*sizes] + ["e"] * e_given) or "none"
+            raise SetupError(f"Orbit: expected a and e, p and e, rp and ra, rp and e, or altitude; found {given_names}")
         self.p, self.e = p, e
         self.i, self.Omega, self.omega, self.f = (
             _angle(x, name) for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
@@ -220,17 +220,17 @@ class Orbit:
         """
         from math import acos, cos, pi, sin, sqrt
 
-        what = "Orbit.sun_synchronous"
-        body = body_of(body, what)
-        u, local = to_number(u, f"{what}: u", "rad", ANGLE), to_number(ltan, f"{what}: ltan", "s", TIME)
-        a = body.radius + to_number(altitude, f"{what}: altitude", "m", LENGTH)
+        name = "Orbit.sun_synchronous"
+        body = body_of(body, name)
+        u, local = to_number(u, f"{name}: u", "rad", ANGLE), to_number(ltan, f"{name}: ltan", "s", TIME)
+        a = body.radius + to_number(altitude, f"{name}: altitude", "m", LENGTH)
         J2 = body.zonal(2).J[0]
         if body.name not in YEARS or not J2 > 0:
-            raise SetupError(f"{what}: expected a planet with a known J2, of {', '.join(YEARS)}; found {body.name}")
+            raise SetupError(f"{name}: expected a planet with a known J2, of {', '.join(YEARS)}; found {body.name}")
         n, k = sqrt(body.mu / a**3), J2 * (body.radius / a) ** 2 / 2
         theta = -2 * pi / (YEARS[body.name] * 86400) / (3 * n * k)
         if not abs(theta) <= 1:
-            raise SetupError(f"{what}: {(a - body.radius) / 1e3:g} km over {body.name} no plane turns fast enough to "
+            raise SetupError(f"{name}: {(a - body.radius) / 1e3:g} km over {body.name} no plane turns fast enough to "
                              "follow the Sun")
         i = acos(theta)
         frame = sky.true_of_date() if body.naif == EARTH.naif else sky.equator(body)

@@ -114,10 +114,10 @@ def failures(d):
 def test_campaigns_with_faults_do_not_depend_on_the_number_of_threads(tmp_path):
     (tmp_path / "mission.py").write_text(MISSION)
     (tmp_path / "dispersions.py").write_text(CAMPAIGN)
-    one, three = (Campaign(tmp_path).fly(12, seed=1, threads=n) for n in (1, 3))
-    assert not any(one.failures) and len(set(one.draws["world.gyro.faults[2].kind"])) > 3
-    for path, values in one.retained.items():
-        np.testing.assert_array_equal(values, three.retained[path])
+    alone, parallel = (Campaign(tmp_path).fly(12, seed=1, threads=n) for n in (1, 3))
+    assert not any(alone.failures) and len(set(alone.draws["world.gyro.faults[2].kind"])) > 3
+    for path, values in alone.retained.items():
+        np.testing.assert_array_equal(values, parallel.retained[path])
         assert len(np.unique(values.reshape(12, -1), axis=0)) == 12, path
 
 

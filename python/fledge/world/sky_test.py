@@ -311,12 +311,12 @@ def test_clones_go_on_alike(sky):
     sim = fly(10, earth=world.CelestialBody(body=world.EARTH, sky=sky), craft=orbiter(sky))
     clone = sim.clone()
     assert "N about MARS" in repr(clone.world.craft.sky)
-    for one in (sim, clone):
-        one.run(100)
+    for simulation in (sim, clone):
+        simulation.run(100)
     assert sim.snapshot() == clone.snapshot()
 
 
-def test_what_stands_for_what_is_said(sky):
+def test_the_assumptions_name_the_bodies_that_replace_others(sky):
     sim = fly(1, craft=orbiter(sky), jupiter=world.CelestialBody(body=world.JUPITER, sky=sky))
     assert sim.assumptions == [
         "world.craft.gravity: the ephemeris has no JUPITER (599); JUPITER BARYCENTER (5) stands for it, with the mass "
@@ -422,10 +422,10 @@ def test_campaigns_share_the_sky_and_are_refused_beyond_it(tmp_path):
     mission(tmp_path, CAMPAIGN.format(days=2), IN_THE_SKY)
     says("world.craft.gravity: SUN (10) is given from", lambda: Campaign(tmp_path).fly(3))
     mission(tmp_path, CAMPAIGN.format(days=0.005), IN_THE_SKY)
-    one, two = (Campaign(tmp_path).fly(4, seed=1, threads=n) for n in (1, 2))
-    assert not any(one.failures)
-    for path in one.retained:
-        np.testing.assert_array_equal(one.retained[path], two.retained[path])
+    alone, parallel = (Campaign(tmp_path).fly(4, seed=1, threads=n) for n in (1, 2))
+    assert not any(alone.failures)
+    for path in alone.retained:
+        np.testing.assert_array_equal(alone.retained[path], parallel.retained[path])
 
 
 def test_a_mission_names_the_file_and_the_line(tmp_path):

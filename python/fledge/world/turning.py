@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a body turns, for the ground targets of flight software, from a Sky."""
+"""The turning of a body for the ground targets of flight software, from a Sky."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fledge.world.sky import Sky
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SAMPLES = 65    # of a fit; its error is looked for eight times as densely
+SAMPLES = 65    # of a fit; its error is sampled eight times as densely
 
 
 @for_flight
@@ -25,7 +25,7 @@ def fit_orientation(sky: Sky, body: Body | str, *, within: Any, duration: Any, s
         f.target = fsw.GroundTarget(longitude=..., latitude=..., radius=world.MARS.radius * m,
                                     **world.fit_orientation(sky, world.MARS, within=10 * m, duration=30 * day))
 
-    within: how far a place on the body's equatorial radius may be from where the Sky has it [m], over the whole span.
+    within: the largest error [m] of a place on the body's equatorial radius, over the whole span.
     start, duration: the span, in the time of the run.
 
     Attitude and rate have the least squares of the error over the span; its largest is sampled. Raises SetupError if
@@ -44,7 +44,7 @@ def fit_orientation(sky: Sky, body: Body | str, *, within: Any, duration: Any, s
     def attitudes(n: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """(times [s], (n, 3, 3)) over the span, ends included."""
         ns = [begin + round(x * span) for x in linspace(0, 1, n)]
-        return array(ns) / 1e9, array([sky.orientation(body, one / 1e9).dcm_PN for one in ns])
+        return array(ns) / 1e9, array([sky.orientation(body, t / 1e9).dcm_PN for t in ns])
 
     def turns(t: NDArray[Any], rate: float) -> NDArray[Any]:
         """R3 of the angles at times."""

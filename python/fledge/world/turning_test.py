@@ -36,10 +36,10 @@ def test_places_are_within_the_bound_over_the_whole_span(body, within, start, du
         w.connect(w.nav.orbit >> target.orbit)
     f.task("flight", every=duration / 97, run=[*f])
     w.task("world", every=duration / 97, run=[w.craft, w.nav])
-    log = sim.record(*(one.target for one in f), every=duration / 97)
+    log = sim.record(*(target_.target for target_ in f), every=duration / 97)
     sim.run(start + duration)
     t = log.time[log.time >= float(start / s)]
-    axes = np.array([sky.orientation(body, one).dcm_PN for one in t])
+    axes = np.array([sky.orientation(body, now).dcm_PN for now in t])
     off = []
     for i, (longitude, latitude) in enumerate(np.radians(PLACES)):
         r_P = body.radius * np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),

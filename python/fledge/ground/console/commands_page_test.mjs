@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an operator does on the pages that command. commands_page_test.py starts the server.
+// The pages that command. commands_page_test.py starts the server.
 import assert from "node:assert/strict";
 import {readFileSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
 
-import {accessible, address, folder, open, run} from "./testing/console.mjs";
+import {accessible, button, folder, open, request, row, rows, run} from "./testing/console.mjs";
 
 const at = (name, selection = "", craft = "imager") => open(name, {craft, selection});
 
-/** The newest row of the sent commands that has this name. */
-const row = (page, name) => page.locator(".sent .tbody .tr:not([hidden])", {hasText: name}).first();
-const ticked = (page, name, stage) => row(page, name).locator(`[aria-label="${stage}"]`).waitFor();
-const press = (page, name) => page.getByRole("button", {name, exact: true}).click();
+/** The sent commands with this name; the newest of them. */
+const sent = (page, name) => rows(page.locator(".sent"), name);
+const newest = (page, name) => sent(page, name).first();
+const ticked = (page, name, stage) => newest(page, name).locator(`[aria-label="${stage}"]`).waitFor();
+const press = (page, name) => button(page, name).click();
 const choose = async (page, name) => {
     await page.keyboard.press("/");
     await page.keyboard.type(name);
@@ -19,17 +20,10 @@ const choose = async (page, name) => {
     await page.locator(".command h2", {hasText: name}).waitFor();
 };
 
-/** Ask the server for something of a craft, as a script does. */
-async function post(page, path, data) {
-    const {csrf} = await (await page.request.get(`${address}/api/session`)).json();
-    const answer = await page.request.post(`${address}/api/crafts/${path}`, {headers: {"X-Fledge-CSRF": csrf}, data});
-    assert.equal(answer.status(), 200, await answer.text());
-}
-
-/** Messages that follow an action show something; it stays when a list arrives that was requested before them. */
+/** After an action, messages make an element appear; it stays when a list arrives that was requested before them. */
 async function outlives(page, craft, shown, list, act) {
-    const control = (action) => post(page, `${craft}/run`, {action});
-    await control("pause");     // no message comes before the list was asked for
+    const control = (action) => request(page, `${craft}/run`, {action});
+    await control("pause");     // no message comes before the request for the list
     await page.route(list, async (route) => {
         const response = await route.fetch();
         await control("go");
@@ -79,37 +73,35 @@ await run({
             await page.fill("#argument-every", text);
             await page.locator("#argument-every-problem", {hasText: why}).waitFor();
         }
-        const before = await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count();
+        const before = await sent(page, "flight.telemetry").count();
         await press(page, "Send");
         await page.waitForFunction(() => document.activeElement.id === "argument-every");
         await page.locator("#argument-every[aria-invalid=true]").waitFor();
-        assert.equal(
-            await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count(), before);
+        assert.equal(await sent(page, "flight.telemetry").count(), before);
         return page;
     },
 
     async "what flight refuses says which rule it would break"() {
         const page = await at("commands", "flight.write.vehicle.I_B");
         await page.locator("#argument-I_B_0_0, .form textarea, .form input").first().waitFor();
-        for (const one of await page.locator(".form :is(input, textarea)").all()) await one.fill("1");
+        for (const field of await page.locator(".form :is(input, textarea)").all()) await field.fill("1");
         await press(page, "Send");
-        await row(page, "flight.write.vehicle.I_B").locator("[aria-label='failed, no']").waitFor();
-        await row(page, "flight.write.vehicle.I_B")
-            .locator(".problem", {hasText: "the parameters would break a rule"})
-            .waitFor();
+        await ticked(page, "flight.write.vehicle.I_B", "failed, no");
+        await newest(page, "flight.write.vehicle.I_B")
+            .locator(".problem", {hasText: "the parameters would break a rule"}).waitFor();
         return page;
     },
 
     async "a hazardous command asks once more"() {
         const page = await at("commands", "flight.reset_flight");
         await page.locator(".hazard", {hasText: "begin anew"}).waitFor();
-        const rows = () => page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.reset_flight"}).count();
-        const before = await rows();
+        const count = () => sent(page, "flight.reset_flight").count();
+        const before = await count();
         await press(page, "Send");
         await page.locator("dialog[open]", {hasText: "begin anew"}).waitFor();
         await page.keyboard.press("Escape");
         await page.locator(".answer", {hasText: "Not sent."}).waitFor();
-        assert.equal(await rows(), before);
+        assert.equal(await count(), before);
         await press(page, "Send");
         await press(page, "Send it");
         await ticked(page, "flight.reset_flight", "completed");
@@ -176,7 +168,7 @@ await run({
         await page.locator("[aria-label=transfers] tr", {hasText: "next"}).locator("text=completed").first().waitFor();
         await page.fill("[aria-label='name of a file on board']", "next");
         await press(page, "Fetch");
-        const [link] = [page.locator("[aria-label='received files'] a", {hasText: "next"})];
+        const link = page.locator("[aria-label='received files'] a", {hasText: "next"});
         await link.waitFor();
         const [down] = await Promise.all([page.waitForEvent("download"), link.click()]);
         assert(readFileSync(await down.path()).equals(content), "the file came back otherwise");
@@ -191,17 +183,17 @@ await run({
 
     async "a simulated craft pauses, steps, changes its speed, and takes a fault"() {
         const page = await at("run");
-        const t = async () => (await (await page.request.get(`${address}/api/crafts/imager/run`)).json()).t_ns;
+        const t = async () => BigInt((await request(page, "imager/run")).t_ns);
         await page.locator(".state.running").waitFor();
         await page.keyboard.press(" ");
         await page.locator(".state.paused").waitFor();
-        const before = BigInt(await t());
+        const before = await t();
         await page.waitForTimeout(300);
-        assert.equal(BigInt(await t()), before);
+        assert.equal(await t(), before);
         await page.fill("[aria-label='seconds of a step']", "7");
         await press(page, "Step");
-        for (let k = 0; BigInt(await t()) !== before + 7000000000n; k++) {
-            assert(k < 6000, `after a step of 7 s it is ${BigInt(await t()) - before} ns further`);
+        for (let k = 0; await t() !== before + 7000000000n; k++) {
+            assert(k < 6000, `after a step of 7 s it is ${await t() - before} ns further`);
             await page.waitForTimeout(100);
         }
         await page.fill(".faults input[type=search]", "wheels friction");
@@ -214,8 +206,7 @@ await run({
         await page.locator(".faults .problem").waitFor();
         await page.selectOption("[aria-label=speed]", "50");
         await page.locator(".state.running").waitFor();
-        const {speed} = await (await page.request.get(`${address}/api/crafts/imager/run`)).json();
-        assert.equal(speed, 50);
+        assert.equal((await request(page, "imager/run")).speed, 50);
         return page;
     },
 
@@ -235,7 +226,7 @@ await run({
     async "the overview has the mission's picture, and a question of a script until it is answered"() {
         const page = await at("overview");
         await page.waitForFunction(() => document.querySelector(".card img")?.naturalWidth === 480);
-        await post(page, "imager/questions", {text: "Go on?"});
+        await request(page, "imager/questions", {text: "Go on?"});
         await page.locator(".question", {hasText: "Go on?"}).waitFor();
         await page.reload();
         await page.locator(".question", {hasText: "Go on?"}).waitFor();
@@ -255,7 +246,7 @@ await run({
         const page = await at("parameters");
         await page.keyboard.press("/");
         await page.keyboard.type("tracking.error.omega_br_b[1]");
-        await page.locator(".tbody .tr:not([hidden])", {hasText: "omega_BR_B[1]"}).click();
+        await row(page, "omega_BR_B[1]").click();
         await page.locator(".detail button", {hasText: "Plot"}).click();
         await page.locator(".u-title", {hasText: /^flight\.tracking\.error\.omega_BR_B$/}).waitFor();
         assert.deepEqual(await page.locator(".u-label:visible").allTextContents(), ["t", "[0]", "[1]", "[2]"]);

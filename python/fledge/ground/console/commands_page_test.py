@@ -34,8 +34,8 @@ commands = [{ command = "flight.noop", label = "Nothing" }, "flight.telemetri"]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    """What the browser found: check -> what went wrong."""
+def errors(tmp_path_factory):
+    """The error of each check in the browser, "" without one."""
     folder = tmp_path_factory.mktemp("room")
     (folder / "ground.toml").write_text(FILE)
     (folder / "displays").mkdir()
@@ -46,5 +46,5 @@ def found(tmp_path_factory):
 
 @pytest.mark.long("a browser on a room and a mission: 45 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(errors, check):
+    assert errors[check] == "", errors[check]

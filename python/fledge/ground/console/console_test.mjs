@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an operator sees and does on the pages that look. console_test.py starts it, and flies the spacecraft.
+// The pages that show. console_test.py starts it, and flies the spacecraft.
 import assert from "node:assert/strict";
 
-import {accessible, open, run} from "./testing/console.mjs";
+import {accessible, button, open, row, run} from "./testing/console.mjs";
 
 const PAGES = ["overview", "parameters", "plots", "alarms", "events", "packets", "archive", "log", "server"];
-const row = (page, text) => page.locator(".tbody .tr:not([hidden])", {hasText: text}).first();
 const cell = (page, text, place) => row(page, text).locator(".td").nth(place);
 const frames = (page) => page.evaluate(() => controlRoom.live.received);
+/** Wait until no cell has this text. */
+const gone = (page, text) => page.waitForFunction(
+    (old) => ![...document.querySelectorAll(".td")].some(({textContent}) => textContent === old), text);
 
 await run({
     async "values move, exact to the last bit"() {
@@ -15,15 +17,13 @@ await run({
         await page.waitForFunction(() => controlRoom.live.state === "connected" && controlRoom.live.received > 2);
         const value = cell(page, "big", 1), first = await value.textContent();
         assert.match(first, /^184467429741\d{8}$/);     // 2^64 - 2^40 and a little
-        await page.waitForFunction((old) => ![...document.querySelectorAll(".td")].some((one) =>
-            one.textContent === old), first);
+        await gone(page, first);
         assert.ok(BigInt(await value.textContent()) > BigInt(first));
-        await page.waitForFunction(() => [...document.querySelectorAll(".concern")].some((one) =>
-            one.textContent.includes("warning")));
+        await page.locator(".concern", {hasText: "warning"}).first().waitFor();
         return page;
     },
 
-    async "of a spacecraft of others, the overview says what its link knows, and no more"() {
+    async "the overview of a spacecraft without a mission shows only what its link knows"() {
         const page = await open("overview");
         await page.locator(".card dd", {hasText: /bit\/s, \d+(\.\d+)? packets\/s/}).waitFor();
         await page.locator(".card dd", {hasText: /^skipped 0 \u00b7 dropped 0/}).waitFor();
@@ -63,7 +63,7 @@ await run({
         return page;
     },
 
-    async "what matters stands first, headers of packets are folded until they are asked for"() {
+    async "what matters comes first, headers of packets are hidden until a key shows them"() {
         const page = await open("parameters");
         const names = () => page.locator(".tbody .tr:not([hidden]) .td:first-child").allTextContents();
         await row(page, "big").waitFor();
@@ -95,8 +95,7 @@ await run({
         await page.keyboard.press("l");
         await page.locator(".page.plots .u-legend", {hasText: "voltage"}).waitFor();
         for (const name of PAGES) {
-            const letter = await page.evaluate((one) =>
-                document.querySelector(`nav [data-page=${one}] kbd`).textContent, name);
+            const letter = await page.locator(`nav [data-page=${name}] kbd`).textContent();
             await page.keyboard.press("g");
             await page.keyboard.press(letter);
             await page.locator(`.page.${name}`).waitFor();
@@ -104,21 +103,21 @@ await run({
         return page;
     },
 
-    async "a packet's bits, and why another one did not decode"() {
+    async "a packet's bits, and why another packet did not decode"() {
         const page = await open("packets");
         while (!await page.locator(".inspect h2", {hasText: "Power"}).isVisible()) {
-            await row(page, "Power").click();       // rows move as packets come: it may meet another one
+            await row(page, "Power").click();       // rows move as packets come: the click may reach another row
             await page.waitForTimeout(200);
         }
         await page.locator(".inspect .tr", {hasText: "mode"}).hover();
-        await page.locator(".said-bits", {hasText: "bit 144 to 151, from byte 18, bit 0"}).waitFor();
-        const lit = await page.evaluate(() => [...document.querySelectorAll(".inspect .hex span")].flatMap((one, k) =>
-            (one.style.backgroundImage ? [k] : [])));
+        await page.locator(".bits", {hasText: "bit 144 to 151, from byte 18, bit 0"}).waitFor();
+        const lit = await page.evaluate(() => [...document.querySelectorAll(".inspect .hex span")].flatMap((octet, k) =>
+            (octet.style.backgroundImage ? [k] : [])));
         assert.deepEqual(lit, [18]);
         await page.keyboard.press("u");
-        await page.waitForFunction(() => ![...document.querySelectorAll(".list .tbody .tr:not([hidden])")].some((one) =>
-            !one.textContent.includes("version_to_apid")));
-        await page.locator(".list .tbody .tr:not([hidden])", {hasText: "version_to_apid"}).first().click();
+        await page.waitForFunction(() => [...document.querySelectorAll(".list .tbody .tr:not([hidden])")].every(
+            ({textContent}) => textContent.includes("version_to_apid")));
+        await row(page.locator(".list"), "version_to_apid").click();
         await page.locator(".inspect .problem", {hasText: /version_to_apid.*1.*at bit 0: byte 0, bit 0/s}).waitFor();
         assert.ok(await page.locator(".inspect .hex .wrong").count());
         return page;
@@ -143,7 +142,7 @@ await run({
         return page;
     },
 
-    async "limits upside down are refused where the person looks, others hold"() {
+    async "limits upside down are refused in the dialog, others hold"() {
         const page = await open("parameters");
         await row(page, "voltage").click();
         await page.locator(".detail button", {hasText: "Edit limits"}).click();
@@ -162,16 +161,14 @@ await run({
 
     async "a plot, live and back in time on one axis, and now again"() {
         const page = await open("plots", {selection: "voltage,mode"});
-        const ends = () => page.evaluate(() => {
-            const said = document.querySelector(".u-legend .u-value");
-            return said?.textContent ?? "";
-        });
+        const time = page.locator(".u-legend .u-value").first();
         await page.waitForFunction(() => /\d\d:\d\d/.test(document.querySelector(".u-legend .u-value")?.textContent));
-        const first = await ends();
+        const first = await time.textContent();
         await page.waitForFunction((old) => document.querySelector(".u-legend .u-value").textContent > old, first);
         const {width} = await page.locator(".u-over").boundingBox();
         await page.locator(".u-over").hover({position: {x: 0.1 * width, y: 20}});
-        await page.locator(".u-legend .u-series", {hasText: /voltage.*0\.[5-8].*(warning|distress|critical)/}).waitFor();      // from the archive
+        await page.locator(".u-legend .u-series",       // from the archive
+            {hasText: /voltage.*0\.[5-8].*(warning|distress|critical)/}).waitFor();
         await page.keyboard.press(",");
         await page.locator(".time.past").waitFor();
         assert.match(page.url(), /[?&]t=\d{19}/);
@@ -186,18 +183,17 @@ await run({
         await cell(page, "voltage", 1).filter({hasText: /\d/}).waitFor();
         const then = await cell(page, "voltage", 1).textContent();
         await page.waitForTimeout(500);
-        assert.equal(await cell(page, "voltage", 1).textContent(), then, "what was does not move");
+        assert.equal(await cell(page, "voltage", 1).textContent(), then, "a past value does not move");
         await page.keyboard.press("n");
         await page.locator(".time:not(.past)").waitFor();
-        await page.waitForFunction((old) => ![...document.querySelectorAll(".td")].some((one) =>
-            one.textContent === old), then);
+        await gone(page, then);
         return page;
     },
 
     async "a session is replayed as a spacecraft of its own"() {
         const page = await open("archive");
         await page.getByLabel("speed").selectOption("10");
-        await page.locator("button", {hasText: "Replay"}).click();
+        await button(page, "Replay").click();
         await page.locator(".page.parameters").waitFor();
         await page.waitForFunction(() => controlRoom.time.craft.includes("@replay"));
         await cell(page, "voltage", 1).filter({hasText: /\d/}).waitFor();
@@ -208,7 +204,7 @@ await run({
         return page;
     },
 
-    async "a browser that slept sees what is now"() {
+    async "a browser that slept shows the newest values"() {
         const page = await open("parameters");
         await page.waitForFunction(() => controlRoom.live.received > 2);
         const sleep = (hidden) => page.evaluate((now) => {
@@ -217,7 +213,7 @@ await run({
         }, hidden);
         await sleep(true);
         let before = -1;
-        for (let now = 0; now !== before; now = await frames(page)) {   // until nothing more is on its way
+        for (let now = 0; now !== before; now = await frames(page)) {   // until no frame is on its way
             before = await frames(page);
             await page.waitForTimeout(500);
         }
@@ -231,7 +227,7 @@ await run({
         return page;
     },
 
-    async "this server shows each limit with what is in use"() {
+    async "this server shows each limit with its use"() {
         const page = await open("server");
         await page.locator(".limits tr", {hasText: "disk that stays free"}).waitFor();
         const {limits} = await page.evaluate(() => controlRoom.live.api.get("/api/server"));
@@ -243,7 +239,7 @@ await run({
         return page;
     },
 
-    async "nothing serious is in the way of anybody"() {
+    async "axe finds nothing serious, and nothing is wider than its window"() {
         return accessible(Object.fromEntries(PAGES.map((name) => [name, name === "plots" ? "voltage" : ""])));
     },
 });

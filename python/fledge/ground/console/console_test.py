@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages that look, in a real browser (console_test.mjs), at a spacecraft whose packets this test sends."""
+"""The pages that show, in a real browser (console_test.mjs), at a spacecraft whose packets this test sends."""
 import math
 import socket
 import struct
@@ -53,14 +53,14 @@ def packet(count):
 
 
 def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    """What the browser found: check -> what went wrong."""
+def errors(tmp_path_factory):
+    """The error of each check in the browser, "" without one."""
     folder, port, over = tmp_path_factory.mktemp("room"), free_port(), threading.Event()
     (folder / "craft.xml").write_text(DATABASE, encoding="utf-8")
     (folder / "ground.toml").write_text(
@@ -86,5 +86,5 @@ def found(tmp_path_factory):
 
 @pytest.mark.long("a browser on a room and a mission: 45 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(errors, check):
+    assert errors[check] == "", errors[check]

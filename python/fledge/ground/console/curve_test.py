@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live plots against the archive: the same points, and no gap that the archive has not."""
+"""Live plots have the points of the archive, and no gap that the archive does not have."""
 import pytest
 
 from fledge.ground.server.scene_test import in_browser, served
@@ -12,48 +12,48 @@ SPEEDS = (1, 20, 1000)
 
 @needs_node
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_what_did_not_come_live_is_read_and_no_gap(speed):
-    """A value each second, but for half a minute of which the archive has nothing, and each third second for a while: a
-    page gets the newest one 20 times a second of real time, and none for two seconds of it."""
-    found = in_node(f"""
+def test_samples_that_did_not_come_live_are_read_and_are_no_gap(speed):
+    """The archive has a value each second, later each third second, and none in half a minute. The page gets the newest
+    value 20 times a second of real time, and none for two seconds of it."""
+    result = in_node(f"""
         import {{Curve, Mender}} from "SOURCES/../../../ground/console/web/curve.js";
         const until = Math.max(400, 10 * {speed}), lost = (t) => t > 150 && t < 180;
         const archive = Array.from({{length: until + 1}}, (_, t) => t).filter((t) => !lost(t) && (t < 200 || t > 260 ||
             t % 3 === 0));
         const has = (from, to) => {{
-            const t = archive.filter((one) => one >= from && one <= to), value = t.map(Math.sqrt);
+            const t = archive.filter((s) => s >= from && s <= to), value = t.map(Math.sqrt);
             return {{t, value, low: value, high: value, worst: value.map(() => 0)}};
         }};
-        let now = 0, asked = 0, wall = 0;
+        let now = 0, requests = 0, wall = 0;
         performance.now = () => wall;
         const curve = new Curve("x");
         curve.fill(has(0, 20), 20e9);
         const mender = new Mender(async (from, to) => {{
-            asked++;
+            requests++;
             return [has(from, to)];
         }}, () => {{}});
         for (now = 20; now <= until; now += {speed} / 20, wall += 50) {{
-            const newest = archive.findLast((one) => one <= now);
+            const newest = archive.findLast((t) => t <= now);
             if (!(wall > 3000 && wall < 5000)) curve.add(newest, Math.sqrt(newest));
-            await mender.look([curve], 0);
+            await mender.check([curve], 0);
         }}
         wall += 1000;
         curve.add(until, Math.sqrt(until));
-        await mender.look([curve], 0);
+        await mender.check([curve], 0);
         const real = curve.t.filter((_, k) => curve.value[k] !== null);
-        console.log(JSON.stringify({{same: real.join() === archive.join(), asked,
-            values: curve.value.every((one, k) => one === null || one === Math.sqrt(curve.t[k])),
+        console.log(JSON.stringify({{same: real.join() === archive.join(), requests,
+            values: curve.value.every((value, k) => value === null || value === Math.sqrt(curve.t[k])),
             gaps: curve.t.filter((_, k) => curve.value[k] === null)}}));
     """)
-    assert found["same"] and found["values"]
-    assert found["gaps"] == [165]
-    assert found["asked"] < 40
+    assert result["same"] and result["values"]
+    assert result["gaps"] == [165]
+    assert result["requests"] < 40
 
 
 @pytest.mark.long("three flights and a browser: 40 s")
 @in_browser
 def test_live_plots_have_the_points_of_the_archive(tmp_path):
-    """At 1, 20 and 1,000 times real time, of a value that comes twice a second of the flight."""
+    """At 1, 20 and 1,000 times real time, for a value that comes twice a second of the flight."""
     name = "flight.tracking.error.sigma_BR[0]"
     text = 'port = 0\nfolder = "runs"\n' + "".join(
         f'[[craft]]\nname = "x{speed}"\nmission = "nadir_spin"\nspeed = {speed}\n' for speed in SPEEDS)
@@ -71,7 +71,7 @@ def test_live_plots_have_the_points_of_the_archive(tmp_path):
             browser.wait_for(f"{plot}.data[0].at(-1) >= {end} - 0.5")
             t, value, *_ = craft.past.series([name], 0, 2**62, 0, -1)[name]
             some = t / 1e9 > max(begun, end - 250)      # of the 300 s in view
-            drawn = f"{plot}.data.slice(0, 2).map((one) => Array.from(one).slice({-int(some.sum())}))"
+            drawn = f"{plot}.data.slice(0, 2).map((column) => Array.from(column).slice({-int(some.sum())}))"
             browser.wait_for(f"JSON.stringify({drawn}[0]) === JSON.stringify({(t[some] / 1e9).tolist()})")
-            assert browser.ask(drawn)[1] == value[some].tolist(), "the same values, and no gap"
+            assert browser.evaluate(drawn)[1] == value[some].tolist(), "the same values, and no gap"
         assert [problem for problem in browser.problems if "console.js" in problem] == []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two spacecraft that differ in their texts alone, in a real browser (hostile_page_test.mjs): what one of them says
-becomes no element, no script and no order of letters."""
+"""Two spacecraft that differ in their texts alone, in a real browser (hostile_page_test.mjs): no hostile text becomes an
+element or a script, or changes the order of letters."""
 import json
 import socket
 import struct
@@ -63,34 +63,34 @@ def packets(of):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def errors(tmp_path_factory):
     folder = tmp_path_factory.mktemp("twins")
-    ports, crafts = {}, ""
+    ports, tables = {}, ""
     (folder / "displays").mkdir()
     for name, of in (("plain", TEXTS), ("evil", EVIL)):
         ports[name] = free_port()
         (folder / f"{name}.xml").write_text(database(of), encoding="utf-8")
-        crafts += f'[[craft]]\nname = "{name}"\ndatabase = ["{name}.xml"]\nheader = "none"\n' \
+        tables += f'[[craft]]\nname = "{name}"\ndatabase = ["{name}.xml"]\nheader = "none"\n' \
                   f'link = "udp://127.0.0.1:{free_port()}?listen={ports[name]}"\n'
         (folder / f"displays/{name}.toml").write_text(
             f"title = {json.dumps(of['title'])}\n[[panel]]\ntitle = {json.dumps(of['title'])}\nvalues = [{{name = "
             f"{json.dumps(of['name'])}, label = {json.dumps(of['label'])}}}]\n", encoding="utf-8")
-    (folder / "ground.toml").write_text(f'port = 0\nfolder = "runs"\n{crafts}')
+    (folder / "ground.toml").write_text(f'port = 0\nfolder = "runs"\n{tables}')
     (folder / "texts.json").write_text(json.dumps({"plain": TEXTS, "evil": EVIL}))
     with served(folder / "ground.toml") as address, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        def all_have(what):
-            with urlopen(f"{address}/api/crafts") as answer:
-                return all(map(what, json.load(answer)))
+        def crafts():
+            with urlopen(f"{address}/api/crafts") as response:
+                return json.load(response)
 
-        wait_for(lambda: all_have(lambda one: one["link"]["up"]))
+        wait_for(lambda: all(craft["link"]["up"] for craft in crafts()))
         for n, both in enumerate(zip(packets(TEXTS), packets(EVIL)), 1):
             for port, packet in zip(ports.values(), both):
                 link.sendto(packet, ("127.0.0.1", port))
-            wait_for(lambda: all_have(lambda one: one["packets"] >= n))
+            wait_for(lambda: all(craft["packets"] >= n for craft in crafts()))
         return browse(SCRIPT, address, folder)
 
 
 @pytest.mark.long("a browser on eleven pages of two spacecraft: a minute")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(errors, check):
+    assert errors[check] == "", errors[check]

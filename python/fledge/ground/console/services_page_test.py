@@ -23,8 +23,8 @@ mission = "{imager}"
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    """What the browser found: check -> what went wrong."""
+def errors(tmp_path_factory):
+    """The error of each check in the browser, "" without one."""
     folder = tmp_path_factory.mktemp("room")
     (folder / "ground.toml").write_text(FILE.format(imager=imager_with_services(folder)))
     with served(folder / "ground.toml") as address:
@@ -33,5 +33,5 @@ def found(tmp_path_factory):
 
 @pytest.mark.long("a browser on a room and a mission: 40 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(errors, check):
+    assert errors[check] == "", errors[check]

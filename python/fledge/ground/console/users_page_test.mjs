@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What those see who log in, look on, and may not command. users_page_test.py starts it.
+// Users who log in, and users without the role to command. users_page_test.py starts it.
 import assert from "node:assert/strict";
 
-import {address, enter, run} from "./testing/console.mjs";
+import {address, button, enter, run} from "./testing/console.mjs";
 
 const LACKS = "vera lacks the role 'command' for imager";
-// Of each page that commands, what would.
+// The buttons that command, of each page.
 const BUTTONS = {
     commands: ["Send"],
     stacks: ["Run until one fails", "Run the next"],
@@ -41,17 +41,13 @@ await run({
         return page;
     },
 
-    async "who only looks on has no button that commands, and sees why"() {
+    async "a user without the role has no button that commands, and sees why"() {
         const page = await inside("vera");
         for (const [name, buttons] of Object.entries(BUTTONS)) {
             await page.goto(`${address}/#/${name}?craft=imager${name === "commands" ? "&sel=flight.noop" : ""}`);
             await page.locator(`.page.${name}`).waitFor();
             await page.locator(".lacks", {hasText: LACKS}).waitFor();
-            for (const button of buttons) {
-                const found = page.getByRole("button", {name: button, exact: true});
-                await found.first().waitFor();
-                assert(await found.first().isDisabled(), `${name}: ${button}`);
-            }
+            for (const text of buttons) assert(await button(page, text).first().isDisabled(), `${name}: ${text}`);
         }
         await page.goto(`${address}/#/parameters?craft=imager`);    // but all values
         await page.locator(".page.parameters").waitFor();
@@ -60,7 +56,7 @@ await run({
         return page;
     },
 
-    async "what is refused all the same says so where the person looks"() {
+    async "an action that the server refuses shows why"() {
         const page = await inside("vera", "run");
         await page.locator(".page.run .state").waitFor();
         await page.keyboard.press("+");
@@ -72,10 +68,10 @@ await run({
         return page;
     },
 
-    async "who may command does"() {
+    async "a user with the role commands"() {
         const page = await inside("carl", "commands");
         await page.goto(`${address}/#/commands?craft=imager&sel=flight.noop`);
-        await page.getByRole("button", {name: "Send", exact: true}).click();
+        await button(page, "Send").click();
         await page.locator(".sent .tbody .tr", {hasText: "carl"}).first().waitFor();
         assert.equal(await page.locator(".lacks").count(), 0);
         return page;
@@ -86,7 +82,7 @@ await run({
         await other.goto(`${address}/#/plots?craft=imager`);
         await other.waitForSelector("html[data-opened]");
         await page.getByRole("button", {name: "Log out"}).click();
-        for (const one of [page, other]) await one.locator(".login").waitFor();
+        for (const window of [page, other]) await window.locator(".login").waitFor();
         await login(other, "carl");
         await other.locator(".page.plots").waitFor();
         return page;

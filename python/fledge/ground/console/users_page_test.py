@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""People with and without the role to command, in a real browser (users_page_test.mjs)."""
+"""Users with and without the role to command, in a real browser (users_page_test.mjs)."""
 import json
 from pathlib import Path
 
@@ -21,8 +21,8 @@ mission = "{imager}"
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    """What the browser found: check -> what went wrong."""
+def errors(tmp_path_factory):
+    """The error of each check in the browser, "" without one."""
     folder = tmp_path_factory.mktemp("room")
     users = "".join(f'[[user]]\nname = "{name}"\npassword = "{hashed(name * 4, CHEAP)}"\nroles = {json.dumps(roles)}\n'
                     for name, roles in (("vera", ["view"]), ("carl", ["view", "command"])))
@@ -33,5 +33,5 @@ def found(tmp_path_factory):
 
 @pytest.mark.long("a browser on a room: 10 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
-def test_in_the_browser(found, check):
-    assert found[check] == "", found[check]
+def test_in_the_browser(errors, check):
+    assert errors[check] == "", errors[check]

@@ -60,7 +60,7 @@ class Station:
         from scipy.optimize import brentq, minimize_scalar
 
         body, sky = self.craft.gravity[0], self.craft.sky
-        at, speed = (one[0] for one in origin(body, sky, np.array([t])))
+        at, speed = (rows[0] for rows in origin(body, sky, np.array([t])))
         pole = sky.orientation(body, t).dcm_PN[2] if sky and not body.pole_stays else np.array(body.pole_N)
         flight = orbit(body, pole, r - at, v - speed)
         times = np.append(np.arange(0.0, DAY, STEP), DAY)
@@ -74,16 +74,16 @@ class Station:
         cuts = [float(brentq(lambda x: over(x)[0], times[k], times[k + 1], xtol=1e-3))
                 for k in np.flatnonzero(np.diff(heights > 0))]
         ends = ([None] if heights[0] > 0 else []) + cuts + ([None] if heights[-1] > 0 else [])
-        found = []
+        predicted = []
         for rise, end in zip(ends[::2], ends[1::2]):
             within = (0.0 if rise is None else rise, DAY if end is None else end)
             best = times[(inside := (times >= within[0]) & (times <= within[1]))]
             near = best[np.argmax(heights[inside])] if len(best) else sum(within) / 2
             top = minimize_scalar(lambda x: -over(x)[0], method="bounded", options={"xatol": 1e-2}, bounds=(
                 max(within[0], near - STEP), min(within[1], near + STEP)))
-            found.append({"rise": None if rise is None else t + rise, "set": None if end is None else t + end,
-                          "highest": t + float(top.x), "elevation": self.mask - float(top.fun)})
-        return found
+            predicted.append({"rise": None if rise is None else t + rise, "set": None if end is None else t + end,
+                              "highest": t + float(top.x), "elevation": self.mask - float(top.fun)})
+        return predicted
 
 
 def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -129,15 +129,15 @@ class Contacts:
     def __init__(self, feed: Feed, simulation: Simulation | None, radio: str = "") -> None:
         self._feed, self._used = feed, radio
         self._lock = Lock()
-        self._made: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
+        self._predicted: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
         self.state: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
         self._states: dict[str, tuple[float, NDArray[Any], NDArray[Any]]] = {}      # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
         self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
         if simulation is None:
             return
-        models = {f"{process.name}.{name}": one for process in simulation.processes
-                  if process not in simulation.flights for name, one in process.instances.items()}
+        models = {f"{process.name}.{name}": model for process in simulation.processes
+                  if process not in simulation.flights for name, model in process.instances.items()}
         facts = feed.facts
         for path in facts.all_of("GroundStation"):
             craft = models.get(facts.wires.get(f"{path}.truth", "").rpartition(".")[0])
@@ -154,23 +154,23 @@ class Contacts:
             return
         newest = self._feed.newest("CraftState", "NavOrbit", "RadioLink", "RadioTraffic")
         # Of several orbits that flight says the newest, then the best, then the one that it prefers.
-        preferred = self._feed.facts.said([name for name in newest if name in self._feed.flight_ports])
+        preferred = self._feed.facts.preferred([name for name in newest if name in self._feed.flight_ports])
         by_navigation = max((newest[name] for name in preferred), default=None,
-                            key=lambda one: (one[0], int(one[1]["head"]["quality"])))
+                            key=lambda sample: (sample[0], int(sample[1]["head"]["quality"])))
         stations, states = [], {}
-        for one in self._stations:
-            state = newest.get(self._feed.facts.wires[f"{one.path}.truth"])
+        for station in self._stations:
+            state = newest.get(self._feed.facts.wires[f"{station.path}.truth"])
             state = state or by_navigation
             if state is None:
                 continue
             t, r, v = state[0], np.array(state[1]["r_BN_N"]), np.array(state[1]["v_BN_N"])
-            states[one.path] = t, r, v
-            elevation, distance = (float(found[0]) for found in one.direction(np.array([t]), r[None]))
-            stations.append({"name": one.name, "elevation": elevation, "mask": one.mask, "range": distance,
-                             "seen": elevation >= one.mask, "light_time": distance / SPEED_OF_LIGHT})
+            states[station.path] = t, r, v
+            elevation, distance = (float(found[0]) for found in station.direction(np.array([t]), r[None]))
+            stations.append({"name": station.name, "elevation": elevation, "mask": station.mask, "range": distance,
+                             "seen": elevation >= station.mask, "light_time": distance / SPEED_OF_LIGHT})
         radios = []
-        for path, (station, radio) in self._radios.items():
-            row: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
+        for path, (place, radio) in self._radios.items():
+            row: dict[str, Any] = {"name": path, "station": place.partition(".")[2],
                                    "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
                 link, traffic = (newest.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
@@ -186,8 +186,8 @@ class Contacts:
     def passes(self) -> list[dict[str, Any]]:
         """Those of the coming day, of each station, soonest first; for all threads."""
         with self._lock:
-            if monotonic() - self._made[0] > AGAIN:
-                self._made = monotonic(), sorted(
-                    ({"station": station.name} | found for station in self._stations if station.path in self._states
-                     for found in station.passes(*self._states[station.path])), key=lambda found: found["highest"])
-            return self._made[1]
+            if monotonic() - self._predicted[0] > AGAIN:
+                self._predicted = monotonic(), sorted(
+                    ({"station": station.name} | entry for station in self._stations if station.path in self._states
+                     for entry in station.passes(*self._states[station.path])), key=lambda entry: entry["highest"])
+            return self._predicted[1]

@@ -46,8 +46,8 @@ class Telemetry:
         return [{"name": name, "slot": i} for i, name in enumerate(self.values)]
 
     def newest(self, slot):
-        found = list(self.values.values())[slot]
-        return None if found is None else (found[0], 0, found[1], found[1], 0, 0, 1)
+        value = list(self.values.values())[slot]
+        return None if value is None else (value[0], 0, value[1], value[1], 0, 0, 1)
 
 
 # --- live as recorded ------------------------------------------------------------------------------
@@ -70,15 +70,16 @@ class Flown:
         sim = craft.simulation
         if begin:
             sim.flight.start_in(begin)
-        log = sim.record(*[getattr(one, field.name) for process in sim.processes for one in process
-                           for field in objects.struct(one).fields if field.group == "out" and field.type == "struct"
-                           and not field.shape and field.struct.name in SHOWN], every=every)
+        log = sim.record(*[getattr(instance, field.name) for process in sim.processes for instance in process
+                           for field in objects.struct(instance).fields
+                           if field.group == "out" and field.type == "struct" and not field.shape
+                           and field.struct.name in SHOWN], every=every)
         craft._open()
         self.messages, number, commands = [], 0, dict(modes)
         for k in range(1, int(seconds / every) + 1):
             t = k * every
             if t in commands:
-                craft.commanding.release("server", "mode", {}, craft.connection.craft.made("mode", commands[t]))
+                craft.commanding.release("server", "mode", {}, craft.connection.craft.packets("mode", commands[t]))
             while sim.time_ns < t * 1e9:
                 if arrived := craft.connection.receive(round(t * 1e9)):
                     craft.take(craft.clock.timed(arrived, craft.connection.link.t))
@@ -99,10 +100,10 @@ def test_the_live_view_has_the_numbers_and_ages_of_the_recorded_one(tmp_path):
     """Of a CubeSat whose laws for the Sun, the ground below and the tumble are of different modes: what the active mode
     writes, and its age where none does."""
     with np.errstate(divide="raise", invalid="raise"):
-        one = Flown(tmp_path, "cubesat", 80, 0.5, [(10, "brake"), (60, "sun")], "sun")
-        (tmp_path / "live").write_bytes(one.data)
-        (tmp_path / "recorded").write_bytes(page.pack(one.recorded))
-    (tmp_path / "messages").write_text(json.dumps(one.messages, allow_nan=False))
+        flown = Flown(tmp_path, "cubesat", 80, 0.5, [(10, "brake"), (60, "sun")], "sun")
+        (tmp_path / "live").write_bytes(flown.data)
+        (tmp_path / "recorded").write_bytes(page.pack(flown.recorded))
+    (tmp_path / "messages").write_text(json.dumps(flown.messages, allow_nan=False))
     live, recorded = in_node(f"""
         import {{readFileSync}} from "node:fs";
         import {{age, append, attitude, growing, known, level, unpack}} from "SOURCES/data.js";
@@ -110,7 +111,7 @@ def test_the_live_view_has_the_numbers_and_ages_of_the_recorded_one(tmp_path):
         const live = read("live"), tracks = growing(live);
         for (const {{tracks: more}} of JSON.parse(readFileSync("{tmp_path}/messages")))
             for (const [id, [times, numbers]] of Object.entries(more)) append(tracks.get(Number(id)), times, numbers);
-        console.log(JSON.stringify([live, read("recorded")].map(({{crafts: [craft]}}) => {json.dumps(one.times)}.map(
+        console.log(JSON.stringify([live, read("recorded")].map(({{crafts: [craft]}}) => {json.dumps(flown.times)}.map(
             (t) => ({{
                 error: [level(craft.signals["attitude error"], t), age(craft.signals["attitude error"], t)],
                 rate: [0, 1, 2].map((k) => level(craft.signals.rate, t, k)),
@@ -124,7 +125,7 @@ def test_the_live_view_has_the_numbers_and_ages_of_the_recorded_one(tmp_path):
         for name in ("error", "rate", "wheel"):
             np.testing.assert_allclose(here[name], there[name], rtol=2e-4, atol=1e-8)
         assert [pose[:2] for pose in there["poses"]] == [pose[:2] for pose in here["poses"]]
-    ages = [one["error"][1] for one in live]
+    ages = [flown["error"][1] for flown in live]
     assert ages[0] == 0 and ages[-1] == 0 and any(age > 20 for age in ages), ages
 
 
@@ -146,7 +147,7 @@ def test_the_tracks_in_the_browser_are_the_flight(tmp_path):
             number, news = feed.since(number)
             messages += news
     (tmp_path / "messages").write_text(json.dumps(messages, allow_nan=False))
-    found = in_node(f"""
+    tracks = in_node(f"""
         import {{readFileSync}} from "node:fs";
         import {{append, growing, level, position, unpack}} from "SOURCES/data.js";
         const data = unpack(new Uint8Array(readFileSync("{tmp_path}/scene")).buffer), tracks = growing(data);
@@ -163,18 +164,18 @@ def test_the_tracks_in_the_browser_are_the_flight(tmp_path):
     t = log.time
     some = np.isin(t, np.arange(2, 121, 2))
     r, sigma = log["craft.state.r_BN_N"][some], log["craft.state.sigma_BN"]
-    assert np.abs(np.array(found["place"]) - r).max() < page.POSITION
-    turning = np.array(found["turning"])
+    assert np.abs(np.array(tracks["place"]) - r).max() < page.POSITION
+    turning = np.array(tracks["turning"])
     assert turning[-1, 0] == 120 and len(turning) > 41 and set(turning[:, 0]) <= set(t)
     exact = Turning.of_mrp(t, sigma).q[np.searchsorted(t, turning[:, 0])]
     assert np.abs(np.abs((turning[:, 1:] * exact).sum(axis=1)) - 1).max() < 1e-6
     # Of the samples that came one by one, each is there; those of the scene are within a share of their range.
     speed = log["wheels.speeds.Omega"][some, 0]
-    np.testing.assert_allclose(found["speed"][21:], speed[21:], rtol=1e-6)
-    np.testing.assert_allclose(found["speed"], speed, atol=2e-3 * np.ptp(speed))
-    np.testing.assert_allclose(found["lock"], log["radio.down.eb_n0_dB"][some], atol=0.2)
-    sun = [sim.world.craft.sky.state(fledge.world.SUN, one).r_PN_N for one in (2, 60, 120)]
-    np.testing.assert_allclose(np.array(found["sun"])[[0, 29, 59]], sun, atol=1)
+    np.testing.assert_allclose(tracks["speed"][21:], speed[21:], rtol=1e-6)
+    np.testing.assert_allclose(tracks["speed"], speed, atol=2e-3 * np.ptp(speed))
+    np.testing.assert_allclose(tracks["lock"], log["radio.down.eb_n0_dB"][some], atol=0.2)
+    sun = [sim.world.craft.sky.state(fledge.world.SUN, time).r_PN_N for time in (2, 60, 120)]
+    np.testing.assert_allclose(np.array(tracks["sun"])[[0, 29, 59]], sun, atol=1)
 
 
 def test_the_ghost_is_what_telemetry_says_at_its_time():
@@ -182,20 +183,20 @@ def test_the_ghost_is_what_telemetry_says_at_its_time():
     names = [f"flight.filter.attitude.sigma_BN[{i}]" for i in range(3)]
     monitor = Telemetry(dict.fromkeys(names))
     feed = scene.Feed("slew", sim, monitor)
-    said = {}
+    estimates = {}
     for k in range(10):
         sim.run(1)
         if k % 3 == 2:      # a packet comes, of a moment ago
             estimate = np.array(sim.flight.filter.attitude.sigma_BN)
-            said[k + 0.5] = estimate
+            estimates[k + 0.5] = estimate
             monitor.values = {name: (int((k + 0.5) * 1e9), x) for name, x in zip(names, estimate)}
         feed.sample()
     [craft] = text_of(feed.pack())["crafts"]
     assert [pose["name"] for pose in craft["poses"] if pose["kind"] == "estimate"] == ["flight.filter.attitude"]
     ghost = next(pose for pose in feed.scene().craft().poses if pose.kind == "estimate").turning
-    assert sorted(set(ghost.time)) == list(said)
+    assert sorted(set(ghost.time)) == list(estimates)
     for t, q in zip(ghost.time, ghost.q):
-        assert abs(q @ Turning.of_mrp(np.zeros(1), said[t][None]).q[0]) == pytest.approx(1, abs=1e-12)
+        assert abs(q @ Turning.of_mrp(np.zeros(1), estimates[t][None]).q[0]) == pytest.approx(1, abs=1e-12)
     assert not any("ghost" in note for note in feed.scene().notes)
 
 
@@ -241,7 +242,7 @@ def test_after_a_reset_the_browser_asks_again():
     sim.run(1)
     feed.sample()
     number, news = feed.since(number)
-    assert [one.get("again") for one in news] == [True, None] and news[1]["end"] == pytest.approx(1)
+    assert [message.get("again") for message in news] == [True, None] and news[1]["end"] == pytest.approx(1)
     assert text_of(feed.pack())["begin"] == pytest.approx(1)
     feed.sample()       # the simulation stands still: nothing is new
     assert feed.since(number) == (number, [])
@@ -254,7 +255,7 @@ def test_the_samples_that_are_kept_have_a_bound(monkeypatch):
     for _ in range(500):
         sim.run(0.5)
         feed.sample()
-        assert len(feed._kept) <= 64
+        assert len(feed._samples) <= 64
     time = feed.scene().craft().motion.time
     assert time[0] == pytest.approx(0.5) and time[-1] == pytest.approx(250)
     old = np.diff(time[time < 200])
@@ -273,7 +274,7 @@ def test_the_samples_that_are_kept_have_a_bound(monkeypatch):
     (lambda sim: scene.Feed("x", sim, flown=False, link=lambda: SimpleNamespace(topics={}, watch=lambda *_: None)),
      r"does not show /world/craft/state to observers; give it watch = \['/world/craft/state'\]"),
 ])
-def test_what_is_missing_is_said(feed, why):
+def test_a_missing_truth_is_named(feed, why):
     found = feed(fledge.load("earth_imager"))
     found.sample()
     with pytest.raises(SetupError, match=why):
@@ -285,23 +286,23 @@ def test_the_messages_of_a_co_simulation_are_the_truth():
     other = fledge.load("earth_imager")
     other.run(5)
     state = other.world.craft.state
-    heard = {}
+    watched = {}
     link = SimpleNamespace(topics={"/world/craft/state": None, "/flight/telemetry": None},
-                           watch=lambda topics, hear: heard.update(topics=list(topics), hear=hear))
+                           watch=lambda topics, hear: watched.update(topics=list(topics), hear=hear))
     feed = scene.Feed("imager", fledge.load("earth_imager"), flown=False, link=lambda: link)
     feed.sample()
-    assert heard["topics"] == ["/world/craft/state"]
+    assert watched["topics"] == ["/world/craft/state"]
     with pytest.raises(SetupError, match="nothing has come of /world/craft/state yet"):
         feed.pack()
 
     class Seen(dict):
         topic, t = "/world/craft/state", 5 * 10**9
 
-    heard["hear"](Seen({"head.t": 5 * 10**9, "head.quality": 3, "head.sequence": 1, "unknown": 7}
-                       | {name: getattr(state, name).tolist() for name in ("r_BN_N", "v_BN_N", "sigma_BN")}))
+    watched["hear"](Seen({"head.t": 5 * 10**9, "head.quality": 3, "head.sequence": 1, "unknown": 7}
+                         | {name: getattr(state, name).tolist() for name in ("r_BN_N", "v_BN_N", "sigma_BN")}))
     feed.sample()
-    found = feed.scene().craft()
-    assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
+    craft = feed.scene().craft()
+    assert craft.motion.time.tolist() == [5] and craft.motion.r[0].tolist() == state.r_BN_N.tolist()
     text = text_of(feed.pack())
     assert any(planet["name"] == "EARTH" for planet in text["planets"])
     assert not text["crafts"][0]["poses"]
@@ -341,30 +342,30 @@ VIEWER = "document.querySelector('.fledge-view')?.viewer"
 def test_the_live_page_reads_as_the_recorded_one(tmp_path, mission, seconds, every, modes, begin):
     """The same words and colours among the numbers, and the same ghosts, at ten instants."""
     flown = Flown(tmp_path, mission, seconds, every, modes, begin)
-    found = []
+    readings = []
     with Browser(900, 600, wait=PATIENCE) as browser:
         for name, shown in ("live", flown.begun), ("recorded", flown.recorded):
             browser.open(page.write(shown, tmp_path / f"{name}.html"), "#map=0&show=reference")
             if name == "live":
-                browser.ask("""(() => {
+                browser.evaluate("""(() => {
                     const {root, data, constructor} = fledgeView;
                     fledgeView.destroy();
                     window.fledgeView = new constructor(root, data, {live: true});
                 })()""")
-                browser.ask(f"{json.dumps(flown.messages)}.forEach((one) => fledgeView.extend(one))")
+                browser.evaluate(f"{json.dumps(flown.messages)}.forEach((one) => fledgeView.extend(one))")
             rows = []
             for t in flown.times:
-                browser.ask(f"fledgeView.seek({t})")
+                browser.evaluate(f"fledgeView.seek({t})")
                 browser.wait_for("!fledgeView.dirty")
-                rows.append([browser.ask(one) for one in (
+                rows.append([browser.evaluate(expression) for expression in (
                     "[...document.querySelectorAll('.readout dt')].map((one) => [one.textContent, "
                     "one.nextSibling.textContent, getComputedStyle(one.nextSibling).color])",
                     "fledgeView.stage.crafts.map((one) => one.ghosts.filter(({ghost}) => ghost.visible).map("
                     "({pose, ghost}) => [pose.name, ghost.children.at(-1).material.color.getHexString(), "
                     "...ghost.quaternion.toArray().map((x) => x.toFixed(5))]))")])
-            found.append(rows)
+            readings.append(rows)
         assert browser.problems == []
-    for t, live, recorded in zip(flown.times, *found):
+    for t, live, recorded in zip(flown.times, *readings):
         assert live == recorded, t
 
 
@@ -376,7 +377,7 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
         browser.go("about:blank")
         browser.go(f"{address}#/view?craft={name}")
         browser.wait_for(f"{VIEWER}?.root.dataset.opened")
-        begun = browser.ask(f"{VIEWER}.data.end")
+        begun = browser.evaluate(f"{VIEWER}.data.end")
         browser.wait_for(f"{VIEWER}.data.end > {begun} + 10")
         craft = room.crafts[name]
         craft.call(lambda: craft.run.command("pause")).result(30)
@@ -388,19 +389,20 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
     with served(tmp_path, 'port = 0\nfolder = "runs"\n' + craft("slew", "star_slew") + craft("two", "formation")
                 + 'process = "chief"\n') as (address, room), Browser(900, 600, wait=PATIENCE) as browser:
         sim = paused("two")
-        places = browser.ask(f"{VIEWER}.stage.crafts.map((one) => one.place)")
+        places = browser.evaluate(f"{VIEWER}.stage.crafts.map((one) => one.place)")
         exact = [sim.process(name).craft.state.r_BN_N for name in ("chief_world", "deputy_world")]
         assert np.abs(np.array(places) - exact).max() < 1 and np.linalg.norm(exact[0] - exact[1]) > 1
-        assert browser.ask(f"{VIEWER}.stage.crafts.flatMap((one) => one.ghosts.map(({{pose}}) => pose.name))") == [
+        assert browser.evaluate(f"{VIEWER}.stage.crafts.flatMap((one) => one.ghosts.map(({{pose}}) => pose.name))") == [
             "chief_world.nav.attitude", "chief.base.reference", "deputy_world.nav.attitude"], \
             "the telemetry of the others does not come by this link; what the world says does"
 
         sim = paused("slew")
-        [ghost] = browser.ask(f"{VIEWER}.stage.crafts[0].ghosts.filter(({{pose}}) => pose.kind === 'estimate').map("
-                              "({ghost}) => ({shown: ghost.visible, q: ghost.quaternion.toArray()}))")
-        said, true = (Turning.of_mrp(np.zeros(1), np.array([sigma])).q[0] for sigma in (
+        [ghost] = browser.evaluate(
+            f"{VIEWER}.stage.crafts[0].ghosts.filter(({{pose}}) => pose.kind === 'estimate').map("
+            "({ghost}) => ({shown: ghost.visible, q: ghost.quaternion.toArray()}))")
+        estimated, true = (Turning.of_mrp(np.zeros(1), np.array([sigma])).q[0] for sigma in (
             sim.flight.filter.attitude.sigma_BN, sim.world.craft.state.sigma_BN))
-        assert ghost["shown"] and abs(said @ ghost["q"]) == pytest.approx(1, abs=1e-9)
+        assert ghost["shown"] and abs(estimated @ ghost["q"]) == pytest.approx(1, abs=1e-9)
         off = 2 * np.arccos(min(abs(true @ ghost["q"]), 1))
         assert 0 < off < 1e-2, "beside the truth, not on it"
         assert [problem for problem in browser.problems if "viewer.js" in problem] == []
@@ -414,36 +416,36 @@ def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_p
         browser.go(f"{address}#/view?craft=imager")
         viewer = VIEWER
         browser.wait_for(f"{viewer}?.root.dataset.opened")
-        begun = browser.ask(f"{viewer}.data.end")
+        begun = browser.evaluate(f"{viewer}.data.end")
         browser.wait_for(f"{viewer}.data.end > {begun} + 20 && {viewer}.t > {begun}")
-        assert browser.ask("controlRoom.time.isLive")
+        assert browser.evaluate("controlRoom.time.isLive")
 
         # Back in time, by the console's own bar: the picture is that time's, and stays.
         back = begun / 2 + 5
-        browser.ask(f"controlRoom.time.seek({round(back * 1e9)}n)")
+        browser.evaluate(f"controlRoom.time.seek({round(back * 1e9)}n)")
         browser.wait_for(f"{viewer}.t < {begun} && !{viewer}.dirty")
-        t = browser.ask(f"{viewer}.t")
+        t = browser.evaluate(f"{viewer}.t")
         assert t == pytest.approx(back, abs=1e-6)
-        end = browser.ask(f"{viewer}.data.end")
+        end = browser.evaluate(f"{viewer}.data.end")
         browser.wait_for(f"{viewer}.data.end > {end}")
-        assert browser.ask(f"{viewer}.t") == t
-        browser.ask(f"{viewer}.choose('orbit')")
+        assert browser.evaluate(f"{viewer}.t") == t
+        browser.evaluate(f"{viewer}.choose('orbit')")
         browser.wait_for("location.hash.includes('orbit') && location.hash.includes('t=')")
 
         # The link brings somebody else to the same time and camera.
-        link = browser.ask("location.href")
+        link = browser.evaluate("location.href")
         browser.go("about:blank")
         browser.go(link)
         browser.wait_for(f"{viewer}?.root.dataset.opened")
-        assert browser.ask(f"[{viewer}.t, {viewer}.stage.preset, {viewer}.following]") == [
+        assert browser.evaluate(f"[{viewer}.t, {viewer}.stage.preset, {viewer}.following]") == [
             pytest.approx(t, abs=1e-6), "orbit", False]
 
-        browser.ask("controlRoom.time.now()")
+        browser.evaluate("controlRoom.time.now()")
         browser.wait_for(f"{viewer}.following && {viewer}.t > {end}")
         # Paused, the picture comes to rest where the simulation stands.
         room.crafts["imager"].call(lambda: room.crafts["imager"].run.command("pause")).result(30)
         browser.wait_for(f"!{viewer}.dirty && {viewer}.t === {viewer}.data.end && Math.abs({viewer}.t - "
                          f"{room.crafts['imager'].simulation.state_time}) < 1e-6")
         exact = room.crafts["imager"].simulation.world.craft.state.r_BN_N
-        assert np.linalg.norm(np.array(browser.ask(f"{viewer}.stage.crafts[0].place")) - exact) < 1
+        assert np.linalg.norm(np.array(browser.evaluate(f"{viewer}.stage.crafts[0].place")) - exact) < 1
         assert [problem for problem in browser.problems if "viewer.js" in problem] == []

@@ -16,7 +16,7 @@ needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs node, wh
 
 
 def in_node(text: str) -> Any:
-    """What a module in JavaScript prints, as JSON; it may import from the viewer's folder of sources, SOURCES."""
+    """Run a module in JavaScript, and parse the JSON that it prints. SOURCES in it is the folder of the viewer."""
     sources = (bundle.WEB / "src").as_uri()
     done = subprocess.run(["node", "--expose-gc", "--input-type=module", "-e", text.replace("SOURCES", sources)],
                           capture_output=True, text=True)

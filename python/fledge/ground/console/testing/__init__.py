@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What tests of the pages share: a browser, and pictures of all pages."""
+"""Shared by the tests of the pages: a browser, and pictures of all pages."""

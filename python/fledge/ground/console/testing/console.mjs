@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A browser for checks of the console: node SCRIPT ADDRESS FOLDER MODULES CHROMIUM
-// prints {check: "" or what went wrong}. testing/console.py starts it. FLEDGE_PICTURES=DIR keeps pictures.
+// prints {check: "" or its error}. testing/console.py starts it. FLEDGE_PICTURES=DIR keeps pictures.
 import assert from "node:assert/strict";
 import {readFileSync} from "node:fs";
 import {join} from "node:path";
@@ -25,15 +25,15 @@ async function picture(page, name) {
         await page.screenshot({path: join(process.env.FLEDGE_PICTURES, `${name.replace(/[^\w]+/g, "-")}.png`)});
 }
 
-/** The server's page at a link, which may ask for a user first; or a file's. */
+/** The server's page at a link, which may show the login first; or the page of a file. */
 export async function enter(hash, {width = 1280, height = 800, colorScheme = "dark"} = {}) {
     const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
     const page = await context.newPage();
     page.setDefaultTimeout(PATIENCE);
     page.problems = [];
     page.on("pageerror", (error) => page.problems.push(error.stack));
-    page.on("console", (said) => said.type() === "error" && !/status of 4\d\d|response code: 401/.test(said.text()) &&
-        page.problems.push(said.text()));
+    page.on("console", (line) => line.type() === "error" && !/status of 4\d\d|response code: 401/.test(line.text()) &&
+        page.problems.push(line.text()));
     page.on("dialog", (dialog) => {
         page.problems.push(`a dialog: ${dialog.message()}`);
         dialog.dismiss();
@@ -43,46 +43,52 @@ export async function enter(hash, {width = 1280, height = 800, colorScheme = "da
 }
 
 /** A page of the console. */
-export async function open(name, {craft = "", selection = "", ...look} = {}) {
-    const page = await enter(anchor(name, {craft, sel: selection}), look);
+export async function open(name, {craft = "", selection = "", ...window} = {}) {
+    const page = await enter(anchor(name, {craft, sel: selection}), window);
     await page.waitForSelector("html[data-opened]");
     return page;
 }
 
-/**
- * What a page hides: a part that is wider than the window, and words that are cut where no pointer can read them in
- * full. A list of sentences.
- */
+/** The rows of tables with a text; and the first of them. */
+export const rows = (place, text) => place.locator(".tbody .tr:not([hidden])", {hasText: text});
+export const row = (place, text) => rows(place, text).first();
+export const button = (place, name) => place.getByRole("button", {name, exact: true});
+
+/** A request to the server for data of a craft, or with a body for an action. */
+export const request = (page, path, body) => page.evaluate(([target, data]) =>
+    controlRoom.live.api[data ? "post" : "get"](`/api/crafts/${target}`, data), [path, body]);
+
+/** What a page hides, as sentences: parts wider than the window, and cut words that no pointer shows in full. */
 export async function hidden(page) {
     return page.evaluate(() => {
-        const found = new Set(), seen = (node) => node.checkVisibility({visibilityProperty: true}) &&
+        const problems = new Set(), seen = (node) => node.checkVisibility({visibilityProperty: true}) &&
             node.getBoundingClientRect().width > 1;
-        const named = (node) => `${node.tagName.toLowerCase()}${[...node.classList].map((one) => `.${one}`).join("")}`;
+        const named = (node) => `${node.tagName.toLowerCase()}${[...node.classList].map((name) => `.${name}`).join("")}`;
         const scrolls = (style) => ["auto", "scroll"].includes(style.overflowX);
         for (const node of [document.documentElement, document.body, ...document.querySelectorAll("main, .page")])
             if (node.scrollWidth > node.clientWidth + 1)
-                found.add(`${named(node)} is ${node.scrollWidth} wide, of ${node.clientWidth}`);
+                problems.add(`${named(node)} is ${node.scrollWidth} wide, of ${node.clientWidth}`);
         for (const node of document.querySelectorAll("body *")) {
-            const text = [...node.childNodes].some((one) => one.nodeType === Node.TEXT_NODE && one.data.trim());
+            const text = [...node.childNodes].some(({nodeType, data}) => nodeType === Node.TEXT_NODE && data.trim());
             if (!seen(node) || !text && !node.matches("button, input, select, textarea, canvas")) continue;
             const words = `"${(node.textContent || node.value || "").trim().slice(0, 60)}" in ${named(node)}`;
             let {right} = node.getBoundingClientRect();
             if (text && node.scrollWidth > node.clientWidth + 1 && getComputedStyle(node).overflowX !== "visible" &&
                 !scrolls(getComputedStyle(node)) && getComputedStyle(node).display !== "inline") {
                 node.dispatchEvent(new PointerEvent("pointerover", {bubbles: true}));
-                if (!node.closest("[title]")) found.add(`${words} is cut`);
+                if (!node.closest("[title]")) problems.add(`${words} is cut`);
             }
             for (let at = node.parentElement; at && at !== document.documentElement; at = at.parentElement) {
                 const style = getComputedStyle(at), edge = at.getBoundingClientRect();
                 if (scrolls(style)) right = Math.min(right, edge.right);      // a person can scroll to it
                 else if (style.overflowX !== "visible" && right > edge.right + 1) {
-                    if (!node.closest("[title]")) found.add(`${words} ends behind the edge of ${named(at)}`);
+                    if (!node.closest("[title]")) problems.add(`${words} ends behind the edge of ${named(at)}`);
                     break;
                 }
             }
-            if (right > innerWidth + 1) found.add(`${words} ends beyond the window`);
+            if (right > innerWidth + 1) problems.add(`${words} ends beyond the window`);
         }
-        return [...found];
+        return [...problems];
     });
 }
 
@@ -99,11 +105,11 @@ export async function accessible(pages, craft = "") {
             await page.locator(`.page.${name}`).waitFor();
             await page.waitForTimeout(300);
             assert.deepEqual(await hidden(page), [], `${name}, ${width}`);
-            // The other colours change nothing but the contrast, and a phone's window not even that.
+            // In the other colours, and in a phone's window, nothing but the contrast could differ.
             for (const [colorScheme, options] of [["dark", {}], ["light", {runOnly: ["color-contrast"]}]]) {
                 if (width === 400) break;
                 await page.emulateMedia({colorScheme});
-                const {violations} = await page.evaluate((asked) => window.axe.run(asked), options);
+                const {violations} = await page.evaluate((given) => window.axe.run(given), options);
                 assert.deepEqual(violations.filter(({impact}) => ["serious", "critical"].includes(impact))
                     .map((violation) =>
                     `${name}, ${colorScheme}, ${width}: ${violation.id}: ` +
@@ -116,20 +122,20 @@ export async function accessible(pages, craft = "") {
     }
 }
 
-/** Run the checks, one after the other; each returns its page. */
+/** Run the checks in turn; each returns its page. */
 export async function run(checks) {
-    const found = {};
+    const errors = {};
     for (const [name, check] of Object.entries(checks)) {
-        found[name] = "";
+        errors[name] = "";
         try {
             const page = await check();
             assert.deepEqual(page?.problems ?? [], [], "the page's own errors");
             if (page) await picture(page, name);
         } catch (error) {
-            found[name] = error.stack;
+            errors[name] = error.stack;
         }
-        for (const one of browser.contexts()) await one.close();
+        for (const context of browser.contexts()) await context.close();
     }
     await browser.close();
-    console.log(JSON.stringify(found));
+    console.log(JSON.stringify(errors));
 }

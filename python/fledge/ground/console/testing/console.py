@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real browser at a real server: what the tests of the console's pages share."""
+"""A real browser at a real server, for the tests of the console's pages."""
 from __future__ import annotations
 
 import asyncio
@@ -30,25 +30,25 @@ def checks(script: Path) -> list[str]:
 
 @contextmanager
 def served(file: Path) -> Iterator[str]:
-    """A server of a file, with port = 0; its address."""
+    """Serve a control room's file, which has port = 0; yields the address."""
     room, over, loop = Room(read(file)), asyncio.Event(), asyncio.new_event_loop()
     addresses: list[str] = []
-    heard = threading.Event()
+    begun = threading.Event()       # or failed
 
-    def ready(one: str) -> None:
-        addresses.append(one)
-        heard.set()
+    def ready(address: str) -> None:
+        addresses.append(address)
+        begun.set()
 
     def run() -> None:
         try:
             loop.run_until_complete(web.serve(room, ready, over))
         finally:
-            heard.set()
+            begun.set()
 
     thread = threading.Thread(target=run)
     thread.start()
     try:
-        assert heard.wait(60) and addresses, "the server did not begin"
+        assert begun.wait(60) and addresses, "the server did not begin"
         yield addresses[0].rstrip("/")
     finally:
         loop.call_soon_threadsafe(over.set)
@@ -58,21 +58,21 @@ def served(file: Path) -> Iterator[str]:
 
 
 def run_script(script: Path, address: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a script of console.mjs in a browser. Raises SetupError without what it needs."""
+    """Run a script of console.mjs in a browser. Raises SetupError where Node, Chromium or playwright is missing."""
     bundle.build()
     modules, node, browser = bundle.folder() / "work/node_modules", shutil.which("node"), shutil.which("chromium")
     if not node or not browser or not (modules / "playwright-core").is_dir():
-        raise SetupError("there is no browser, or not what drives it")
+        raise SetupError("there is no Node, no Chromium or no playwright-core")
     return subprocess.run([node, str(script), address, str(folder), str(modules), browser], text=True,
                           env=without_preload(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
 def browse(script: Path, address: str, folder: Path) -> dict[str, str]:
-    """Run a script of checks (console.mjs) in a browser: check -> "" or what went wrong. Skips without a browser."""
+    """Run a script of checks (console.mjs) in a browser: check -> "" or its error. Skips without a browser."""
     try:
         done = run_script(script, address, folder)
     except SetupError as error:
         pytest.skip(str(error))
     assert done.returncode == 0, done.stderr
-    found: dict[str, str] = json.loads(done.stdout)
-    return found
+    errors: dict[str, str] = json.loads(done.stdout)
+    return errors

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of every page of the console, 400, 1,280 and 1,920 px wide, light and dark, for a person to look at, with a
-list of what is cut or wider than its window; of pages that commands wrote, likewise.
+"""Write pictures of every page of the console, 400, 1,280 and 1,920 px wide, light and dark, and list the parts that are
+cut or wider than the window; the same for pages that commands wrote.
 
     /usr/bin/python3 -m fledge.ground.console.testing.pictures DIR [--mission NAME]... [--page NAME]... [FILE.html]...
 """
@@ -27,7 +27,7 @@ def main(arguments: list[str]) -> None:
     chosen = parser.parse_intermixed_args(arguments)
     chosen.dir.mkdir(parents=True, exist_ok=True)
     missions = chosen.mission or ["cubesat"]
-    pages = [one for one in chosen.page or ["login", "all"] if one != "none"]
+    pages = [page for page in chosen.page or ["login", "all"] if page != "none"]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         crafts = "".join(f'[[craft]]\nname = "{mission}"\nmission = "{mission}"\nspeed = 20\n' for mission in missions)

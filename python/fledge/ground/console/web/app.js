@@ -6,7 +6,7 @@ import "./style.css";
 
 import {Alarms} from "./alarms.js";
 import {Api} from "./api.js";
-import {SHAPES, attempt, dress, h, put, sayWhole} from "./dom.js";
+import {SHAPES, attempt, dress, h, put, showWhole} from "./dom.js";
 import {Keys} from "./keys.js";
 import {Live} from "./live.js";
 import {login} from "./login.js";
@@ -17,18 +17,18 @@ import {Time} from "./time.js";
 
 const api = new Api(), live = new Live(api), keys = new Keys(), alarms = new Alarms(live);
 const time = new Time(live, keys, () => write(true));
-const place = {page: "overview", craft: "", sel: ""};    // what the link says, besides the time
+const place = {page: "overview", craft: "", sel: ""};    // the parts of the link, besides the time
 let close = () => {}, opening = 0;
 
 const main = h("main", {tabIndex: -1});
-const said = h("div", {class: "said", role: "status"});
+const toasts = h("div", {class: "toasts", role: "status"});
 const menu = h("nav", {"aria-label": "pages"});
 const chooser = h("select", {"aria-label": "spacecraft", onchange: () => go({craft: chooser.value, sel: ""})});
 const bell = h("a", {class: "alarms"}), link = h("span", {class: "link"});
 const skipped = h("span", {class: "skipped", title: "updates that the server left out, as this browser was slow"});
 const user = h("span", {class: "soft user"});
 
-/** Go to another page, craft or selection; what is not said stays. */
+/** Go to another page, craft or selection; the parts of the link that `change` lacks stay. */
 function go(change) {
     Object.assign(place, change);
     if (change.page && change.sel === undefined) place.sel = "";
@@ -55,7 +55,7 @@ function read() {
     return {t: /^-?\d+$/.test(t ?? "") ? BigInt(t) : null, session: Number(about.get("session") ?? -1)};
 }
 
-/** Show what the link says. */
+/** Show the page of the link. */
 async function show(at = {t: time.t, session: time.session}) {
     const number = ++opening;
     if (!live.craft(place.craft)) place.craft = live.crafts[0]?.name ?? "";
@@ -90,18 +90,18 @@ async function show(at = {t: time.t, session: time.session}) {
     const why = page.role && lacks(page.role);
     if (why) root.before(h("p", {class: "soft lacks", role: "note"}, why));
     const end = await attempt(root, () => page.open({
-        root, api, live, alarms, time, keys, go, say, craft: place.craft, selection: place.sel,
+        root, api, live, alarms, time, keys, go, notify, craft: place.craft, selection: place.sel,
         store: live.store(place.craft),
-        /** The selection of the page has changed: the link follows. */
+        /** Write the page's new selection into the link. */
         select: (sel) => { place.sel = sel; write(true); },
-        on: (kind, hear) => own(live.on(kind, hear)), onFrame: (draw) => own(live.onFrame(draw)),
-        onTime: (hear) => own(time.on(hear)), onTheme: (hear) => own(onTheme(hear)),
+        on: (kind, listener) => own(live.on(kind, listener)), onFrame: (draw) => own(live.onFrame(draw)),
+        onTime: (listener) => own(time.on(listener)), onTheme: (listener) => own(onTheme(listener)),
         want: (slots, hz, truth) => {
             const wish = live.want(place.craft, slots, hz, truth);
             own(() => wish.end());
             return wish;
         },
-        /** Call each so many ms while the page is open. */
+        /** Call `action` every `ms` milliseconds while the page is open. */
         every: (ms, action) => {
             const timer = setInterval(action, ms);
             own(() => clearInterval(timer));
@@ -109,14 +109,14 @@ async function show(at = {t: time.t, session: time.session}) {
         can: (role) => !lacks(role),
     }));
     const finish = () => {
-        for (const one of ends) one();
+        for (const end of ends) end();
         end?.();
     };
     if (number === opening) close = finish;
     else finish();
 }
 
-/** Why this person may not use a role for the spacecraft; "": he may. */
+/** Why this user may not use a role for the spacecraft; "" if he may. */
 function lacks(role) {
     const {user, roles, crafts} = api.session, {can} = live.craft(place.craft) ?? {};
     if (!roles.includes(role) || crafts && !crafts.includes(place.craft.split("@")[0]))
@@ -124,14 +124,14 @@ function lacks(role) {
     return role === "command" && can && !can.includes(role) ? `You look on: ${place.craft} takes no commands.` : "";
 }
 
-/** Say something below, for a while. */
-function say(text, bad = false) {
-    const one = h("p", {class: bad ? "problem" : "good"}, text);
-    said.append(one);
-    setTimeout(() => one.remove(), bad ? 12000 : 5000);
+/** Show a message below the page for some seconds. */
+function notify(text, bad = false) {
+    const note = h("p", {class: bad ? "problem" : "good"}, text);
+    toasts.append(note);
+    setTimeout(() => note.remove(), bad ? 12000 : 5000);
 }
 
-/** What the top says. */
+/** Draw the top: spacecraft, connection, alarms and user. */
 function frame() {
     const names = live.crafts.map((craft) => craft.name);
     if (chooser.names !== names.join("\n")) {
@@ -177,8 +177,8 @@ async function begin() {
             h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
             h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
             api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
-        menu, main, time.element, said, new Questions(live).element);
-    document.addEventListener("pointerover", sayWhole);
+        menu, main, time.element, toasts, new Questions(live).element);
+    document.addEventListener("pointerover", showWhole);
     for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);
     live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
     live.on("again", () => show());
@@ -195,5 +195,5 @@ async function leave() {
     location.reload();
 }
 
-window.controlRoom = {live, time};     // for those who look at it from the browser's tools, and for tests
+window.controlRoom = {live, time};     // for the browser's tools, and for tests
 begin().catch((error) => document.body.append(h("p", {class: "problem", role: "alert"}, error.message)));

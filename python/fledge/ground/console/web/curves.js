@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of curves.
+// Charts of curves.
 import uPlot from "uplot";
 import {CONCERNS, SHAPES, visible} from "./dom.js";
 import {bare, span} from "./format.js";
 import {isStale, real} from "./store.js";
 
-const MARK = 6;     // [px] of what was beyond limits
+const MARK = 6;     // [px] the mark of a value beyond limits
 
-// Told apart by everybody, on dark and on light.
-const COLOURS = {
+const COLOURS = {   // which colour-blind users can distinguish, too
     dark: ["#56b4e9", "#e69f00", "#33c79a", "#f0e442", "#e08ab8", "#ff7a45", "#c9d1d9"],
     light: ["#0062a3", "#b86b00", "#007a5a", "#8a7a00", "#a8457d", "#c03f00", "#3c4650"],
 };
 
-/** Curves in one picture.
+/** Curves in one chart.
  *
  *  words(t): a time in s as text;  now(): the time that is shown, in s;  mark(): the time of the line, in s, or null
- *  gaps(): [[from, to], ...] in s;  zoom(from, to), seek(t), whole(): what the person has done
+ *  gaps(): [[from, to], ...] in s;  zoom(from, to), seek(t), whole(): called after a drag, a click, a double click
  */
 export function chart({holder, curves, slots, theme, words, tick, now, mark, gaps, zoom, seek, whole, height}) {
     const css = getComputedStyle(holder), ink = css.getPropertyValue("--soft"), line = css.getPropertyValue("--line");
@@ -25,26 +24,26 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
     const labels = slots[0]?.labels ?? [];
     const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
         slot?.labels?.[y] ?? `${real(y)} ${bare(slot?.unit)}`.trim());
-    /** Numbers of an axis, with as many digits as tell them apart. */
+    /** Numbers of an axis, with as many digits as distinguish them. */
     const numbers = (all, step) => {
         const size = Math.max(...all.map(Math.abs)), digits = Math.max(1, Math.ceil(Math.log10(size / step)) + 1);
         return all.map((y) => (labels.length ? labels[y] ?? "" : y && (size >= 1e6 || size < 1e-3) ?
             y.toExponential(Math.min(digits - 1, 12)) : String(+y.toPrecision(Math.min(digits + 1, 15)))));
     };
     const state = (text, level) => (level ? `${text} ${SHAPES[level]} ${CONCERNS[level]}` : text);
-    /** What a curve was at the time that is shown, with its age if that is stale. */
-    const newest = (one, slot) => {
-        let k = one.t.length - 1;
-        while (k > 0 && (one.t[k] > now() || one.value[k] === null)) k--;
-        const age = now() - one.t[k];
-        return k < 0 ? "\u2013" : state(shown(slot, one.value[k]), one.worst[k]) +
+    /** A curve's value at the time that is shown, with its age if it is stale. */
+    const newest = (curve, slot) => {
+        let k = curve.t.length - 1;
+        while (k > 0 && (curve.t[k] > now() || curve.value[k] === null)) k--;
+        const age = now() - curve.t[k];
+        return k < 0 ? "\u2013" : state(shown(slot, curve.value[k]), curve.worst[k]) +
             (isStale(slot, age) ? `, ${span(age)} old` : "");
     };
-    /** Mark what was beyond limits, over all values of its step of time. */
-    const beyond = (u, one) => one.worst.forEach((level, k) => {
-        const x = level && one.value[k] !== null && u.valToPos(one.t[k], "x", true);
+    /** Mark the steps of time in which values were beyond limits. */
+    const beyond = (u, curve) => curve.worst.forEach((level, k) => {
+        const x = level && curve.value[k] !== null && u.valToPos(curve.t[k], "x", true);
         if (!level || !(x >= u.bbox.left && x <= u.bbox.left + u.bbox.width)) return;
-        const [high, low] = [one.high[k], one.low[k]].map((y) => u.valToPos(y, "y", true));
+        const [high, low] = [curve.high[k], curve.low[k]].map((y) => u.valToPos(y, "y", true));
         u.ctx.fillStyle = css.getPropertyValue(`--${CONCERNS[level]}`);
         u.ctx.fillRect(x - MARK / 2, high - MARK / 2, MARK, low - high + MARK);
     });
@@ -52,7 +51,7 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
     const {base, labels: names} = named(curves.map((curve) => curve.name));
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
-    const made = new uPlot({
+    return new uPlot({
         title: visible(base),
         width: Math.max(200, holder.clientWidth),
         height,
@@ -66,13 +65,13 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
         ],
         series: [
             {label: "t", value: (_, t) => (t === null || t === undefined ? "" : words(t))},
-            ...curves.flatMap((one, k) => [{
+            ...curves.flatMap((curve, k) => [{
                 label: visible(names[k]),
                 stroke: colour(k),
                 width: 1.5,
                 paths: steps(k),
-                value: (u, y, _, i) => (u.cursor.left < 0 ? newest(one, slots[k]) :
-                    state(shown(slots[k], y), one.worst[one.t.lastIndexOf(u.data[0][i])]))
+                value: (u, y, _, i) => (u.cursor.left < 0 ? newest(curve, slots[k]) :
+                    state(shown(slots[k], y), curve.worst[curve.t.lastIndexOf(u.data[0][i])]))
             },
                                   {...edge, label: "low", show: true}, {...edge, label: "high", show: true}])
         ],
@@ -121,10 +120,9 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
         },
     },
         data(curves), holder);
-    return made;
 }
 
-/** Of the names of curves in one picture: what all begin with, and what tells each apart. */
+/** The common beginning of the names of curves in one chart, and the rest of each. */
 export function named(names) {
     const parts = names.map((name) => name.split(/(?=[.[])/)), [first] = parts;
     const most = Math.min(...parts.map((part) => part.length - 1));

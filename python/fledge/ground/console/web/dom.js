@@ -1,70 +1,70 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elements of the page. What comes from a spacecraft or a person becomes text, never markup.
+// Elements of the page. Texts of a spacecraft or a user become text, never markup.
 
-const SAID = new Set(["title", "aria-label", "placeholder", "alt", "label"]);   // attributes that are shown or read out
+const SHOWN = new Set(["title", "aria-label", "placeholder", "alt", "label"]);   // attributes that a user reads
 
-/** h("td", {class: "value"}, "text", element, ...): attributes, properties, on... handlers, and what is inside. */
+/** h("td", {class: "value"}, "text", element, ...): attributes, properties, on... handlers, and children. */
 export function h(tag, about = {}, ...inside) {
     const node = document.createElement(tag);
     for (const [key, value] of Object.entries(about)) {
         if (value === undefined || value === null || value === false) continue;
         if (key === "class") node.className = value;
         else if (key.startsWith("on")) node.addEventListener(key.slice(2).toLowerCase(), value);
-        else if (key in node && !key.startsWith("aria")) node[key] = SAID.has(key) ? visible(value) : value;
-        else node.setAttribute(key, value === true ? "" : SAID.has(key) ? visible(value) : value);
+        else if (key in node && !key.startsWith("aria")) node[key] = SHOWN.has(key) ? visible(value) : value;
+        else node.setAttribute(key, value === true ? "" : SHOWN.has(key) ? visible(value) : value);
     }
-    node.append(...inside.flat().filter((one) => one !== null && one !== undefined && one !== false)
-        .map((one) => (one instanceof Node ? one : visible(one))));
+    node.append(...inside.flat().filter((part) => part !== null && part !== undefined && part !== false)
+        .map((part) => (part instanceof Node ? part : visible(part))));
     return node;
 }
 
-// Control characters, those that are not seen or turn the order of what is, and halves of pairs, as of errors.py.
+// Control characters, invisible ones, those that change the direction of text, and lone surrogates; as in errors.py.
 const HIDDEN = new RegExp("[\\0-\\t\\v-\\x1f\\x7f-\\x9f\\xad\\u061c\\u180e\\u200b-\\u200f\\u2028-\\u202e" +
     "\\u2060-\\u206f\\ufeff\\ufff9-\\ufffb\\ud800-\\udfff\\u{e0000}-\\u{e007f}]", "gu");
 
-/** A text with its control characters to be seen: an escape becomes <1B>. */
+/** A text whose control characters are visible: an escape becomes <1B>. */
 export function visible(text) {
     return String(text ?? "").replace(
-        HIDDEN, (one) => `\u27e8${one.codePointAt(0).toString(16).toUpperCase().padStart(2, "0")}\u27e9`);
+        HIDDEN, (character) => `\u27e8${character.codePointAt(0).toString(16).toUpperCase().padStart(2, "0")}\u27e9`);
 }
 
-/** Set a node's text, if it has another one. */
+/** Set a node's text, if it differs. */
 export function put(node, text) {
-    if (node.said === text) return;
-    node.said = text;
+    if (node.shown === text) return;
+    node.shown = text;
     node.textContent = visible(text);
 }
 
-/** Say a text in full where a pointer rests on a node that may cut it. */
+/** Set the text that is shown where a pointer rests on a node that may cut its own text. */
 export function hint(node, text) {
     if (node.hint === text) return;
     node.hint = text;
     node.title = visible(text);
 }
 
-/** Show a time of day, with its date where there is room. */
+/** Show a time of day; with its date, where there is room. */
 export function stamp(node, text) {
-    if (node.said === text) return;
-    node.said = text;
+    if (node.shown === text) return;
+    node.shown = text;
     const day = text.match(/^\d{4}-\d\d-\d\d /)?.[0] ?? "";
     node.replaceChildren(h("span", {class: "date"}, day), text.slice(day.length));
     hint(node, text);
 }
 
-/** Say in full, where a pointer rests, what the page has no room for. */
-export function sayWhole({target}) {
+/** Give a node whose text is cut the whole text as its title, when a pointer rests on it. */
+export function showWhole({target}) {
     if (!(target instanceof HTMLElement) || target.title && !target.whole) return;
     const cut = target.scrollWidth > target.clientWidth && getComputedStyle(target).overflowX !== "visible";
     if (cut || target.whole) target.title = cut ? target.textContent : "";
     target.whole = cut;
 }
 
-/** Give a node a class name, if it has another one. */
+/** Set a node's class name, if it differs. */
 export function dress(node, name) {
     if (node.className !== name) node.className = name;
 }
 
-/** Run what may fail, and say beside an element what went wrong. Returns what it gave, or undefined. */
+/** Run an action, and show its error in the element `place`. Returns its result; undefined after an error. */
 export async function attempt(place, action) {
     place.querySelector(":scope > .problem")?.remove();
     try {
@@ -76,16 +76,16 @@ export async function attempt(place, action) {
     }
 }
 
-/** Whether a craft has what a page is for; else the page says that it has none. */
-export function has(live, craft, root, what, none) {
-    const there = live.craft(craft)?.can?.includes(what);
+/** Whether a craft has the feature of a page; else the page says that it has none. */
+export function has(live, craft, root, feature, none) {
+    const there = live.craft(craft)?.can?.includes(feature);
     if (!there) root.append(h("section", {class: "panel"}, h("p", {class: "none soft"}, `${craft} has ${none}.`)));
     return there;
 }
 
-/** Ask in a dialog. fields: elements with a name; resolves to {name: value}, or null if the person thought better. */
-export function ask(title, text, fields, word, dangerous = false) {
-    return new Promise((answer) => {
+/** Open a dialog. fields: [[label, element with a name]]; resolves to {name: value}, or null if the user cancelled. */
+export function prompt(title, text, fields, word, dangerous = false) {
+    return new Promise((resolve) => {
         const form = h("form", {method: "dialog"}, h("h2", {}, title), text && h("p", {}, text),
             fields.map(([label, field]) => h("label", {class: "field"}, h("span", {}, label), field)),
             h("div", {class: "row end"},
@@ -93,7 +93,7 @@ export function ask(title, text, fields, word, dangerous = false) {
                 h("button", {class: dangerous ? "danger" : "primary", value: "yes"}, word)));
         const dialog = h("dialog", {"aria-label": title, onclose: () => {
             const good = dialog.returnValue === "yes";
-            answer(good ? Object.fromEntries(fields.map(([, field]) => [field.name, field.value])) : null);
+            resolve(good ? Object.fromEntries(fields.map(([, field]) => [field.name, field.value])) : null);
             dialog.remove();
         }}, form);
         document.body.append(dialog);
@@ -101,10 +101,10 @@ export function ask(title, text, fields, word, dangerous = false) {
     });
 }
 
-/** An element that shows how bad something is: by shape, word and colour. */
 export const CONCERNS = ["nominal", "watch", "warning", "distress", "critical", "severe"];
 export const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
 
+/** Show a level of concern in a node: by shape, word and colour. */
 export function concern(level, node = h("span")) {
     dress(node, `concern c${level}`);
     put(node, level ? `${SHAPES[level]} ${CONCERNS[level]}` : "");

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times, spans and counts as texts.
+// Times, spans and counts as text.
 
 const pad = (n, width = 2) => String(n).padStart(width, "0");
 
-/** ns as a text: utc: "2026-11-23 01:30:55.123"; else time since the begin: "1:02:03.5". */
+/** ns as text. utc: "2026-11-23 01:30:55.123"; else the time since the start: "1:02:03.5". */
 export function clock(ns, utc, digits = 3) {
     if (ns === null || ns === undefined) return "\u2013";
     const t = BigInt(ns);
@@ -20,13 +20,13 @@ export function clock(ns, utc, digits = 3) {
 }
 
 /**
- * A text of a person as ns: "2026-11-23 01:30:55", "01:30:55" of today, or "1:02:03.5" since the begin; null if none.
+ * Parse a time into ns: "2026-11-23 01:30:55", "01:30:55" of today, or "1:02:03.5" since the start; null if it is none.
  */
 export function ticks(text, utc) {
-    const found =
+    const match =
         text.trim().match(/^(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+) d )?(\d+):(\d\d)(?::(\d\d)(?:\.(\d{1,9}))?)?$/);
-    if (!found) return null;
-    const [, day, days, hours, minutes, seconds = "0", part = ""] = found;
+    if (!match) return null;
+    const [, day, days, hours, minutes, seconds = "0", part = ""] = match;
     const rest =
         (BigInt(days ?? 0) * 86400n + BigInt(hours) * 3600n + BigInt(minutes) * 60n + BigInt(seconds)) * 1000000000n +
         BigInt(part.padEnd(9, "0"));
@@ -35,7 +35,7 @@ export function ticks(text, utc) {
     return Number.isNaN(midnight) ? null : BigInt(midnight) * 1000000n + rest;
 }
 
-/** How long something is ago, in s: "0.2 s", "3 min", "2.5 h". */
+/** A span of seconds as text: "0.2 s", "3 min", "2.5 h". */
 export function span(seconds) {
     const size = Math.abs(seconds), sign = seconds < 0 ? "\u2212" : "";
     if (size < 100) return `${sign}${size.toFixed(size < 10 ? 1 : 0)} s`;
@@ -46,10 +46,10 @@ export function span(seconds) {
 /** 1234567 -> "1 234 567", with narrow spaces */
 export const count = (n) => String(n ?? 0).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");
 
-/** A unit as it is shown: none where a number has none. */
+/** A unit as text; "" for a number without unit. */
 export const bare = (unit) => (unit === "-" ? "" : unit ?? "");
 
-/** A number for a look, not for a calculation: two digits behind the point, or three that matter. */
+/** A number for display: with two decimals, or three significant digits. */
 export function digits(value) {
     if (!Number.isFinite(value)) return "\u2013";
     const size = Math.abs(value);

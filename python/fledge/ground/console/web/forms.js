@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Forms of commands: fields by the database's arguments, what is wrong with a value, the bytes, and sending.
+// Forms of commands: a field for each argument of the database, checks of values, the encoded bytes, and sending.
 import "./operate.css";
 import {of} from "./api.js";
-import {ask, h, put} from "./dom.js";
+import {h, prompt, put} from "./dom.js";
 
 const bracket = ({low, high, low_open, high_open}) => {
     if (low != null && high != null && !low_open && !high_open) return `${low} \u2026 ${high}`;
@@ -12,7 +12,7 @@ const bracket = ({low, high, low_open, high_open}) => {
         .join(", ");
 };
 
-/** What may be given, in words: "real, 0 … 5 N m". */
+/** The allowed values of an argument as text: "real, 0 … 5 N m". */
 export function allowed({type, unit, low, high, low_open, high_open, size, labels}) {
     const range = bracket({low, high, low_open, high_open});
     const room = (type === "text" || type === "binary") && size ? `at most ${size} bytes` : "";
@@ -21,7 +21,7 @@ export function allowed({type, unit, low, high, low_open, high_open, size, label
         (unit && unit !== "-" ? ` ${range ? "" : "in "}${unit}` : "");
 }
 
-/** A text of a field as what the server takes: {value}, or {problem}; neither: empty, and there is an initial value. */
+/** Check the text of a field: {value} for the server, or {problem}; {} where it is empty and has an initial value. */
 export function checked(argument, text) {
     const {type, low, high, low_open, high_open, initial, labels, size} = argument;
     const given = text.trim();
@@ -65,18 +65,18 @@ export function checked(argument, text) {
     return {value: number};
 }
 
-/** What an argument has now, as the text of its field. */
+/** A value as the text of its field. */
 export const textOf = (value) => (value == null ? "" :
         typeof value === "object"               ? JSON.stringify(value) :
                                                   String(value));
 
-/** The fields of a command. changed(): a person has changed one. */
+/** The fields of a command. changed(): called after each change by the user. */
 export class Form {
     constructor(form, values = {}, changed = () => {}) {
         this.form = form;
         this.fields = new Map();
         this.element = h("div", {class: "form"},
-            form.arguments.length ? form.arguments.map((one) => this.field(one, values, changed)) :
+            form.arguments.length ? form.arguments.map((argument) => this.field(argument, values, changed)) :
                                     h("p", {class: "soft"}, "This command has no arguments."));
     }
 
@@ -108,18 +108,18 @@ export class Form {
         return h("div", {class: "argument"}, h("label", {htmlFor: id}, name),
             h("div", {class: "entry"}, input,
                 argument.unit && argument.unit !== "-" && h("span", {class: "unit"}, argument.unit)),
-            h("span", {class: "what soft", id: `${id}-about`}, allowed({...argument, unit: ""}),
+            h("span", {class: "rule soft", id: `${id}-about`}, allowed({...argument, unit: ""}),
                 description && ` \u2013 ${description}`),
             problem);
     }
 
     check(name) {
-        const {argument, input} = this.fields.get(name), found = checked(argument, input.value);
-        this.refuse(name, found.problem ?? "");
-        return found;
+        const {argument, input} = this.fields.get(name), result = checked(argument, input.value);
+        this.refuse(name, result.problem ?? "");
+        return result;
     }
 
-    /** Say beside an argument what is wrong with it; "" takes it back. */
+    /** Show the problem of an argument beside its field; "" removes it. */
     refuse(name, text) {
         const {input, problem} = this.fields.get(name);
         put(problem, text);
@@ -127,7 +127,7 @@ export class Form {
         if (text) input.setAttribute("aria-invalid", "true");
     }
 
-    /** Take a refusal of the server: beside its argument, or false if it is of none. focus: go there. */
+    /** Show the server's error beside its argument; false if it names none of them. focus: move the focus there. */
     refused(error, focus = false) {
         const name = error.body?.argument;
         if (!this.fields.has(name)) return false;
@@ -136,21 +136,21 @@ export class Form {
         return true;
     }
 
-    /** {name: value}; null if something is wrong, which then stands beside its field, and the first one is focused. */
+    /** {name: value}, or null if a value is wrong; if loud, each problem is shown, and the first such field focused. */
     values(loud = true) {
-        const made = {};
+        const values = {};
         let first = null;
         for (const [name, {argument, input}] of this.fields) {
             const {value, problem} = loud ? this.check(name) : checked(argument, input.value);
             if (problem) first ??= input;
-            if (value !== undefined) made[name] = value;
+            if (value !== undefined) values[name] = value;
         }
         if (first && loud) first.focus();
-        return first ? null : made;
+        return first ? null : values;
     }
 }
 
-/** The bytes of a command with its fields: rows of 16, those of a field marked while it is pointed at. */
+/** The bytes of a command in lines of 16, with its fields; the bytes of the field under the pointer are marked. */
 export function bytesOf({hex, fields = []}) {
     const pairs = hex.replace(/\s/g, "").match(/../g) ?? [];
     const cells = pairs.map((pair) => h("span", {class: "byte"}, pair));
@@ -166,29 +166,26 @@ export function bytesOf({hex, fields = []}) {
     for (let k = 0; k < cells.length; k += 16)
         lines.push(h("div", {class: "line"}, h("span", {class: "offset soft"}, k.toString(16).padStart(4, "0")),
             cells.slice(k, k + 16)));
-    const row = (one) => {
-        const raw =
-            one.raw == null || [textOf(one.value), ""].includes(String(one.raw)) || String(one.raw).length > 10 ?
-            "" :
-            String(one.raw);
-        const place = one.bit == null   ? "" :
-            one.bits % 8 || one.bit % 8 ? `bit ${one.bit}, ${one.bits}` :
-                                          `byte ${one.bit / 8}, ${one.bits / 8}`;
+    const row = (field) => {
+        const text = String(field.raw ?? ""), raw = text === textOf(field.value) || text.length > 10 ? "" : text;
+        const place = field.bit == null   ? "" :
+            field.bits % 8 || field.bit % 8 ? `bit ${field.bit}, ${field.bits}` :
+                                          `byte ${field.bit / 8}, ${field.bits / 8}`;
         return h("tr", {
-            class: one.argument === false ? "soft" : "",
-            tabIndex: one.bit == null ? undefined : 0,
-            onmouseenter: () => mark(one, true),
-            onmouseleave: () => mark(one, false),
-            onfocus: () => mark(one, true),
-            onblur: () => mark(one, false)
+            class: field.argument === false ? "soft" : "",
+            tabIndex: field.bit == null ? undefined : 0,
+            onmouseenter: () => mark(field, true),
+            onmouseleave: () => mark(field, false),
+            onfocus: () => mark(field, true),
+            onblur: () => mark(field, false)
         },
-            h("td", {}, one.name),
-            h("td", {class: "number"}, textOf(one.value), one.unit && one.unit !== "-" && ` ${one.unit}`),
+            h("td", {}, field.name),
+            h("td", {class: "number"}, textOf(field.value), field.unit && field.unit !== "-" && ` ${field.unit}`),
             h("td", {class: "number"}, raw), h("td", {class: "soft"}, place));
     };
     const table = (all) => all.length > 0 &&
         h("table", {class: "plain"},
-            h("thead", {}, h("tr", {}, ["field", "value", "raw", "where"].map((one) => h("th", {}, one)))),
+            h("thead", {}, h("tr", {}, ["field", "value", "raw", "where"].map((title) => h("th", {}, title)))),
             h("tbody", {}, all.map(row)));
     const fixed = fields.filter(({argument}) => argument === false);
     return h("div", {class: "bytes"},
@@ -198,8 +195,8 @@ export function bytesOf({hex, fields = []}) {
             h("details", {}, h("summary", {}, `${fixed.length} fields that the database gives`), table(fixed)));
 }
 
-/** Post a command to a route, to send or store it; one that is hazardous is asked for once more. The answer, or null if
- *  the person thought better. */
+/** Post a command to a route that sends or stores it; a hazardous one after the user has confirmed it. Returns the
+ *  answer, or null if the user did not confirm. */
 export async function post(api, craft, route, body, name = body.name) {
     const path = of(craft, ...[route].flat());
     try {
@@ -208,7 +205,7 @@ export async function post(api, craft, route, body, name = body.name) {
         const why = error.status === 409 && error.body?.hazardous;
         if (!why) throw error;
         const sure =
-            await ask(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
+            await prompt(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
         return sure ? await api.post(path, {...body, confirmed: true}) : null;
     }
 }
@@ -217,13 +214,13 @@ export async function post(api, craft, route, body, name = body.name) {
 export const send = async (api, craft, name, values) =>
     (await post(api, craft, "send", {name, arguments: values}))?.id ?? null;
 
-const OF_DATABASES = ["transferred", "sent", "received", "queued"];  // that few of them have
+const RARE = ["transferred", "sent", "received", "queued"];  // stages that few databases have
 export const STAGES = [
     "released", "transferred", "sent", "received", "delivered", "accepted", "queued", "started", "progress", "completed"
 ];
 
 /** The stages that commands with these forms may have. */
-export const stagesOf = (forms) => STAGES.filter((stage) => !OF_DATABASES.includes(stage) ||
+export const stagesOf = (forms) => STAGES.filter((stage) => !RARE.includes(stage) ||
     forms.some((form) => form.verifiers.some((verifier) => verifier.stage === stage)));
 
 /** A verifier of a form in words. */
@@ -237,31 +234,33 @@ const TICKS = {
     null: "\u2026"
 };
 
-/** How far a sent command is: {stage: {good, text, t_ns}}, "failed" and "unknown" under "completed" too. */
+/** The stages that a sent command has reached: {stage: {good, text, t_ns}}; "failed" and "unknown" also stand under
+ *  "completed". */
 export function ladder(row) {
-    const found = {};
-    for (const one of row.stages) found[one.stage] = one;
-    if (found.failed) found.completed = found.failed;
-    found.completed ??= found.unknown;
-    return found;
+    const stages = {};
+    for (const stage of row.stages) stages[stage.stage] = stage;
+    if (stages.failed) stages.completed = stages.failed;
+    stages.completed ??= stages.unknown;
+    return stages;
 }
 
 /** The tick of a stage: its sign and class. */
 export function tick(row, stage) {
-    const one = ladder(row)[stage];
-    if (!one) return ["\u00b7", "tick not"];
-    if (one.stage === "unknown") return ["?", "tick open"];
-    if (stage === "progress" && one.good !== false)
-        return [one.percent != null ? `${one.percent} %` : one.text || "\u2713", "tick good"];
-    return [TICKS[one.good] ?? "\u2713", `tick ${one.good === false ? "bad" : one.good === null ? "open" : "good"}`];
+    const reached = ladder(row)[stage];
+    if (!reached) return ["\u00b7", "tick not"];
+    if (reached.stage === "unknown") return ["?", "tick open"];
+    if (stage === "progress" && reached.good !== false)
+        return [reached.percent != null ? `${reached.percent} %` : reached.text || "\u2713", "tick good"];
+    const name = {false: "bad", null: "open"}[reached.good] ?? "good";
+    return [TICKS[reached.good] ?? "\u2713", `tick ${name}`];
 }
 
 /** "open", "good" or "bad", and why. until: the stage that must be reached. */
 export function outcome(row, until = "completed") {
-    const failed = row.stages.find((one) => one.good === false);
+    const failed = row.stages.find((stage) => stage.good === false);
     if (failed) return {state: "bad", text: failed.text || failed.stage};
-    const far = Math.max(-1, ...row.stages.map((one) => STAGES.indexOf(one.stage)));
-    const done = far >= STAGES.indexOf(until), unknown = row.stages.find((one) => one.stage === "unknown");
+    const far = Math.max(-1, ...row.stages.map((stage) => STAGES.indexOf(stage.stage)));
+    const done = far >= STAGES.indexOf(until), unknown = row.stages.find((stage) => stage.stage === "unknown");
     if (unknown && !done) return {state: "bad", text: unknown.text};
     return {state: done ? "good" : "open", text: row.stages.at(-1)?.stage ?? ""};
 }
@@ -279,7 +278,7 @@ export function listed(forms, search) {
     const words = search.toLowerCase().split(/\s+/).filter(Boolean), groups = new Map();
     for (const form of forms) {
         const text = `${form.name} ${form.description}`.toLowerCase();
-        if (!words.every((one) => text.includes(one))) continue;
+        if (!words.every((word) => text.includes(word))) continue;
         const group = groupOf(form);
         groups.set(group, [...(groups.get(group) ?? []), form]);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every page and action has a key. "g" and a letter opens a page; "?" shows them all.
+// Every page and action has a key. "g" and a letter open a page; "?" shows all keys.
 import {h} from "./dom.js";
 
 const TYPED = "input:not([type=range]):not([type=checkbox]):not([type=radio]), textarea, select, [contenteditable]";
@@ -11,10 +11,10 @@ export class Keys {
         this.always("?", "show the keys", () => this.help());
     }
 
-    /** A key that every page has. */
+    /** Add a key of all pages. */
     always(key, text, action) { this.all.set(key, {text, action}); }
 
-    /** A key of the open page: it goes when the page goes. */
+    /** Add a key of the open page, until it is closed. */
     add(key, text, action) { this.page.set(key, {text, action}); }
 
     press(event) {
@@ -26,20 +26,20 @@ export class Keys {
         if (document.querySelector("dialog[open]")) return;
         if (performance.now() < this.prefix) {
             this.prefix = 0;
-            const found = this.pages.get(event.key);
-            if (!found) return;
+            const page = this.pages.get(event.key);
+            if (!page) return;
             event.preventDefault();
-            found.action();
+            page.action();
             return;
         }
         if (event.key === "g") {
             this.prefix = performance.now() + 1500;
             return;
         }
-        const found = this.page.get(event.key) ?? this.all.get(event.key);
-        if (!found) return;
+        const bound = this.page.get(event.key) ?? this.all.get(event.key);
+        if (!bound) return;
         event.preventDefault();
-        found.action();
+        bound.action();
     }
 
     help() {

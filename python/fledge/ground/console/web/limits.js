@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Limits as text, and the dialog in which an administrator changes them.
+// Limits as text, and the dialog that changes them.
 import {of} from "./api.js";
 import {CONCERNS, h, put} from "./dom.js";
 import {real} from "./store.js";
@@ -10,7 +10,7 @@ const bound = (value, open) => (value === null || value === undefined ? open : r
 export const limitsText = (limits) => CONCERNS.filter((level) => limits?.[level]).map((level) =>
     `${level}: ${bound(limits[level][0], "open")} to ${bound(limits[level][1], "open")}`).join("; ");
 
-/** Ask for other limits of a slot. Resolves to whether they were changed. */
+/** Open the dialog of a slot's limits. Resolves to whether they were changed. */
 export function editLimits({api, craft}, slot) {
     return new Promise((done) => {
         const rows = CONCERNS.slice(1).map((level) => ({
@@ -48,7 +48,7 @@ export function editLimits({api, craft}, slot) {
                     const ends =
                         fields.map((field) => (field.value.trim() ? Number(field.value.replace("\u2212", "-")) : null));
                     if (ends.some(Number.isNaN))
-                        return fail(`${level}: "${fields.map((one) => one.value).join(" to ")}" is no number`);
+                        return fail(`${level}: "${fields.map((field) => field.value).join(" to ")}" is no number`);
                     if (ends[0] !== null || ends[1] !== null)
                         limits[level] = ends;
                 }
@@ -60,7 +60,7 @@ export function editLimits({api, craft}, slot) {
                 `A value outside of low to high${
                     slot.unit ? `, in ${slot.unit},` : ""} has that state. Empty: no bound.`),
             h("table", {},
-                h("thead", {}, h("tr", {}, ["State", "Low", "High"].map((one) => h("th", {scope: "col"}, one)))),
+                h("thead", {}, h("tr", {}, ["State", "Low", "High"].map((title) => h("th", {scope: "col"}, title)))),
                 h("tbody", {},
                     rows.map(({level, fields}) =>
                                  h("tr", {}, h("th", {scope: "row", class: `c${CONCERNS.indexOf(level)}`}, level),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A long list of the server, newest first: it is read in parts, follows what is new, or shows what was known at a time.
+// A long list of the server, newest first, which is read in parts. It follows new entries, or shows those up to a time.
 import {attempt, h} from "./dom.js";
 import {Table} from "./table.js";
 
@@ -7,8 +7,8 @@ const PART = 200;
 
 /** A table over such a list.
  *
- *  path: of the list;  query(): what it is asked for;  fits(entry): what the person has filtered
- *  table: as for Table, with fill(cells, entry, element), and choose and moved with the entry
+ *  path: of the list;  query(): parameters of the request;  fits(entry): whether the user's filter shows it
+ *  table: as for Table, but fill(cells, entry, element), choose(entry) and moved(entry)
  */
 export class List {
     constructor(context, {path, query = () => ({}), fits = () => true, table}) {
@@ -27,37 +27,37 @@ export class List {
         });
     }
 
-    ask(more) {
+    request(more) {
         const {api, time} = this.context;
         return attempt(this.problem, () => api.get(this.path, {
             limit: PART, before_ns: time.isLive ? null : time.at, ...this.query(), ...more}));
     }
 
-    /** Read anew. */
+    /** Read the newest part. */
     async load() {
         const turn = this.turn = {};
-        const found = await this.ask({});
-        if (this.turn !== turn || !found) return;
-        Object.assign(this, {entries: found, whole: !found.length});
+        const newest = await this.request({});
+        if (this.turn !== turn || !newest) return;
+        Object.assign(this, {entries: newest, whole: !newest.length});
         this.filter();
     }
 
     async older() {
         if (this.whole || this.loading || !this.entries.length) return;
         const {turn} = this;
-        this.loading = this.ask({before: this.entries.at(-1).id});
-        const found = await this.loading;
+        this.loading = this.request({before: this.entries.at(-1).id});
+        const entries = await this.loading;
         this.loading = null;
-        if (this.turn !== turn || !found) {
-            this.whole = true;      // the server has said why
+        if (this.turn !== turn || !entries) {
+            this.whole = true;      // the problem is shown
             return;
         }
-        this.whole = !found.length;
-        this.entries.push(...found);
+        this.whole = !entries.length;
+        this.entries.push(...entries);
         this.filter();
     }
 
-    /** New entries have come, newest first. What is looked at stays where it is. */
+    /** Add new entries, newest first. The entries in view stay where they are. */
     add(entries) {
         if (!this.context.time.isLive) return;
         const known = new Set(this.entries.slice(0, 2 * PART).map(({id}) => id));

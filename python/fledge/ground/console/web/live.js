@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The connection that lives: values of what is visible, and what happens. It comes back by itself.
+// The live connection: values of the visible slots, and messages. It reconnects by itself.
 import {of} from "./api.js";
 import {Store, craftOf} from "./store.js";
 
-const COUNTED = 2000;       // ms between two looks at the counts of packets and links
+const COUNTED = 2000;       // [ms] between two requests for the counts of packets and links
 
 export class Live {
     constructor(api) {
@@ -12,7 +12,7 @@ export class Live {
             crafts: [],
             stores: new Map(),
             wishes: new Set(),
-            hearers: new Map(),
+            listeners: new Map(),
             frames: new Set(),
             skipped: 0,
             state: "lost",
@@ -30,21 +30,21 @@ export class Live {
         setInterval(() => document.hidden || this.state !== "connected" || this.count().catch(() => {}), COUNTED);
     }
 
-    /** Ask again which craft there are. */
+    /** Load the list of spacecraft. */
     async load() {
         this.crafts = await this.api.get("/api/crafts");
         this.emit("crafts", {});
     }
 
-    /** Ask for the counts of all craft. */
+    /** Load the counts of all spacecraft. */
     async count() {
         this.crafts = await this.api.get("/api/crafts");
         this.draw();
     }
 
-    craft(name) { return this.crafts.find((one) => one.name === name); }
+    craft(name) { return this.crafts.find((craft) => craft.name === name); }
 
-    /** The store of a craft's values; its slots are known when the promise is kept. */
+    /** The store of a craft's values, after its slots have arrived. */
     async slots(name) {
         const store = this.store(name);
         store.ready ??= this.api.get(of(name, "slots")).then((slots) => store.learn(slots));
@@ -62,8 +62,8 @@ export class Live {
         return this.stores.get(name);
     }
 
-    /** Have values: slots: a list of numbers, or "all"; truth: and the motion of the 3-D view. Returns a wish with
-        change(slots) and end(). */
+    /** Subscribe to values. slots: their numbers, or "all"; truth: also the motion for the 3-D view. Returns a wish
+        with change(slots) and end(). */
     want(craft, slots, hz = 10, truth = false) {
         const wish = {craft, slots, hz, truth,
                       change: (other) => { wish.slots = other; this.changed(); },
@@ -73,35 +73,36 @@ export class Live {
         return wish;
     }
 
-    /** Hear of a kind of message ("event", "alarm", "sent", ...; "state" of the connection). Returns what ends it. */
-    on(kind, hear) {
-        if (!this.hearers.has(kind)) this.hearers.set(kind, new Set());
-        this.hearers.get(kind).add(hear);
-        return () => this.hearers.get(kind).delete(hear);
+    /** Add a listener of a kind of message ("event", "alarm", "sent", ...; "state" of the connection). Returns a
+        function that removes it. */
+    on(kind, listener) {
+        if (!this.listeners.has(kind)) this.listeners.set(kind, new Set());
+        this.listeners.get(kind).add(listener);
+        return () => this.listeners.get(kind).delete(listener);
     }
 
-    /**
-     * Ask for a list of a craft whose rows have an id. A message of the same kind that arrives before the answer may be
-     * newer than the answer, so it replaces its row.
-     */
+    /** Request a list of a craft whose rows have an id. A message that arrives before the answer may be newer than the
+        answer, so it replaces its row. */
     async rows(craft, list, kind) {
-        const said = new Map(), end = this.on(kind, (one) => one.craft === craft && said.set(one.id, one));
+        const messages = new Map();
+        const end = this.on(kind, (message) => message.craft === craft && messages.set(message.id, message));
         try {
-            const found = await this.api.get(of(craft, list));
-            return [...found.filter(({id}) => !said.has(id)), ...said.values()];
+            const rows = await this.api.get(of(craft, list));
+            return [...rows.filter(({id}) => !messages.has(id)), ...messages.values()];
         } finally {
             end();
         }
     }
 
-    /** Be called once in each picture of the browser in which values have changed. Returns what ends it. */
+    /** Call a function before each repaint of the browser after which values have changed. Returns a function that
+        removes it. */
     onFrame(draw) {
         this.frames.add(draw);
         return () => this.frames.delete(draw);
     }
 
     emit(kind, message) {
-        for (const hear of [...(this.hearers.get(kind) ?? [])]) hear(message);
+        for (const listener of [...(this.listeners.get(kind) ?? [])]) listener(message);
     }
 
     connect() {
@@ -114,7 +115,7 @@ export class Live {
             if (this.once) this.again().catch(() => {});
             this.once = true;
         };
-        socket.onmessage = ({data}) => (typeof data === "string" ? this.hear(JSON.parse(data)) : this.take(data));
+        socket.onmessage = ({data}) => (typeof data === "string" ? this.handle(JSON.parse(data)) : this.receive(data));
         socket.onclose = () => {
             this.socket = null;
             this.set("lost");
@@ -124,7 +125,7 @@ export class Live {
         };
     }
 
-    /** Ask what happened meanwhile; the server may be another one, with another session. */
+    /** Load the state anew after a lost connection; the server may have restarted, with another session. */
     async again() {
         if (!(await this.api.begin()).user) return this.api.refused();
         await this.load();
@@ -136,15 +137,15 @@ export class Live {
         this.emit("state", {state});
     }
 
-    take(buffer) {
-        const index = craftOf(buffer), craft = this.crafts.find((one) => one.index === index);
+    receive(buffer) {
+        const index = craftOf(buffer), craft = this.crafts.find((craft) => craft.index === index);
         if (!craft) return;
-        this.store(craft.name).take(buffer);
+        this.store(craft.name).update(buffer);
         this.received++;
         this.draw();
     }
 
-    /** Draw what has changed, in the browser's next picture. */
+    /** Draw what has changed, at the browser's next repaint. */
     draw() {
         if (this.drawing) return;
         this.drawing = requestAnimationFrame(() => {
@@ -153,7 +154,7 @@ export class Live {
         });
     }
 
-    hear(message) {
+    handle(message) {
         if (message.kind === "skipped") this.skipped = message.count;
         if (message.kind === "crafts") this.load().catch(() => {});
         if (message.kind === "slots" && this.stores.get(message.craft)?.ready) {
@@ -162,14 +163,14 @@ export class Live {
                 .then((slots) => { store.learn(slots); this.emit("learned", message); });
         }
         if (message.kind === "craft") {
-            const at = this.crafts.findIndex((one) => one.name === message.craft);
+            const at = this.crafts.findIndex((craft) => craft.name === message.craft);
             if (at >= 0) this.crafts[at] = {...this.crafts[at], ...message};
         }
         this.emit(message.kind, message);
         this.draw();
     }
 
-    /** The wishes have changed: tell the server what is visible, once for all changes of this moment. */
+    /** The wishes have changed: send the server one subscription for all changes of this moment. */
     changed() {
         if (this.pending) return;
         this.pending = setTimeout(() => {
@@ -182,12 +183,12 @@ export class Live {
         if (this.socket?.readyState !== WebSocket.OPEN) return;
         const wanted = new Map();
         for (const {craft, slots, hz, truth} of document.hidden ? [] : this.wishes) {
-            const had = wanted.get(craft) ?? {slots: new Set(), hz: 0, truth: false};
-            had.hz = Math.max(had.hz, hz);
-            had.truth ||= truth;
-            if (slots === "all" || had.slots === "all") had.slots = "all";
-            else for (const slot of slots) had.slots.add(slot);
-            wanted.set(craft, had);
+            const merged = wanted.get(craft) ?? {slots: new Set(), hz: 0, truth: false};
+            merged.hz = Math.max(merged.hz, hz);
+            merged.truth ||= truth;
+            if (slots === "all" || merged.slots === "all") merged.slots = "all";
+            else for (const slot of slots) merged.slots.add(slot);
+            wanted.set(craft, merged);
         }
         for (const craft of this.sent.keys())
             if (!wanted.has(craft)) {

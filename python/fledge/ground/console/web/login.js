@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who are you? Shown where the server has users.
+// The form that a user logs in with, where the server has users.
 import {attempt, h} from "./dom.js";
 
-/** Resolves when somebody has logged in. */
+/** Resolves when a user has logged in. */
 export function login(api) {
     return new Promise((done) => {
         const name = h("input", {name: "user", autocomplete: "username", required: true, autofocus: true});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pages of the console, in the order of the menu. A page is a module with
 //     title, key        its name, and the letter after "g" that opens it
-//     role              that it asks for, if it is not for all who look
+//     role              that it needs, if it is not for all users
 //     open(context)     fills context.root; returns a function that closes it, or a promise of one
 import * as alarms from "./pages/alarms.js";
 import * as archive from "./pages/archive.js";

@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// What scripts ask the operators: shown over each page until somebody answers.
+// Questions of scripts, shown over each page until an operator answers.
 import {of} from "./api.js";
 import {attempt, h} from "./dom.js";
 
 export class Questions {
     constructor(live) {
         Object.assign(this, {live, element: h("div", {class: "questions", role: "alert"}), open: new Map()});
-        live.on("question", (one) => this.merge(one));
+        live.on("question", (question) => this.merge(question));
         live.on("crafts", () => this.load(live.crafts));
     }
 
     async load(crafts) {
-        const found = await Promise.all(
+        const lists = await Promise.all(
             crafts.map(({name}) => this.live.rows(name, "questions", "question").catch(() => [])));
-        for (const one of found.flat()) this.merge(one);
+        for (const question of lists.flat()) this.merge(question);
     }
 
-    merge(one) {
-        this.open.get(one.id)?.remove();
-        this.open.delete(one.id);
-        if (one.answer !== null) return;
+    merge(question) {
+        this.open.get(question.id)?.remove();
+        this.open.delete(question.id);
+        if (question.answer !== null) return;
         const {api} = this.live;
         const reply = (answer) => () => attempt(
-            node, () => api.post(of(one.craft, "questions", one.id), {answer}).then((row) => this.merge(row)));
-        const node = h("div", {class: "question"}, h("p", {}, h("strong", {}, one.craft),
-            ` \u00b7 a script of ${one.user} asks`), h("p", {class: "asked"}, one.text),
+            node, async () => this.merge(await api.post(of(question.craft, "questions", question.id), {answer})));
+        const node = h("div", {class: "question"}, h("p", {}, h("strong", {}, question.craft),
+            ` \u00b7 a script of ${question.user} asks`), h("p", {class: "text"}, question.text),
             h("div", {}, h("button", {onclick: reply(true)}, "Yes, go on"), " ",
                 h("button", {onclick: reply(false)}, "No, stop it")));
-        this.open.set(one.id, node);
+        this.open.set(question.id, node);
         this.element.append(node);
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The radio of a spacecraft: who sees it, what is locked and lost, and the next passes, as far as the server knows.
+// The radio of a spacecraft, as far as the server knows: stations in contact, locks, losses, and the next passes.
 import {of} from "./api.js";
 import {dress, h, put} from "./dom.js";
 import {clock, count, span} from "./format.js";
@@ -21,14 +21,14 @@ export function bitRate(rate) {
     return `${+(rate / by).toPrecision(3)} ${unit}bit/s`;
 }
 
-/** What COP-1 does, and the flags of the last CLCW; "" if nothing is known. */
+/** The state of COP-1 and the flags of the last CLCW; "" if neither is known. */
 export function cop1Text({state = "", ended = "", ...flags} = {}) {
     const set = Object.keys(FLAGS).filter((name) => flags[name]).map((name) => FLAGS[name]);
     return [state, state === "initial" && ended && `ended: ${ended}`,
         "no_rf" in flags && `CLCW: ${set.join(", ") || "no flags"}`].filter(Boolean).join(" \u00b7 ");
 }
 
-/** What is known of a direction of a radio: of each row its text. */
+/** The rows about a direction of a radio: the title and the text of each. */
 const WAY = {
     receiver: ({state, lock}) => state && `${lock ? "\u25cf" : "\u25cb"} ${state}`,
     "Eb/N0": ({eb_n0_dB}) => eb_n0_dB !== undefined && `${minus(eb_n0_dB.toFixed(1))} dB`,
@@ -59,7 +59,7 @@ export class Radio {
         this.drawn = null;
     }
 
-    say(name, good, text) {
+    fact(name, good, text) {
         if (!this.rows.has(name)) {
             const value = h("dd");
             this.facts.append(h("dt", {}, name), value);
@@ -70,39 +70,39 @@ export class Radio {
         put(row, text);
     }
 
-    /** Show what the server says of the spacecraft. Returns the rate of its packets as a text, or "". */
+    /** Show the server's data of the spacecraft. Returns the rate of its packets as text, or "". */
     show(craft) {
         const {stations = [], radios = [], link = {}} = craft, now = Number(craft.t_ns) / 1e9;
-        for (const one of stations) {
+        for (const station of stations) {
             const next = this.passes.find(({station, rise_ns}) =>
-                station === one.name && rise_ns && Number(rise_ns) / 1e9 > now);
-            this.say(one.name, one.seen, one.seen ? "\u25cf contact" :
+                station === station.name && rise_ns && Number(rise_ns) / 1e9 > now);
+            this.fact(station.name, station.seen, station.seen ? "\u25cf contact" :
                 `\u25cb no contact${next ? `, rises in ${span(Number(next.rise_ns) / 1e9 - now)}` : ""}`);
-            const from = stations.length > 1 ? `${one.name}, from` : "Seen from it";
-            this.say(from, false, `${degrees(one.elevation)} high, ${
-                count(Math.round(one.range / 1e3))} km, ${lightTime(one.light_time)} away`);
+            const from = stations.length > 1 ? `${station.name}, from` : "Seen from it";
+            this.fact(from, false, `${degrees(station.elevation)} high, ${
+                count(Math.round(station.range / 1e3))} km, ${lightTime(station.light_time)} away`);
         }
-        for (const one of radios) this.radio(one);
+        for (const radio of radios) this.radio(radio);
         const cop1 = cop1Text(link.cop1);
-        if (cop1) this.say(link.cop1.state ? "COP-1" : "CLCW", link.cop1.state === "active", cop1);
+        if (cop1) this.fact(link.cop1.state ? "COP-1" : "CLCW", link.cop1.state === "active", cop1);
         this.part.hidden = !this.rows.size && !this.ways.size;
         this.draw(craft, now);
         return this.rate(craft, now);
     }
 
     /** Both directions of a radio, side by side. */
-    radio(one) {
-        if (!this.ways.has(one.name)) {
+    radio({name, carries, down, up}) {
+        if (!this.ways.has(name)) {
             const cells = Object.keys(WAY).map(() => [h("td", {class: "num"}), h("td", {class: "num"})]);
-            this.ways.set(one.name, cells);
+            this.ways.set(name, cells);
             this.links.append(h("table", {class: "plain"},
-                h("caption", {class: "soft"}, one.name, !one.carries && ": packets of this server do not pass by it"),
+                h("caption", {class: "soft"}, name, !carries && ": packets of this server do not pass by it"),
                 h("thead", {}, h("tr", {}, h("td"), ["down", "up"].map((way) => h("th", {class: "num"}, way)))),
                 h("tbody", {},
-                    Object.keys(WAY).map((name, k) => h("tr", {}, h("th", {scope: "row"}, name), cells[k])))));
+                    Object.keys(WAY).map((row, k) => h("tr", {}, h("th", {scope: "row"}, row), cells[k])))));
         }
-        Object.values(WAY).forEach((text, k) => [one.down, one.up].forEach((way, i) => {
-            const cell = this.ways.get(one.name)[k][i];
+        Object.values(WAY).forEach((text, k) => [down, up].forEach((way, i) => {
+            const cell = this.ways.get(name)[k][i];
             put(cell, text(way) || "unknown");
             if (!k) dress(cell, way.lock ? "num good" : "num");
         }));
@@ -113,16 +113,16 @@ export class Radio {
             !set_ns || Number(set_ns) / 1e9 > now), inView = ({rise_ns}) => !rise_ns || Number(rise_ns) / 1e9 <= now,
               about = `${shown.length} ${shown[0]?.highest_ns} ${shown.filter(inView).length}`;
         if (this.drawn === about) return;
-        if (this.drawn && shown.length < this.passes.length) this.load();    // one has set
+        if (this.drawn && shown.length < this.passes.length) this.load();    // a pass is over
         this.drawn = about;
         this.table.hidden = !shown.length;
         const several = new Set(shown.map(({station}) => station)).size > 1;
         put(this.title, several ? "Next passes" : `Next passes over ${shown[0]?.station}`);
         this.head.replaceChildren(...[several && "station", "rise", "highest", "at", "set"].filter(Boolean).map(
-            (one) => h("th", {class: one === "station" ? "" : "num"}, one)));
-        this.body.replaceChildren(...shown.map((one) => h("tr", {}, several && h("td", {}, one.station),
-            [inView(one) ? "in view" : clock(one.rise_ns, utc, 0), degrees(one.elevation),
-                clock(one.highest_ns, utc, 0), one.set_ns ? clock(one.set_ns, utc, 0) : "later"].map(
+            (column) => h("th", {class: column === "station" ? "" : "num"}, column)));
+        this.body.replaceChildren(...shown.map((pass) => h("tr", {}, several && h("td", {}, pass.station),
+            [inView(pass) ? "in view" : clock(pass.rise_ns, utc, 0), degrees(pass.elevation),
+                clock(pass.highest_ns, utc, 0), pass.set_ns ? clock(pass.set_ns, utc, 0) : "later"].map(
                 (text) => h("td", {class: "num"}, text)))));
     }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stacks of commands: an ordered list that is run step by step, or until a verifier fails. A run goes on while other
-// pages are open; it ends with the browser's page.
+// Stacks of commands: an ordered list that runs step by step, or until a verifier fails. A run goes on while the user
+// opens other pages of the console; it ends when the browser closes the console.
 import {STAGES, outcome, send} from "./forms.js";
 
 const KIND = "fledge-stack";
@@ -12,7 +12,7 @@ export function stackOf(craft) {
     return stacks.get(craft);
 }
 
-/** The steps of a saved stack. Throws with what is wrong in it. */
+/** The steps of a saved stack. Throws an error that names the wrong step. */
 export function read(text) {
     let whole;
     try {
@@ -20,8 +20,8 @@ export function read(text) {
     } catch (error) { throw new Error(`A stack is a file of JSON: ${error.message}`); }
     if (whole?.kind !== KIND || !Array.isArray(whole.steps))
         throw new Error(`A stack has "kind": "${KIND}" and a list "steps"; this file has not`);
-    return whole.steps.map((one, k) => {
-        const {command, arguments: values = {}, until = "completed", wait = 0, note = ""} = one ?? {};
+    return whole.steps.map((step, k) => {
+        const {command, arguments: values = {}, until = "completed", wait = 0, note = ""} = step ?? {};
         if (typeof command !== "string" || !command) throw new Error(`Step ${k + 1} has no "command"`);
         if (typeof values !== "object" || values === null || Array.isArray(values))
             throw new Error(`Step ${k + 1}: "arguments" is {name: value}; found ${JSON.stringify(values)}`);
@@ -44,19 +44,19 @@ export const written = (craft, steps) => `${
 
 export class Stack {
     constructor(craft) {
-        Object.assign(this, {craft, steps: [], at: 0, running: false, problem: "", hearers: new Set(), over: null});
+        Object.assign(this, {craft, steps: [], at: 0, running: false, problem: "", listeners: new Set(), over: null});
         try {
             this.steps = read(localStorage.getItem(this.place) ?? written(craft, []));
-        } catch { /* what an older console has kept */
+        } catch { /* an older console wrote it in another form */
         }
     }
 
     get place() { return `fledge.stack.${this.craft}`; }
 
-    /** Hear of changes. Returns what ends it. */
-    on(hear) {
-        this.hearers.add(hear);
-        return () => this.hearers.delete(hear);
+    /** Add a listener of changes. Returns a function that removes it. */
+    on(listener) {
+        this.listeners.add(listener);
+        return () => this.listeners.delete(listener);
     }
 
     changed() {
@@ -64,7 +64,7 @@ export class Stack {
             localStorage.setItem(this.place, written(this.craft, this.steps));
         } catch { /* it holds until the page is closed */
         }
-        for (const hear of [...this.hearers]) hear();
+        for (const listener of [...this.listeners]) listener();
     }
 
     add({command, arguments: values, until = "completed", wait = 0, note = ""}, at = this.steps.length) {
@@ -94,7 +94,7 @@ export class Stack {
     /** Begin again at a step. */
     rewind(at = 0) {
         Object.assign(this, {at, problem: ""});
-        for (const one of this.steps.slice(at)) delete one.sent;
+        for (const step of this.steps.slice(at)) delete step.sent;
         this.changed();
     }
 
@@ -131,12 +131,12 @@ export class Stack {
         }
     }
 
-    /** Send a step and wait for its verifier: the row of the sent command, null if it was not confirmed. */
+    /** Send a step and wait for its verifier. Resolves to the row of the sent command; null if it was not confirmed. */
     verified(api, live, step, signal) {
         return new Promise((good, bad) => {
             let id = null;
             const early = new Map();
-            const take = (row) => {
+            const update = (row) => {
                 if (row.craft !== undefined && row.craft !== this.craft) return;
                 if (id === null)
                     early.set(row.id, row);
@@ -147,19 +147,19 @@ export class Stack {
                 }
             };
             const again = async () => {
-                for (const row of await live.rows(this.craft, "sent", "sent")) take(row);
+                for (const row of await live.rows(this.craft, "sent", "sent")) update(row);
             };
-            const off = [live.on("sent", take), live.on("again", () => again().catch(() => {}))];
-            const done = (how, what) => {
+            const off = [live.on("sent", update), live.on("again", () => again().catch(() => {}))];
+            const done = (settle, value) => {
                 off.forEach((end) => end());
-                how(what);
+                settle(value);
             };
             signal.addEventListener("abort", () => done(bad, new Error("stopped")));
-            send(api, this.craft, step.command, step.arguments).then((found) => {
-                if (found === null) return done(good, null);
-                id = found;
+            send(api, this.craft, step.command, step.arguments).then((sent) => {
+                if (sent === null) return done(good, null);
+                id = sent;
                 if (early.has(id))
-                    take(early.get(id));
+                    update(early.get(id));
                 else
                     again().catch(() => {});
                 return undefined;
@@ -167,7 +167,7 @@ export class Stack {
         });
     }
 
-    /** Let the craft's clock go on by some seconds. */
+    /** Wait until the craft's clock has advanced by some seconds. */
     wait(live, seconds, signal) {
         const now = () => {
             const craft = live.craft(this.craft);
@@ -182,7 +182,7 @@ export class Stack {
                     good();
                 }
                 this.waiting = `waits ${Math.max(0, left).toFixed(0)} s`;
-                for (const hear of [...this.hearers]) hear();
+                for (const listener of [...this.listeners]) listener();
             }, 100);
             signal.addEventListener("abort", () => {
                 clearInterval(timer);

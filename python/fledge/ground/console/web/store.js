@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The newest value of each slot of one craft, as the server's frames bring them. The 64 bits of a word are kept as they
-// are: a word becomes a number or a text when it is shown.
+// The newest value of each slot of a craft, from the server's frames. A value stays a word of 64 bits until it is shown
+// as a number or text.
 import {clock} from "./format.js";
 
 const MAGIC = 0x31444c46, HEAD = 8, ROW = 6;     // in words of 32 bits
@@ -21,9 +21,9 @@ export class Store {
 
     grow(n) {
         const keep = (Kind, old, size) => {
-            const made = new Kind(size);
-            if (old) made.set(old);
-            return made;
+            const grown = new Kind(size);
+            if (old) grown.set(old);
+            return grown;
         };
         this.time = keep(Uint32Array, this.time, 2 * n);
         this.word = keep(Uint32Array, this.word, 2 * n);
@@ -33,31 +33,31 @@ export class Store {
         this.size = n;
     }
 
-    /** Learn of slots, as GET slots gives them. */
+    /** Add slots, as GET slots lists them. */
     learn(slots) {
-        for (const one of slots) {
-            this.slots[one.slot] = one;
-            this.byName.set(one.name, one.slot);
-            if (one.path) this.byName.set(one.path, one.slot);
+        for (const slot of slots) {
+            this.slots[slot.slot] = slot;
+            this.byName.set(slot.name, slot.slot);
+            if (slot.path) this.byName.set(slot.path, slot.slot);
         }
         if (this.slots.length > this.size) this.grow(2 * this.slots.length);
     }
 
-    /** Take a frame. Throws if it is none. */
-    take(buffer) {
+    /** Read the values of a frame. Throws if it is none. */
+    update(buffer) {
         const words = new Uint32Array(buffer, 0, buffer.byteLength >> 2);
         if (words[0] !== MAGIC) throw new Error("This is no frame of values");
         this.t = new BigInt64Array(buffer, 16, 1)[0];
         this.frames++;
         const n = words[6], {time, word, concern, status, seen, slots} = this, texts = 4 * (HEAD + ROW * n);
         for (let k = 0, p = HEAD; k < n; k++, p += ROW) {
-            const slot = words[p], about = words[p + 1];
+            const slot = words[p], state = words[p + 1];
             if (slot >= this.size) {
                 this.grow(2 * (slot + 1));
-                return this.take(buffer);
+                return this.update(buffer);
             }
-            concern[slot] = about & 255;
-            status[slot] = (about >> 8) & 255;
+            concern[slot] = state & 255;
+            status[slot] = (state >> 8) & 255;
             seen[slot] = 1;
             time[2 * slot] = words[p + 2];
             time[2 * slot + 1] = words[p + 3];
@@ -70,7 +70,7 @@ export class Store {
         return undefined;
     }
 
-    /** When a slot's value was on board, in ns. */
+    /** The time of a slot's value on board, in ns. */
     at(slot) { return join(this.time, slot, "getBigInt64"); }
 
     /** A slot's value as a number; an integer beyond 2^53 is rounded; a text gives NaN. */
@@ -88,7 +88,7 @@ export class Store {
         }
     }
 
-    /** A slot's value as a text, exact; "" if there is none yet. */
+    /** A slot's value as exact text; "" if there is none yet. */
     text(slot) {
         if (!this.seen[slot]) return "";
         const about = this.slots[slot] ?? {kind: "natural"};
@@ -103,25 +103,25 @@ export class Store {
                 return `${join(this.word, slot, "getBigUint64") & 0x7fffffffffffffffn} (no name)`;
             return about.labels?.[this.word[2 * slot]] ?? String(this.word[2 * slot]);
         case "text": return utf8.decode(this.texts.get(slot));
-        default: return Array.from(this.texts.get(slot) ?? [], (one) => one.toString(16).padStart(2, "0")).join(" ");
+        default: return Array.from(this.texts.get(slot) ?? [], (byte) => byte.toString(16).padStart(2, "0")).join(" ");
         }
     }
 }
 
 const MOST = 7;     // curves of a plot
 
-/** A parameter's name with those of the other components of its vector, as far as a plot can have them. */
+/** The names of all components of a parameter's vector; its own alone if these are too many for a plot. */
 export function together(store, name) {
     const base = name.replace(/\[\d+\]$/, "");
-    const found = base === name ? [] : store.slots.filter((one) => one && one.name.startsWith(`${base}[`) &&
-        /^\[\d+\]$/.test(one.name.slice(base.length))).map((one) => one.name);
-    return found.length && found.length <= MOST ? found : [name];
+    const components = base === name ? [] : store.slots.filter((slot) => slot && slot.name.startsWith(`${base}[`) &&
+        /^\[\d+\]$/.test(slot.name.slice(base.length))).map((slot) => slot.name);
+    return components.length && components.length <= MOST ? components : [name];
 }
 
-/** [s] How old what is of a time is at another one, both in ns. */
+/** [s] The age of a value of time t; both times in ns. */
 export const ageOf = (t, now) => Math.max(0, Number(now - t) / 1e9);
 
-/** Whether a slot's value, so old [s], is stale: what writes it has not for long. The server says how long. */
+/** Whether a slot's value of this age [s] is stale: older than the limit that the server has for the slot. */
 export const isStale = (slot, age) => (slot?.stale ?? Infinity) < age;
 
 function join(from, slot, how) {
@@ -130,7 +130,7 @@ function join(from, slot, how) {
     return bits[how](0, true);
 }
 
-/** A double in few digits: 7 that matter. */
+/** A double with seven significant digits. */
 export function real(value) {
     if (!Number.isFinite(value))
         return Number.isNaN(value) ? "not a number" : value > 0 ? "+infinite" : "\u2212infinite";
@@ -139,7 +139,7 @@ export function real(value) {
     return text.replaceAll("-", "\u2212");
 }
 
-/** A value of the archive, of valuesAt, as a slot's value is shown. */
+/** A value of the archive (valuesAt) as text, in the form of Store.text. */
 export function valueText(slot, {value, text}) {
     if (value === null || value === undefined) return "\u2013";
     switch (slot.kind) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A table that does not jump: rows of one height, only those in view are elements, and each keeps its place.
+// A table for long lists: rows of equal height, of which only those in view are elements; each stays where it is.
 import {h} from "./dom.js";
 
 const HEIGHT = 26, SPARE = 4, GAP = 11, SIZES = {rem: 16, em: 13};      // [px]
 
-/** The least width of columns [px]: of each the first number of its width, and what is between them. */
+/** The least width of columns [px]: the first number of each one's width, and the gaps between them. */
 const least = (columns) => columns.reduce((sum, {width}) => {
     const [, number = 0, unit = "em"] = /([\d.]+)(r?em)/.exec(width) ?? [];
     return sum + number * SIZES[unit] + GAP;
@@ -16,9 +16,8 @@ const classOf = (column) => `td ${column.class ?? ""}${column.narrow === "" ? " 
 
 /** A table.
  *
- *  columns: [{title, width (of CSS's grid), class, narrow}]; narrow: its width where there is no room for all of them;
- *      "": it is left out then
- *  fill(cells, row, element): show row number `row` in these cells; only what has changed is to be written (put, dress)
+ *  columns: [{title, width (of CSS's grid), class, narrow}]; narrow: the width in a narrow table; "": hidden there
+ *  fill(cells, row, element): show row number `row` in these cells; use put and dress, which write only changes
  *  choose(row, event): a row was chosen by Enter or a click;  moved(row): the cursor stands on another row
  *  viewed(first, last): other rows are in view
  */
@@ -52,7 +51,7 @@ export class Table {
         this.watch.observe(this.scroll);
     }
 
-    /** There are so many rows now. */
+    /** Set the number of rows. */
     set(count) {
         this.count = count;
         this.none.hidden = count > 0;
@@ -62,7 +61,7 @@ export class Table {
         this.draw();
     }
 
-    /** Rows before those in view came to be: what is looked at stays where it is. */
+    /** Rows were added before those in view: these stay where they are. */
     shift(rows) {
         if (this.scroll.scrollTop > 0) this.scroll.scrollTop += rows * this.height;
         if (this.at >= 0) this.at += rows;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light or dark: what the system says, or what the person has chosen here.
-const KEY = "fledge.theme", system = matchMedia("(prefers-color-scheme: dark)"), hearers = new Set();
+// Light or dark: the system's setting, or the user's choice.
+const KEY = "fledge.theme", system = matchMedia("(prefers-color-scheme: dark)"), listeners = new Set();
 
 const chosen = () => {
     try {
@@ -12,9 +12,9 @@ const chosen = () => {
 
 export const theme = () => chosen() ?? (system.matches ? "dark" : "light");
 
-function apply() {
-    document.documentElement.dataset.theme = theme();
-    for (const hear of [...hearers]) hear(theme());
+function apply(name = theme()) {
+    document.documentElement.dataset.theme = name;
+    for (const listener of [...listeners]) listener(name);
 }
 
 export function turn() {
@@ -22,15 +22,14 @@ export function turn() {
     try {
         localStorage.setItem(KEY, other);
     } catch { /* it holds until the page is closed */ }
-    document.documentElement.dataset.theme = other;
-    for (const hear of [...hearers]) hear(other);
+    apply(other);
 }
 
-/** Hear of another theme. Returns what ends it. */
-export function onTheme(hear) {
-    hearers.add(hear);
-    return () => hearers.delete(hear);
+/** Add a listener of changes of the theme. Returns a function that removes it. */
+export function onTheme(listener) {
+    listeners.add(listener);
+    return () => listeners.delete(listener);
 }
 
-system.addEventListener("change", apply);
+system.addEventListener("change", () => apply());
 apply();

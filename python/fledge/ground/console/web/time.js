@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one time axis of all pages: live, or at a time that has been; and the bar by which it is moved.
+// The time that all pages show, live or past; and the bar that moves it.
 import {of} from "./api.js";
 import {h, put} from "./dom.js";
 import {clock, ticks} from "./format.js";
@@ -7,9 +7,9 @@ import {clock, ticks} from "./format.js";
 const STEPS = 2000;     // of the slider
 
 export class Time {
-    /** changed(): the time was moved, so that the link has to follow. */
+    /** changed(): called when the time was moved, so that the link follows. */
     constructor(live, keys, changed) {
-        Object.assign(this, {live, craft: "", t: null, session: -1, sessions: [], hearers: new Set(), moved: changed});
+        Object.assign(this, {live, changed, craft: "", t: null, session: -1, sessions: [], listeners: new Set()});
         this.slider = h("input", {
             type: "range",
             min: 0,
@@ -40,8 +40,9 @@ export class Time {
         keys.always(".", "10 s on in time", () => this.step(10));
         keys.always("<", "1 min back in time", () => this.step(-60));
         keys.always(">", "1 min on in time", () => this.step(60));
-        live.on("craft", (one) => one.craft === this.craft && this.show());
-        live.on("event", (one) => one.craft === this.craft && one.source === "link" && this.load());   // gaps
+        live.on("craft", (message) => message.craft === this.craft && this.show());
+        live.on("event", (message) =>       // gaps
+            message.craft === this.craft && message.source === "link" && this.load());
         live.onFrame(() => this.show());
     }
 
@@ -50,12 +51,12 @@ export class Time {
 
     /** The craft's newest time, in ns, or null. */
     get newest() {
-        const said = this.live.craft(this.craft)?.t_ns, store = this.live.store(this.craft).t;
-        const known = said === null || said === undefined ? null : BigInt(said);
+        const reported = this.live.craft(this.craft)?.t_ns, store = this.live.store(this.craft).t;
+        const known = reported === null || reported === undefined ? null : BigInt(reported);
         return store !== null && (known === null || store > known) ? store : known;
     }
 
-    /** The time to show, in ns: the newest if live. */
+    /** The time that is shown, in ns: the newest if live. */
     get at() { return this.t ?? this.newest ?? 0n; }
 
     text(ns, digits) { return clock(ns, this.utc, digits); }
@@ -66,20 +67,20 @@ export class Time {
         await this.load();
     }
 
-    /** Ask again what the archive has. */
+    /** Load the sessions of the archive. */
     async load() {
         const {craft} = this;
-        const found = craft ? await this.live.api.get(of(craft, "sessions")).catch(() => []) : [];
-        if (craft === this.craft) this.sessions = found;
+        const sessions = craft ? await this.live.api.get(of(craft, "sessions")).catch(() => []) : [];
+        if (craft === this.craft) this.sessions = sessions;
         this.show();
     }
 
     /** First and last time of the session, in ns. */
     extent() {
-        const one = this.sessions.find(({session}) => session === this.session) ?? this.sessions.at(-1);
-        const newest = this.newest ?? 0n, current = one === this.sessions.at(-1);
-        const first = one ? BigInt(one.first_ns) : newest, last = one ? BigInt(one.last_ns) : newest;
-        return [first, current && newest > last ? newest : last];
+        const newest = this.newest ?? 0n, latest = this.sessions.at(-1);
+        const entry = this.sessions.find(({session}) => session === this.session) ?? latest;
+        const first = BigInt(entry?.first_ns ?? newest), last = BigInt(entry?.last_ns ?? newest);
+        return [first, entry === latest && newest > last ? newest : last];
     }
 
     step(seconds) { this.seek(this.at + BigInt(seconds) * 1000000000n); }
@@ -90,25 +91,25 @@ export class Time {
         const [first, last] = this.extent();
         if (session === -1 && t >= last) return this.now();
         this.t = t < first ? first : t > last ? last : t;
-        return this.tell();
+        return this.notify();
     }
 
     now() {
         if (this.isLive) return;
         Object.assign(this, {t: null, session: -1});
-        this.tell();
+        this.notify();
     }
 
-    tell() {
+    notify() {
         this.show();
-        this.moved();
-        for (const hear of [...this.hearers]) hear();
+        this.changed();
+        for (const listener of [...this.listeners]) listener();
     }
 
-    /** Hear of a time that was chosen. Returns what ends it. */
-    on(hear) {
-        this.hearers.add(hear);
-        return () => this.hearers.delete(hear);
+    /** Add a listener of the chosen time. Returns a function that removes it. */
+    on(listener) {
+        this.listeners.add(listener);
+        return () => this.listeners.delete(listener);
     }
 
     show() {

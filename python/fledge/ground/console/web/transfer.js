@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files to the person's disk, and sizes in words.
+// Downloads, and sizes as text.
 import {h} from "./dom.js";
 
 /** Offer bytes as a download. */

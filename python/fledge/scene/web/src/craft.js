@@ -8,7 +8,7 @@ import {OBJLoader} from "three/addons/loaders/OBJLoader.js";
 import {level} from "./data.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
-const STALE = "#8a949e";  // of what has not been written for long
+const STALE = "#8a949e";  // of a stale estimate or reference
 export const COLOURS = {
     sensor: "#4fb3ff",
     "keep-out": "#ff5a4d",
@@ -18,19 +18,19 @@ export const COLOURS = {
 };
 
 function picture(size, paint) {
-    const made = document.createElement("canvas");
-    made.width = made.height = size;
-    paint(made.getContext("2d"), size);
-    const found = new THREE.CanvasTexture(made);
-    found.colorSpace = THREE.SRGBColorSpace;
-    found.wrapS = found.wrapT = THREE.RepeatWrapping;
-    found.anisotropy = 4;
-    return found;
+    const canvas = document.createElement("canvas");
+    canvas.width = canvas.height = size;
+    paint(canvas.getContext("2d"), size);
+    const texture = new THREE.CanvasTexture(canvas);
+    texture.colorSpace = THREE.SRGBColorSpace;
+    texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
+    texture.anisotropy = 4;
+    return texture;
 }
 
 let pictures;
 
-function looks() {
+function textures() {
     pictures ??= {
         foil: picture(
             256,
@@ -87,7 +87,7 @@ function looks() {
 
 function box(part, size) {
     const edge = Math.min(...size), geometry = new RoundedBoxGeometry(...size, 2, 0.025 * edge);
-    const foil = looks().foil.clone();
+    const foil = textures().foil.clone();
     const material = new THREE.MeshStandardMaterial({
         map: part.color ? null : foil,
         color: part.color || 0xffffff,
@@ -102,12 +102,12 @@ function box(part, size) {
         new THREE.LineBasicMaterial({color: 0x2b2418, transparent: true, opacity: 0.55}));
     hub.add(lines);
     const plate = new THREE.MeshStandardMaterial({color: 0xd9dee3, metalness: 0.2, roughness: 0.6, transparent: true});
-    for (const side of [1, -1]) {  // the two ends, so that one sees how it turns
+    for (const side of [1, -1]) {  // two ends, which show how the body turns
         const end = new THREE.Mesh(new THREE.BoxGeometry(0.86 * size[0], 0.86 * size[1], 0.02 * edge), plate);
         end.position.z = side * (size[2] / 2 + 0.004 * edge);
         hub.add(end);
     }
-    hub.see = (through) => {
+    hub.showInside = (through) => {
         material.opacity = plate.opacity = through ? 0.16 : 1;
         material.depthWrite = plate.depthWrite = !through;
         lines.material.color.set(through ? 0x9fb4c8 : 0x2b2418);
@@ -116,7 +116,7 @@ function box(part, size) {
 }
 
 function panel(part, extent) {
-    const [width, height] = part.size, thick = 0.02 * Math.min(width, height), cells = looks().cells.clone();
+    const [width, height] = part.size, thick = 0.02 * Math.min(width, height), cells = textures().cells.clone();
     cells.repeat.set(Math.max(1, Math.round(width / 0.5)), Math.max(1, Math.round(height / 0.5)));
     const dark = new THREE.MeshStandardMaterial({color: 0x8d949b, metalness: 0.3, roughness: 0.6});
     const front =
@@ -154,13 +154,13 @@ function wheel(part, extent) {
     const group = new THREE.Group(), radius = 0.14 * extent, axis = new THREE.Vector3(...part.axis);
     const rim = new THREE.MeshStandardMaterial(
         {color: COLOURS.wheel, metalness: 0.6, roughness: 0.35, emissiveIntensity: 0.55});
-    const face =
-        new THREE.MeshStandardMaterial({map: looks().wheel, metalness: 0.3, roughness: 0.5, emissiveIntensity: 0.45});
+    const face = new THREE.MeshStandardMaterial(
+        {map: textures().wheel, metalness: 0.3, roughness: 0.5, emissiveIntensity: 0.45});
     const disc = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, 0.3 * radius, 40), [rim, face, face]);
     group.add(disc);
     group.quaternion.setFromUnitVectors(UP, axis);
     group.position.set(...part.at);
-    if (!part.at.some((one) => one)) group.position.addScaledVector(axis, 0.27 * extent);
+    if (!part.at.some((x) => x)) group.position.addScaledVector(axis, 0.27 * extent);
     const slow = new THREE.Color("#5aa9ff"), fast = new THREE.Color("#ff6a4d"), none = new THREE.Color("#000000");
     let angle = 0;
     group.update = (t, since) => {
@@ -277,15 +277,15 @@ function mesh(part) {
     group.position.set(...part.at);
     group.scale.setScalar(part.scale);
     if (part.name.toLowerCase().endsWith(".obj")) {
-        const found = new OBJLoader().parse(new TextDecoder().decode(data));
-        found.traverse((one) => {
-            if (one.isMesh)
-                one.material = new THREE.MeshStandardMaterial({color: 0xc9ced4, metalness: 0.3, roughness: 0.5});
+        const model = new OBJLoader().parse(new TextDecoder().decode(data));
+        model.traverse((node) => {
+            if (node.isMesh)
+                node.material = new THREE.MeshStandardMaterial({color: 0xc9ced4, metalness: 0.3, roughness: 0.5});
         });
-        group.add(found);
+        group.add(model);
     } else {
-        new GLTFLoader().parse(data.slice().buffer, "", (found) => {
-            group.add(found.scene);
+        new GLTFLoader().parse(data.slice().buffer, "", (model) => {
+            group.add(model.scene);
             group.dispatchEvent({type: "ready"});
         }, (error) => console.error(`${part.name}: ${error.message}`));
     }
@@ -299,7 +299,7 @@ export function makeGhost(craft, colour) {
     const line = new THREE.LineBasicMaterial({color: colour, transparent: true, opacity: 0.95});
     for (const part of craft.parts) {
         if (part.kind !== "box") continue;
-        const size = part.size.map((one) => 1.03 * one), shape = new THREE.BoxGeometry(...size);
+        const size = part.size.map((edge) => 1.03 * edge), shape = new THREE.BoxGeometry(...size);
         const body = new THREE.Group();
         body.add(new THREE.Mesh(shape, skin), new THREE.LineSegments(new THREE.EdgesGeometry(shape), line));
         body.position.set(...part.at);
@@ -313,12 +313,12 @@ export function makeGhost(craft, colour) {
             line));
     const fresh = new THREE.Color(colour), old = new THREE.Color(STALE);
     group.grey = (stale) => {
-        for (const one of [skin, line]) one.color.copy(stale ? old : fresh);
+        for (const material of [skin, line]) material.color.copy(stale ? old : fresh);
     };
     return group;
 }
 
-/** An arrow of length 1 along its y axis, with a width for the size of what it stands at. */
+/** An arrow of length 1 along its y axis. */
 export function makeArrow(colour, width = 0.012) {
     const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({color: colour});
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(width, width, 0.88, 12), material);
@@ -342,15 +342,15 @@ export function makeFrame(length, colours, width) {
     return group;
 }
 
-/** A spacecraft: a group whose children have `tag`, what the legend calls them. update(t, seconds of real time). */
+/** A spacecraft: a group whose children have a `tag`, their key in the legend. update(t, seconds of real time). */
 export function makeCraft(craft) {
     const group = new THREE.Group(), kinds = {box, panel, wheel, thruster, rod, cone, mesh};
-    const strongest = Math.max(0, ...craft.parts.filter((one) => one.kind === "thruster").map((one) => one.full));
+    const strongest = Math.max(0, ...craft.parts.filter((part) => part.kind === "thruster").map((part) => part.full));
     group.boxes = [];
     group.cones = [];
     for (const part of craft.parts) {
-        const made = part.kind === "box" ? box(part, part.size) : kinds[part.kind](part, craft.extent, strongest);
-        made.tag ??= {
+        const child = part.kind === "box" ? box(part, part.size) : kinds[part.kind](part, craft.extent, strongest);
+        child.tag ??= {
             box: "body",
             mesh: "body",
             panel: "body",
@@ -359,17 +359,17 @@ export function makeCraft(craft) {
             cone: part.keep_out ? "keepout" : "cones"
         }[part.kind];
         if (part.kind === "box") {
-            made.position.set(...part.at);
-            group.boxes.push(made);
+            child.position.set(...part.at);
+            group.boxes.push(child);
         }
-        if (part.kind === "cone") group.cones.push({part, made});
-        group.add(made);
+        if (part.kind === "cone") group.cones.push({part, shape: child});
+        group.add(child);
     }
     group.update = (t, since) => {
         for (const child of group.children) child.update?.(t, since);
     };
-    group.see = (through) => {
-        for (const one of group.boxes) one.see(through);
+    group.showInside = (through) => {
+        for (const hub of group.boxes) hub.showInside(through);
     };
     return group;
 }

@@ -22,24 +22,24 @@ export function unpack(buffer) {
 const MOST = 8192;  // samples of a track that grows
 
 /** Add samples to a track: times [s], and the numbers of its other columns in one row after the other, null for NaN.
-    What is not later than its last sample is left out. With MOST samples, all but the newest quarter are thinned to an
-    even spacing: so memory has a bound, and a sample costs a constant time on average. */
+    Samples that are not later than its last one are left out. When it has MOST samples, all but the newest quarter are
+    thinned to an even spacing: so memory has a bound, and a sample costs a constant time on average. */
 export function append(track, times, numbers) {
     const {time, ...others} = track, columns = Object.values(others).filter((other) => other?.data);
-    const width = columns.reduce((sum, one) => sum + one.k, 0);
+    const width = columns.reduce((sum, column) => sum + column.k, 0);
     times.forEach((t, i) => {
         if (time.n && !(t > time.data[time.n - 1])) return;
         if (time.n === time.data.length) {
             if (time.n < MOST)
-                for (const one of [time, ...columns]) enlarge(one, Math.min(MOST, Math.max(64, 2 * time.n)));
+                for (const column of [time, ...columns]) enlarge(column, Math.min(MOST, Math.max(64, 2 * time.n)));
             else
                 thin(track, [time, ...columns]);
         }
         let from = width * i;
         time.data[time.n] = t;
-        for (const one of columns)
-            for (let k = 0; k < one.k; k++) one.data[one.k * time.n + k] = numbers[from++] ?? NaN;
-        for (const one of [time, ...columns]) one.n++;
+        for (const column of columns)
+            for (let k = 0; k < column.k; k++) column.data[column.k * time.n + k] = numbers[from++] ?? NaN;
+        for (const column of [time, ...columns]) column.n++;
     });
 }
 
@@ -51,31 +51,31 @@ function enlarge(column, rows) {
 
 function thin(track, columns) {
     const {data: times, n} = track.time, newest = n - MOST / 4, gap = (times[newest] - times[0]) / (MOST / 2);
-    let kept = 0, last = -Infinity;
+    let rows = 0, last = -Infinity;
     for (let i = 0; i < n; i++) {
         if (i < newest && times[i] - last < gap) continue;
         last = times[i];
-        for (const one of columns) one.data.copyWithin(one.k * kept, one.k * i, one.k * (i + 1));
-        kept++;
+        for (const column of columns) column.data.copyWithin(column.k * rows, column.k * i, column.k * (i + 1));
+        rows++;
     }
-    for (const one of columns) one.n = kept;
+    for (const column of columns) column.n = rows;
     track.last = 0;
 }
 
 /** All tracks that grow, by their numbers. */
 export function growing(scene) {
     const tracks = new Map();
-    const walk = (one) => {
-        if (!one || typeof one !== "object" || ArrayBuffer.isView(one)) return;
-        if (one.time?.data && one.id !== undefined) tracks.set(one.id, one);
-        else Object.values(one).forEach(walk);
+    const walk = (node) => {
+        if (!node || typeof node !== "object" || ArrayBuffer.isView(node)) return;
+        if (node.time?.data && node.id !== undefined) tracks.set(node.id, node);
+        else Object.values(node).forEach(walk);
     };
     walk(scene);
     return tracks;
 }
 
-/** The index of the last time not after t, and the share of the way to the next. Answers in `found`. */
-const found = {
+/** The samples around a time t. span() writes its result into this object, as it is called for each frame. */
+const interval = {
     before: 0,  // the samples on both sides of the time
     after: 0,
     share: 0,  // of the step between both that has passed
@@ -98,11 +98,11 @@ function span(track, t) {
     }
     before = Math.max(0, Math.min(before, last - 1));
     track.last = before;
-    found.before = before;
-    found.after = Math.min(before + 1, last);
-    found.step = last ? time[before + 1] - time[before] : 1;
-    found.share = last ? Math.min(1, Math.max(0, (t - time[before]) / found.step)) : 0;
-    return found;
+    interval.before = before;
+    interval.after = Math.min(before + 1, last);
+    interval.step = last ? time[before + 1] - time[before] : 1;
+    interval.share = last ? Math.min(1, Math.max(0, (t - time[before]) / interval.step)) : 0;
+    return interval;
 }
 
 /** Whether a track has a value at a time: it has none before its first sample, and from one that is NaN. */
@@ -111,7 +111,7 @@ export function known(track, t, values = track?.values ?? track?.q ?? track?.r) 
     return !values || !Number.isNaN(values.data[values.k * span(track, t).before]);
 }
 
-/** [s] How old a track's value is at a time; 0 of one that is not stale. */
+/** [s] The age of a track's value at a time; 0 if it is not stale. */
 export function age(track, t) {
     if (!track?.written || !track.time.n || t < track.time.data[0]) return 0;
     const {before, after} = span(track, t), written = track.written.data[t < track.time.data[after] ? before : after];
@@ -123,7 +123,7 @@ export function modeAt({began}, t) {
     return began.findLast(([start]) => start <= t + 1e-9)?.[1] ?? "";
 }
 
-/** [m] Where a motion is at a time, in double precision. */
+/** [m] The position of a motion at a time, in double precision. */
 export function position(motion, t, out = [0, 0, 0]) {
     if (!motion?.time.n) return out.fill(0);
     const {before, after, share: x, step} = span(motion, t), r = motion.r.data, v = motion.v.data;
@@ -135,7 +135,7 @@ export function position(motion, t, out = [0, 0, 0]) {
     return out;
 }
 
-/** [m/s] How fast it moves. */
+/** [m/s] Its velocity. */
 export function velocity(motion, t, out = [0, 0, 0]) {
     if (!motion) return out.fill(0);
     const {before, after, share: x, step} = span(motion, t), r = motion.r.data, v = motion.v.data;
@@ -145,7 +145,7 @@ export function velocity(motion, t, out = [0, 0, 0]) {
     return out;
 }
 
-/** The quaternion of a turning that is known, as three.js has it, into `out`. */
+/** The quaternion of a turning at a time, written into `out`. */
 export function attitude(turning, t, out, spare) {
     if (!turning?.time.n) return out.identity();
     const {before, after, share} = span(turning, t), quaternions = turning.q.data;
@@ -162,7 +162,7 @@ export function level(signal, t, k = 0) {
     return Number.isNaN(next) || (share < 1 && age(signal, t)) ? first : (1 - share) * first + share * next;
 }
 
-const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+export const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const norm = (a) => Math.hypot(a[0], a[1], a[2]);
 export const unit = (a) => {
@@ -170,7 +170,6 @@ export const unit = (a) => {
     return [a[0] / length, a[1] / length, a[2] / length];
 };
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-export {sub};
 
 /** The unit vector from a place to the Sun; null if it is not known. */
 export function toSun(scene, place, t) {
@@ -198,7 +197,7 @@ export function sunlight(scene, place, t) {
     return share;
 }
 
-/** The celestial body that the spacecraft is nearest to, by its radii; null without any. */
+/** The celestial body with the smallest distance in its own radii; null without bodies. */
 export function primary(scene, place, t) {
     let best = null, least = Infinity;
     for (const planet of scene.planets) {

@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import {attitude, cross, dot, known, level, norm, position, sub, unit} from "./data.js";
 
-const STEP = 20;  // [s] between the times at which passes are looked for
+const STEP = 20;  // [s] between two samples of the elevation in the search for passes
 const MOST_STEPS = 20000;
 const POINTS = 240;  // of an orbit
 const TURN = 2 * Math.PI;
@@ -19,7 +19,7 @@ export function fixed(planet, place, t) {
 /** A place in the frame of a planet as one in N [m]. */
 export function inertial(planet, place, t) {
     attitude(planet.turning, t, turn, spare);
-    return vector.set(...place).applyQuaternion(turn).toArray().map((one, k) => one + position(planet.motion, t)[k]);
+    return vector.set(...place).applyQuaternion(turn).toArray().map((x, k) => x + position(planet.motion, t)[k]);
 }
 
 /** {latitude, longitude [rad], altitude [m]}, geodetic, of a place in the frame of a planet. */
@@ -39,19 +39,19 @@ export function geodetic({radius, flattening}, [x, y, z]) {
 }
 
 /** {azimuth, elevation [rad], range [m]} of a place in N, seen from a station. */
-export function look(scene, station, place, t) {
+export function lookAngles(scene, station, place, t) {
     const planet = planetOf(scene, station), way = sub(fixed(planet, place, t), station.place), range = norm(way);
     const east = unit(cross([0, 0, 1], station.up)), north = cross(station.up, east);
     const azimuth = Math.atan2(dot(way, east), dot(way, north));
     return {azimuth: azimuth < 0 ? azimuth + TURN : azimuth, elevation: Math.asin(dot(way, station.up) / range), range};
 }
 
-export const planetOf = (scene, station) => scene.planets.find((one) => one.name === station.planet);
+export const planetOf = (scene, station) => scene.planets.find((planet) => planet.name === station.planet);
 
 /** The passes of a motion over a station's mask from one time to another: [{rise, set [s], peak [rad]}]. */
 export function passes(scene, station, motion, begin, end) {
-    const step = Math.max(STEP, (end - begin) / MOST_STEPS), found = [];
-    const over = (t) => look(scene, station, position(motion, t), t).elevation - station.mask;
+    const step = Math.max(STEP, (end - begin) / MOST_STEPS), contacts = [];
+    const over = (t) => lookAngles(scene, station, position(motion, t), t).elevation - station.mask;
     const crossing = (low, high) => {
         const rising = over(high) > 0;
         for (let k = 0; k < 30; k++) {
@@ -76,43 +76,43 @@ export function passes(scene, station, motion, begin, end) {
     let open = null, best = 0;
     for (let t = begin, before = begin;; before = t, t = Math.min(end, t + step)) {
         const height = over(t);
-        if (height > 0 && !open) found.push(open = {rise: t > begin ? crossing(before, t) : begin, set: end, at: t});
+        if (height > 0 && !open) contacts.push(open = {rise: t > begin ? crossing(before, t) : begin, set: end, at: t});
         if (open && (open.at === t || height > best)) [open.at, best] = [t, height];
         if (height <= 0 && open) open.set = crossing(before, t);
         if (open && (height <= 0 || t >= end))
             open.peak = highest(Math.max(open.rise, open.at - step), Math.min(open.set, open.at + step));
         if (height <= 0) open = null;
-        if (t >= end) return found;
+        if (t >= end) return contacts;
     }
 }
 
-/** What the radio link of a station does at a time. locked: whether one direction is; text: for people. */
+/** The state of a station's radio link at a time. locked: whether a direction is locked; text: both directions. */
 export function linkState(link, t) {
-    const said = ["down", "up"].filter((way) => link[way]).map((way) => {
+    const ways = ["down", "up"].filter((way) => link[way]).map((way) => {
         if (!known(link[way], t)) return [false, `${way} \u2013`];
         const locked = level(link[way], t) > 0.5;
         return [locked, locked ? `${way} locked, ${level(link[way], t, 1).toFixed(1)} dB` : `${way} not locked`];
     });
     return {
-        locked: said.some(([locked]) => locked),
-        text: said.map(([, text]) => text).join("; ") || "not recorded"
+        locked: ways.some(([locked]) => locked),
+        text: ways.map(([, text]) => text).join("; ") || "not recorded"
     };
 }
 
-/** The ellipse on which a planet's gravity alone would lead a spacecraft on from a time t: the motion of one
-    revolution; null where it is none. */
+/** The osculating orbit of a spacecraft about a planet at a time t, as the motion of one revolution; null if it is no
+    ellipse. */
 export function osculating(planet, place, speed, t) {
     if (!planet?.mu) return null;
     const centre = position(planet.motion, t), r = sub(place, centre), distance = norm(r), {mu} = planet;
     const axis = 1 / (2 / distance - dot(speed, speed) / mu), momentum = cross(r, speed);
     if (!(axis > 0 && norm(momentum) > 0)) return null;
-    const toPeriapsis = cross(speed, momentum).map((one, k) => one / mu - r[k] / distance), e = norm(toPeriapsis);
+    const toPeriapsis = cross(speed, momentum).map((x, k) => x / mu - r[k] / distance), e = norm(toPeriapsis);
     if (!(e < 0.999)) return null;
     const first = e > 1e-9 ? unit(toPeriapsis) : unit(r), second = cross(unit(momentum), first);
     const minor = axis * Math.sqrt(1 - e * e), rate = Math.sqrt(mu / axis ** 3);
     const start = Math.atan2(dot(r, second) / minor, dot(r, first) / axis + e);
     const mean = (anomaly) => anomaly - e * Math.sin(anomaly), n = POINTS + 1;
-    const made = {
+    const motion = {
         time: {data: new Float64Array(n), n, k: 1},
         r: {data: new Float64Array(3 * n), n, k: 3},
         v: {data: new Float64Array(3 * n), n, k: 3}
@@ -121,16 +121,16 @@ export function osculating(planet, place, speed, t) {
         const anomaly = start + (TURN * i) / POINTS, x = axis * (Math.cos(anomaly) - e), y = minor * Math.sin(anomaly);
         const pace = rate / (1 - e * Math.cos(anomaly));
         const vx = -axis * Math.sin(anomaly) * pace, vy = minor * Math.cos(anomaly) * pace;
-        made.time.data[i] = t + (mean(anomaly) - mean(start)) / rate;
+        motion.time.data[i] = t + (mean(anomaly) - mean(start)) / rate;
         for (let k = 0; k < 3; k++) {
-            made.r.data[3 * i + k] = centre[k] + x * first[k] + y * second[k];
-            made.v.data[3 * i + k] = vx * first[k] + vy * second[k];
+            motion.r.data[3 * i + k] = centre[k] + x * first[k] + y * second[k];
+            motion.v.data[3 * i + k] = vx * first[k] + vy * second[k];
         }
     }
-    return made;
+    return motion;
 }
 
-/** [rad/s] How fast a planet turns about its third axis, by what is known of it until a time. */
+/** [rad/s] The rate of a planet about its third axis, by its turning up to a time. */
 export function spin(planet, t) {
     const {turning} = planet;
     if (!turning || turning.time.n < 2) return 0;

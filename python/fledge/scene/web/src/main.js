@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of a record: the viewer in the element #fledge-view, of the data in #fledge-data.
+// The page of a record: the viewer in the element #fledge-view, with the data in #fledge-data.
 import {load} from "./data.js";
 import {Plots} from "./plots.js";
 import {make, Viewer} from "./viewer.js";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ground below: an equirectangular map with the ground tracks of the spacecraft, stations, and the night.
+// An equirectangular map of the ground with the ground tracks of the spacecraft, stations, and the night.
 import {norm, position, primary, sub, toSun, velocity} from "./data.js";
-import {fixed, geodetic, linkState, look, osculating, planetOf, spin} from "./geo.js";
+import {fixed, geodetic, linkState, lookAngles, osculating, planetOf, spin} from "./geo.js";
 import {surface} from "./planet.js";
 
 const AROUND = 1.0;  // revolutions of the track before and after the present
@@ -15,14 +15,14 @@ export class GroundMap {
         Object.assign(this, {data, canvas, brush: canvas.getContext("2d"), theme: "dark"});
     }
 
-    /** The planet below a spacecraft, if a map of it says something. */
+    /** The planet below a spacecraft; null for the Sun, and for a planet whose turning is not known. */
     below(craft, t) {
         const planet = primary(this.data, position(craft.motion, t), t);
         return planet && planet.name !== "SUN" && planet.turning ? planet : null;
     }
 
-    /** The ground track of a spacecraft: [{t, latitude, longitude}] from one revolution before a time to one after, as
-        far as it is known; in the future of what goes on, by the orbit of the moment. */
+    /** The ground track of a spacecraft, [{t, latitude, longitude}], from one revolution before a time to one after. It
+        starts with the record; beyond its end it follows the osculating orbit. */
     track(craft, planet, t) {
         const {motion} = craft, place = position(motion, t), last = motion.time.data[motion.time.n - 1];
         const moves = sub(velocity(motion, t), velocity(planet.motion, t)), orbit = osculating(planet, place, moves, t);
@@ -39,7 +39,7 @@ export class GroundMap {
         return points;
     }
 
-    /** Draw the ground below the spacecraft of a number at a time. crafts: those of the picture, with their colours. */
+    /** Draw the ground below the spacecraft number `focus` at a time. crafts: those of the picture, with colours. */
     draw(t, crafts, focus) {
         const {data, brush, canvas} = this, planet = this.below(crafts[focus].craft, t);
         canvas.dataset.planet = planet?.name ?? "";
@@ -64,12 +64,12 @@ export class GroundMap {
         this.night(planet, t, height);
         for (const station of data.stations)
             if (station.planet === planet.name) this.station(station, crafts[focus], t);
-        crafts.forEach((one, k) => {
-            if (this.below(one.craft, t) !== planet) return;
-            const points = this.track(one.craft, planet, t), here = points.findIndex((point) => point.t >= t - 1e-6);
-            this.line(points.slice(0, here + 1), one.colour, 1);
-            this.line(points.slice(Math.max(0, here)), one.colour, 0.55, [4, 3]);
-            if (here >= 0) this.mark(points[here], one, k === focus, crafts.length > 1);
+        crafts.forEach((drawn, k) => {
+            if (this.below(drawn.craft, t) !== planet) return;
+            const points = this.track(drawn.craft, planet, t), here = points.findIndex((point) => point.t >= t - 1e-6);
+            this.line(points.slice(0, here + 1), drawn.colour, 1);
+            this.line(points.slice(Math.max(0, here)), drawn.colour, 0.55, [4, 3]);
+            if (here >= 0) this.mark(points[here], drawn, k === focus, crafts.length > 1);
         });
         return true;
     }
@@ -87,7 +87,7 @@ export class GroundMap {
     night(planet, t, height) {
         const sun = toSun(this.data, position(planet.motion, t), t), {brush, width} = this;
         if (!sun) return;
-        const [x, y, z] = fixed(planet, position(planet.motion, t).map((one, k) => one + sun[k]), t);
+        const [x, y, z] = fixed(planet, position(planet.motion, t).map((c, k) => c + sun[k]), t);
         const longitude = Math.atan2(y, x), slope = Math.hypot(x, y) / (Math.abs(z) < 1e-6 ? 1e-6 : z);
         brush.beginPath();
         for (let k = 0; k <= width; k += 2)
@@ -99,12 +99,12 @@ export class GroundMap {
         brush.fill();
     }
 
-    /** A station, and from where it sees what is as high as the spacecraft. */
+    /** A station, and the limit of its view at the altitude of the spacecraft. */
     station(station, {craft}, t) {
         const {brush, data} = this, planet = planetOf(data, station), place = position(craft.motion, t);
         const {latitude, longitude} = geodetic(planet, station.place);
         const away = norm(sub(place, position(planet.motion, t)));
-        const seen = look(data, station, place, t).elevation >= station.mask;
+        const seen = lookAngles(data, station, place, t).elevation >= station.mask;
         const reach = Math.acos(Math.min(1, (planet.radius / away) * Math.cos(station.mask))) - station.mask;
         const points = Array.from({length: CIRCLE + 1}, (_, k) => {
             const way = (k * TURN) / CIRCLE, sine = Math.sin(latitude) * Math.cos(reach) +
@@ -124,7 +124,7 @@ export class GroundMap {
         brush.closePath();
         brush.stroke();
         brush.fill();
-        const link = station.links.find((one) => one.craft === craft.name);
+        const link = station.links.find((link) => link.craft === craft.name);
         const locked = link && (link.down || link.up) && linkState(link, t).locked;
         const state = locked ? ", locked" : seen ? ", in view" : "";
         this.text(`${station.name}${state}`, x, y < 24 ? y + 15 : y - 8);
@@ -136,14 +136,14 @@ export class GroundMap {
         Object.assign(brush, {strokeStyle: colour, globalAlpha: alpha, lineWidth: 1.6, lineJoin: "round"});
         brush.setLineDash(dashes);
         brush.beginPath();
-        points.forEach((one, k) => {
-            const before = points[k - 1], step = before ? one.longitude - before.longitude : 0;
+        points.forEach((point, k) => {
+            const before = points[k - 1], step = before ? point.longitude - before.longitude : 0;
             if (Math.abs(step) > Math.PI) {
                 const turn = Math.sign(step) * TURN;
-                brush.lineTo(this.x(one.longitude - turn), this.y(one.latitude));
+                brush.lineTo(this.x(point.longitude - turn), this.y(point.latitude));
                 brush.moveTo(this.x(before.longitude + turn), this.y(before.latitude));
             }
-            brush[k ? "lineTo" : "moveTo"](this.x(one.longitude), this.y(one.latitude));
+            brush[k ? "lineTo" : "moveTo"](this.x(point.longitude), this.y(point.latitude));
         });
         brush.stroke();
         brush.setLineDash([]);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The way of a spacecraft as a line of constant width on the screen.
+// The path of a spacecraft as a line of constant width on the screen.
 //
 // A place is a sum of two single-precision numbers, and so is the eye: their difference is exact enough near the eye,
-// also where both are a planet's radius from the origin. About the present time the line is drawn anew from the motion
+// even where both are a planet's radius from the origin. Around the present time, the line is drawn from the motion
 // itself, so that it passes through the spacecraft.
 import * as THREE from "three";
 
@@ -22,7 +22,7 @@ varying float vTime, vFar;
 void main() {
     vec3 a = (aHigh - eyeHigh) + (aLow - eyeLow), b = (bHigh - eyeHigh) + (bLow - eyeLow);
     vec4 p = projectionMatrix * vec4(mat3(viewMatrix) * a, 1.0), q = projectionMatrix * vec4(mat3(viewMatrix) * b, 1.0);
-    float near = 0.05, s = 0.0, e = 1.0;      // what is behind the eye is cut off
+    float near = 0.05, s = 0.0, e = 1.0;      // parts behind the eye are cut off
     if (p.w < near && q.w > near) s = (near - p.w) / (q.w - p.w);
     if (q.w < near && p.w > near) e = (near - p.w) / (q.w - p.w);
     vec4 from = mix(p, q, s), to = mix(p, q, e);
@@ -53,12 +53,12 @@ void main() {
     #include <colorspace_fragment>
 }`;
 
-/** A piece of the way: n segments of 4 corners each, and for each corner both ends of its segment. */
+/** A piece of the path: n segments with 4 corners each; each corner has both ends of its segment. */
 function piece(n, uniforms) {
     const geometry = new THREE.BufferGeometry(), corners = [], order = [];
     for (let k = 0; k < n; k++) {
         corners.push(0, -1, 0, 1, -1, 0, 1, 1, 0, 0, 1, 0);
-        order.push(...[0, 1, 2, 0, 2, 3].map((one) => 4 * k + one));
+        order.push(...[0, 1, 2, 0, 2, 3].map((corner) => 4 * k + corner));
     }
     geometry.setAttribute("position", new THREE.Float32BufferAttribute(corners, 3));
     geometry.setIndex(order);
@@ -80,7 +80,7 @@ function piece(n, uniforms) {
             const t = start + ((end - start) * k) / n;
             position(motion, t, here);
             const high = here.map(Math.fround);
-            return [...high, ...here.map((one, c) => one - high[c]), t];
+            return [...high, ...here.map((x, c) => x - high[c]), t];
         });
         for (let k = 0; k < n; k++) {
             const segment = [...ends[k].slice(0, 6), ...ends[k + 1].slice(0, 6), ends[k][6], ends[k + 1][6]];
@@ -91,9 +91,9 @@ function piece(n, uniforms) {
     return line;
 }
 
-/** The way of a motion over a span of time.
-    extend(motion, begin, end): the span, or the motion, has become another
-    update(t, eye in N, size of the screen [px], width [px], how far away it fades [m]) */
+/** The path of a motion over a span of time.
+    extend(motion, begin, end): set another motion or span
+    update(t, eye in N, size of the screen [px], width [px], distance at which it fades [m]) */
 export function makePath(motion, begin, end, colour) {
     const shared = {
         eyeHigh: {value: new THREE.Vector3()},
@@ -119,10 +119,10 @@ export function makePath(motion, begin, end, colour) {
     group.extend(motion, begin, end);
     group.update = (t, eye, size, width, reach) => {
         shared.reach.value = reach;
-        eye.forEach((one, c) => {
-            const high = Math.fround(one);
+        eye.forEach((x, c) => {
+            const high = Math.fround(x);
             shared.eyeHigh.value.setComponent(c, high);
-            shared.eyeLow.value.setComponent(c, one - high);
+            shared.eyeLow.value.setComponent(c, x - high);
         });
         shared.screen.value.set(...size);
         shared.width.value = width;

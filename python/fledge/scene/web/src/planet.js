@@ -4,7 +4,7 @@ import * as THREE from "three";
 import {feature} from "topojson-client";
 import land from "world-atlas/land-110m.json";
 
-const LOOKS = {
+const PALETTES = {
     EARTH: ["#123a5e", "#2f6f9f", 0x6fb4ff],
     MARS: ["#8f4a2b", "#c98354", 0xe0a27c],
     MOON: ["#6b6b6b", "#b5b3ae", 0],
@@ -48,33 +48,33 @@ function noise(width, height, seed, cells) {
             }
         }
     }
-    return sum.map((one) => one / weight);
+    return sum.map((share) => share / weight);
 }
 
 function canvas(width, height) {
-    const made = document.createElement("canvas");
-    made.width = width;
-    made.height = height;
-    return [made, made.getContext("2d")];
+    const picture = document.createElement("canvas");
+    picture.width = width;
+    picture.height = height;
+    return [picture, picture.getContext("2d")];
 }
 
 /** A picture of colours that paint(share of noise, latitude in [-1, 1]) gives as [r, g, b]. */
 function shaded(seed, cells, paint) {
-    const width = 512, height = 256, [made, brush] = canvas(width, height);
+    const width = 512, height = 256, [picture, brush] = canvas(width, height);
     const field = noise(width, height, seed, cells), image = brush.createImageData(width, height);
     field.forEach((share, pixel) => {
         const latitude = 1 - Math.floor(pixel / width) / (height / 2);
         image.data.set([...paint(share, latitude).slice(0, 3), 255], 4 * pixel);
     });
     brush.putImageData(image, 0, 0);
-    return made;
+    return picture;
 }
 
-const mix = (a, b, x) => a.map((one, k) => one + (b[k] - one) * Math.max(0, Math.min(1, x)));
-const rgb = (text) => new THREE.Color(text).convertLinearToSRGB().toArray().map((one) => 255 * one);
+const mix = (a, b, share) => a.map((x, k) => x + (b[k] - x) * Math.max(0, Math.min(1, share)));
+const rgb = (text) => new THREE.Color(text).convertLinearToSRGB().toArray().map((share) => 255 * share);
 
-/** A ring on the map with longitudes that do not jump, by way of the pole where it goes round that; with each point,
-    whether a coast leads to it, and not an edge of the map. */
+/** A ring on the map with longitudes that do not jump; one around a pole includes the pole. Each point says whether the
+    line to it is a coast, and not an edge of the map. */
 function unwrapped(ring) {
     const points = [];
     let turn = 0;
@@ -94,7 +94,7 @@ function unwrapped(ring) {
 const ICE = [235, 240, 244];
 
 function earth() {
-    const width = 2048, height = 1024, [made, brush] = canvas(width, height);
+    const width = 2048, height = 1024, [picture, brush] = canvas(width, height);
     const x = (lon) => ((lon + 180) / 360) * width, y = (lat) => ((90 - lat) / 180) * height;
     const ocean = shaded(
         3, 8,
@@ -105,12 +105,12 @@ function earth() {
         let colour = mix(forest, desert, 1 - Math.abs(degrees - 24) / 11);
         colour = mix(colour, meadow, (degrees - 34) / 10);
         colour = mix(colour, tundra, (degrees - 58) / 8);
-        return mix(mix(colour, ICE, (degrees - 68) / 5), colour.map((one) => 0.7 * one), 0.55 - n);
+        return mix(mix(colour, ICE, (degrees - 68) / 5), colour.map((share) => 0.7 * share), 0.55 - n);
     });
     brush.drawImage(ocean, 0, 0, width, height);
     const shape = new Path2D(), coast = new Path2D();
-    for (const one of feature(land, land.objects.land).features)
-        for (const polygon of one.geometry.type === "Polygon" ? [one.geometry.coordinates] : one.geometry.coordinates)
+    for (const {geometry: country} of feature(land, land.objects.land).features)
+        for (const polygon of country.type === "Polygon" ? [country.coordinates] : country.coordinates)
             for (const ring of polygon) {
                 const points = unwrapped(ring);
                 for (const turn of [-360, 0, 360]) {
@@ -128,7 +128,7 @@ function earth() {
     brush.strokeStyle = "rgba(210, 232, 245, .35)";
     brush.lineWidth = 1.2;
     brush.stroke(coast);
-    return made;
+    return picture;
 }
 
 const surfaces = new Map();
@@ -140,7 +140,7 @@ export function surface(name) {
 }
 
 function paint(name) {
-    const [dark, light] = (LOOKS[name] ?? ["#666a70", "#a8acb2"]).map(rgb);
+    const [dark, light] = (PALETTES[name] ?? ["#666a70", "#a8acb2"]).map(rgb);
     const bands = {JUPITER: 22, SATURN: 16, URANUS: 6, NEPTUNE: 8}[name];
     return name === "EARTH" ?
         earth() :
@@ -150,11 +150,11 @@ function paint(name) {
 }
 
 function texture(name, sharpness) {
-    const found = new THREE.CanvasTexture(surface(name));
-    found.colorSpace = THREE.SRGBColorSpace;
-    found.anisotropy = sharpness;
-    found.wrapS = THREE.RepeatWrapping;
-    return found;
+    const image = new THREE.CanvasTexture(surface(name));
+    image.colorSpace = THREE.SRGBColorSpace;
+    image.anisotropy = sharpness;
+    image.wrapS = THREE.RepeatWrapping;
+    return image;
 }
 
 const VERTEX = `
@@ -202,9 +202,8 @@ void main() {
     #include <colorspace_fragment>
 }`;
 
-/** A body of radius 1 whose third axis is its pole. update(direction to the Sun, whether the
-    sky is light, its size on the screen [px]) lights it.
-    software: whether it must cost little. */
+/** A body of radius 1 whose third axis is its pole.
+    update(direction to the Sun, whether the sky is light, size on the screen [px]); software: draw it cheaply */
 export function makePlanet(name, software) {
     const group = new THREE.Group();
     if (name === "SUN") {
@@ -212,7 +211,7 @@ export function makePlanet(name, software) {
         group.update = () => {};
         return group;
     }
-    const rim = new THREE.Color((LOOKS[name] ?? [])[2] || 0x000000), toSun = new THREE.Vector3(1, 0, 0);
+    const rim = new THREE.Color((PALETTES[name] ?? [])[2] || 0x000000), toSun = new THREE.Vector3(1, 0, 0);
     const uniforms = {
         map: {value: texture(name, software ? 1 : 8)},
         toSun: {value: toSun},
@@ -273,14 +272,14 @@ export function makeStars() {
 
 /** The Sun as a glow in the sky. */
 export function makeSun() {
-    const [made, brush] = canvas(256, 256), glow = brush.createRadialGradient(128, 128, 0, 128, 128, 128);
+    const [image, brush] = canvas(256, 256), glow = brush.createRadialGradient(128, 128, 0, 128, 128, 128);
     for (const [at, colour] of [
              [0, "rgba(255,255,255,1)"], [0.045, "rgba(255,252,240,1)"], [0.07, "rgba(255,236,190,.5)"],
              [0.2, "rgba(255,214,140,.16)"], [1, "rgba(255,200,120,0)"]])
         glow.addColorStop(at, colour);
     brush.fillStyle = glow;
     brush.fillRect(0, 0, 256, 256);
-    const picture = new THREE.CanvasTexture(made);
+    const picture = new THREE.CanvasTexture(image);
     picture.colorSpace = THREE.SRGBColorSpace;
     const sun = new THREE.Sprite(new THREE.SpriteMaterial({map: picture, transparent: true, depthWrite: false}));
     sun.renderOrder = -1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plots of what was recorded: one time axis, and one cursor, for all of them and for the picture.
+// Plots of recorded fields. All of them and the picture share one time axis and one cursor.
 import uPlot from "uplot";
 
 import {age, level} from "./data.js";
@@ -42,11 +42,11 @@ export class Plots {
         };
     }
 
-    /** Show the fields that say most at first: errors and actuators before states. */
+    /** Show the first plots: errors and actuators before states. */
     begin(count) {
         const worth = (name) => [/error\.sigma/, /speeds\.Omega$/, /command\.u$/, /output\.thrust$/, /error\.omega/,
                                  /sigma_BN$/, /omega_BN_B$/]
-                                    .findIndex((one) => one.test(name)) >>>
+                                    .findIndex((pattern) => pattern.test(name)) >>>
             0;
         const rank = ({name, signal}) => worth(name) + (signal.time.n ? 0 : 2 ** 32);
         for (const plot of [...this.data.plots].sort((a, b) => rank(a) - rank(b)).slice(0, count)) {
@@ -94,8 +94,8 @@ export class Plots {
                     drawn.ctx.fillRect(x - 0.75, top, 1.5, height);
                 }],
                 setScale: [(zoomed, key) => key === "x" && this.zoom(zoomed, zoomed.scales.x.min, zoomed.scales.x.max)],
-                ready: [(made) => made.over.addEventListener("click", (event) => {
-                    if (!made.select.width) this.seek(made.posToVal(event.offsetX, "x"));
+                ready: [(opened) => opened.over.addEventListener("click", (event) => {
+                    if (!opened.select.width) this.seek(opened.posToVal(event.offsetX, "x"));
                 })],
             },
         }, plot.table, holder);
@@ -106,13 +106,13 @@ export class Plots {
     }
 
     remove(plot) {
-        const found = this.charts.get(plot);
-        found?.chart.destroy();
-        found?.holder.remove();
+        const shown = this.charts.get(plot);
+        shown?.chart.destroy();
+        shown?.holder.remove();
         this.charts.delete(plot);
     }
 
-    /** More is known, until data.end: the charts show it, and its time if they showed all times. */
+    /** Show the new samples, up to data.end. Charts that showed all times show the new times, too. */
     extend(before) {
         const whole = this.span[0] <= this.data.begin && this.span[1] >= before;
         for (const plot of this.data.plots) plot.table = null;
@@ -142,12 +142,12 @@ export class Plots {
         this.t = t;
         for (const [plot, {chart}] of this.charts) {
             chart.redraw(false);
-            if (chart.cursor.left >= 0) continue;  // else it has what the pointer is at
-            const said = chart.root.querySelectorAll(".u-value");
+            if (chart.cursor.left >= 0) continue;  // else it shows the values at the pointer
+            const cells = chart.root.querySelectorAll(".u-value");
             const since = age(plot.signal, t);
-            said[0].textContent = clock(Math.round(10 * t) / 10) + (since ? `, ${since.toFixed(0)} s old` : "");
-            for (let k = 1; k < said.length; k++)
-                said[k].textContent = number(level(plot.signal, t, k - 1), (y) => y.toPrecision(5));
+            cells[0].textContent = clock(Math.round(10 * t) / 10) + (since ? `, ${since.toFixed(0)} s old` : "");
+            for (let k = 1; k < cells.length; k++)
+                cells[k].textContent = number(level(plot.signal, t, k - 1), (y) => y.toPrecision(5));
             chart.root.classList.toggle("stale", since > 0);
         }
     }
@@ -160,30 +160,30 @@ export class Plots {
     }
 }
 
-/** The end of a field's name that no other one has: "error.sigma_BR", or "tracking.error.sigma_BR". */
+/** The shortest unique ending of a field's name: "error.sigma_BR", or "tracking.error.sigma_BR". */
 function shortest({name}, plots) {
     const parts = name.split(".");
     for (let n = 2; n < parts.length; n++) {
         const end = parts.slice(-n).join(".");
-        if (plots.every((one) => one.name === name || !one.name.endsWith(`.${end}`))) return end;
+        if (plots.every((plot) => plot.name === name || !plot.name.endsWith(`.${end}`))) return end;
     }
     return name;
 }
 
 /** [[from, to], ...] [s] when a signal was stale. */
 function stale({time, written}) {
-    const found = [];
+    const periods = [];
     for (let i = 0, on = false; written && i < time.n; i++) {
         if (Number.isNaN(written.data[i])) {
             on = false;
         } else if (on) {
-            found.at(-1)[1] = time.data[i];
+            periods.at(-1)[1] = time.data[i];
         } else {
-            found.push([time.data[i], time.data[i]]);
+            periods.push([time.data[i], time.data[i]]);
             on = true;
         }
     }
-    return found;
+    return periods;
 }
 
 /** The columns of a signal, as uPlot has them. */

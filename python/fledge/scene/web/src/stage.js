@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 3-D picture. All places are in double precision until the place of the focus has been taken off.
+// The 3-D picture. Places are in double precision until they are relative to the place of the focus.
 import * as THREE from "three";
 
 import {COLOURS, makeArrow, makeCraft, makeFrame, makeGhost} from "./craft.js";
 import {
     age, attitude, cross, dot, known, level, norm, position, primary, sub, sunlight, toSun, unit, velocity
 } from "./data.js";
-import {inertial, linkState, look, osculating, planetOf} from "./geo.js";
+import {inertial, linkState, lookAngles, osculating, planetOf} from "./geo.js";
 import {makePath} from "./path.js";
 import {makePlanet, makeStars, makeSun} from "./planet.js";
 
@@ -20,7 +20,7 @@ export const PRESETS = {
     sun: "From the Sun",
     boresight: "Boresight",
 };
-// What the legend can show and hide: key, words, whether it is shown at first.
+// The layers that the legend shows and hides: key, words, whether it is shown at first.
 export const LAYERS = [
     ["path", "Orbit and trajectory", true],
     ["orbit", "Orbit of the moment", false],
@@ -40,11 +40,11 @@ export const LAYERS = [
 ];
 // [-] Lengths in extents of the spacecraft:
 const AXIS = 1.9, ARROW = 2.4, FRAME = 2.6;
-const ENLARGED = 18;  // as if it were no farther than this, if the user wants that
-const CLOSE = 250;  // nearer than this its parts and names are shown
+const ENLARGED = 18;  // an enlarged spacecraft looks as from this distance at most
+const CLOSE = 250;  // the parts and names of a spacecraft are shown below this distance
 const FIELD_OF_VIEW = 40;  // [deg] of the camera, upright
 const LOCKED = "#7ee08a", SEEN = "#c8d4e0";
-const ORBIT_HOLDS = 5;  // [s] that the orbit of the moment stands, unless the time goes faster
+const ORBIT_HOLDS = 5;  // [s] of the run after which the orbit of the moment is computed anew
 const SKY = 1e13, SUN_GLOW = 9e12;  // [m] distances of decoration
 const BEHIND = -1e-9;  // [m] along the camera's axis
 const FALLBACK_LIGHT = unit([0.6, -0.5, 0.62]);
@@ -97,10 +97,10 @@ export class Stage {
         });
         this.stations = data.stations.map((station) => {
             const line = (material) => {
-                const made = new THREE.Line(new THREE.BufferGeometry(), material);
-                made.frustumCulled = false;
-                world.add(made);
-                return made;
+                const drawn = new THREE.Line(new THREE.BufferGeometry(), material);
+                drawn.frustumCulled = false;
+                world.add(drawn);
+                return drawn;
             };
             return {
                 station, label: this.label(station.name, "station"),
@@ -116,11 +116,11 @@ export class Stage {
         const {world, data} = this, body = makeCraft(craft), axes = makeFrame(AXIS * craft.extent, AXES);
         body.add(axes);
         world.add(body);
-        const made = {craft, colour, body, axes, place: [0, 0, 0], speed: [0, 0, 0], sunlight: 1};
-        const soft = AXES.map((one) => new THREE.Color(one).lerp(new THREE.Color("#c8d0d8"), 0.55));
-        made.hill = makeFrame(FRAME * craft.extent, soft, 0.006);
-        made.inertial = makeFrame(FRAME * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
-        made.arrows = [
+        const drawn = {craft, colour, body, axes, place: [0, 0, 0], speed: [0, 0, 0], sunlight: 1};
+        const soft = AXES.map((axis) => new THREE.Color(axis).lerp(new THREE.Color("#c8d0d8"), 0.55));
+        drawn.hill = makeFrame(FRAME * craft.extent, soft, 0.006);
+        drawn.inertial = makeFrame(FRAME * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
+        drawn.arrows = [
             ["Sun", "#ffd34d"], ["nadir", "#ff6fae"], ["velocity", "#b7e36a"],
             ...craft.directions.map((direction) => [direction.name, "#e58cff"])
         ].map(([name, tint]) => {
@@ -128,36 +128,36 @@ export class Stage {
             world.add(arrow);
             return {name, arrow, label: this.label(name, "tip", tint)};
         });
-        made.ghosts = craft.poses.map((pose) => {
+        drawn.ghosts = craft.poses.map((pose) => {
             const ghost = makeGhost(craft, COLOURS[pose.kind]);
             world.add(ghost);
             return {pose, ghost, shown: true};
         });
-        world.add(made.hill, made.inertial);
+        world.add(drawn.hill, drawn.inertial);
         if (craft.motion.time.n > 1 || craft.motion.id !== undefined) {
-            made.path = makePath(craft.motion, data.begin, data.end, colour);
-            world.add(made.path);
+            drawn.path = makePath(craft.motion, data.begin, data.end, colour);
+            world.add(drawn.path);
         }
-        made.label = this.label(craft.label, "craft", colour);
-        made.label.style.marginTop = `${- 0.7 + 1.25 * (data.crafts.indexOf(craft) % 6)}em`;
-        made.axisLabels = ["b1", "b2", "b3"].map((name, k) => this.label(name, "tip", AXES[k]));
-        return made;
+        drawn.label = this.label(craft.label, "craft", colour);
+        drawn.label.style.marginTop = `${- 0.7 + 1.25 * (data.crafts.indexOf(craft) % 6)}em`;
+        drawn.axisLabels = ["b1", "b2", "b3"].map((name, k) => this.label(name, "tip", AXES[k]));
+        return drawn;
     }
 
     label(text, kind, colour) {
-        const made = document.createElement("span");
-        made.className = `label ${kind}`;
-        made.textContent = text;
-        made.dataset.name = text;
-        if (colour) made.style.setProperty("--tint", colour);
-        this.labels.append(made);
-        return made;
+        const element = document.createElement("span");
+        element.className = `label ${kind}`;
+        element.textContent = text;
+        element.dataset.name = text;
+        if (colour) element.style.setProperty("--tint", colour);
+        this.labels.append(element);
+        return element;
     }
 
     get focused() { return this.crafts[this.focus]; }
 
-    /** The cones that a camera can look along: those of the spacecraft in focus. */
-    get boresights() { return this.focused.body.cones.filter((one) => !one.part.keep_out).map((one) => one.part); }
+    /** The fields of view of the spacecraft in focus, along which the camera can look. */
+    get boresights() { return this.focused.body.cones.filter(({part}) => !part.keep_out).map(({part}) => part); }
 
     resize(width, height) {
         this.size = [Math.max(1, width), Math.max(1, height)];
@@ -166,7 +166,7 @@ export class Stage {
         this.camera.aspect = width / height;
     }
 
-    /** The view from which a preset begins. */
+    /** Set the first view of a preset. */
     resetView() {
         const {extent} = this.focused.craft, view = this.view;
         view.azimuth = {follow: 2.6, hill: 2.6, sun: 0, body: 0.8, orbit: 0.6}[this.preset] ?? 0.7;
@@ -189,7 +189,7 @@ export class Stage {
         this.resetView();
     }
 
-    /** The quaternion of the frame that the camera keeps to, and the place that it looks at. */
+    /** The quaternion of the camera's frame, and the place in the middle of the picture. */
     frame(t) {
         const {craft, place, speed, body} = this.focused, turn = new THREE.Quaternion();
         let target = place;
@@ -207,13 +207,13 @@ export class Stage {
         return {turn, target: [...target]};
     }
 
-    /** The frame of a local observer: its first axis along the velocity, its third up. N's without an orbit. */
+    /** The frame of a local observer, with its first axis along the velocity and its third up; N without an orbit. */
     horizon(place, speed, t) {
         const hill = this.hillFrame(place, speed, t), turn = new THREE.Quaternion();
         return hill ? hill.multiply(turn.setFromRotationMatrix(basis([0, 1, 0], [0, 0, 1], [1, 0, 0]))) : turn;
     }
 
-    /** Its columns: radial, along the velocity, along the orbit's momentum. Null without an orbit. */
+    /** The Hill frame, with axes radial, along the velocity, along the orbit's momentum; null without an orbit. */
     hillFrame(place, speed, t) {
         const centre = primary(this.data, place, t), away = sub(place, position(centre?.motion, t));
         const momentum = cross(away, sub(speed, velocity(centre?.motion, t)));
@@ -224,11 +224,11 @@ export class Stage {
 
     render(t, since) {
         const {data, camera, shown} = this, spare = new THREE.Quaternion();
-        for (const one of this.crafts) {
-            position(one.craft.motion, t, one.place);
-            velocity(one.craft.motion, t, one.speed);
-            attitude(one.craft.turning, t, one.body.quaternion, spare);
-            one.sunlight = sunlight(data, one.place, t);
+        for (const drawn of this.crafts) {
+            position(drawn.craft.motion, t, drawn.place);
+            velocity(drawn.craft.motion, t, drawn.speed);
+            attitude(drawn.craft.turning, t, drawn.body.quaternion, spare);
+            drawn.sunlight = sunlight(data, drawn.place, t);
         }
         const {turn, target} = this.frame(t), {azimuth, elevation, distance} = this.view, here = this.focused;
         const offset = new THREE
@@ -255,7 +255,7 @@ export class Stage {
         camera.updateProjectionMatrix();
         camera.updateMatrixWorld();
         this.origin = target;
-        const eye = camera.position.toArray().map((one, k) => one + target[k]);
+        const eye = camera.position.toArray().map((x, k) => x + target[k]);
         const relative = (place) => sub(place, target);
 
         const sun = toSun(data, here.place, t), light = sun ?? FALLBACK_LIGHT;
@@ -283,31 +283,31 @@ export class Stage {
             group.update(data.sun ? toSun(data, place, t) : light, this.theme === "light", size);
             this.put(label, near, shown.labels && size < 60);
         }
-        for (const one of this.crafts) this.renderCraft(one, t, since, relative, eye, light, cone, spare);
+        for (const drawn of this.crafts) this.renderCraft(drawn, t, since, relative, eye, light, cone, spare);
         for (const station of this.stations) this.renderStation(station, t, relative, cone);
         this.renderer.render(this.world, camera);
     }
 
-    renderCraft(one, t, since, relative, eye, light, cone, spare) {
-        const {shown, data} = this, {craft, body, place, speed} = one, near = relative(place);
-        const far = norm(sub(place, eye)), focused = one === this.focused;
+    renderCraft(drawn, t, since, relative, eye, light, cone, spare) {
+        const {shown, data} = this, {craft, body, place, speed} = drawn, near = relative(place);
+        const far = norm(sub(place, eye)), focused = drawn === this.focused;
         const grown = shown.enlarged ? Math.max(1, far / (ENLARGED * craft.extent)) : 1, extent = grown * craft.extent;
         const close = far < CLOSE * extent;
         body.position.set(...near);
         body.scale.setScalar(grown);
         body.update(t, since);
         const through = shown.inside || (focused && Boolean(cone));
-        body.see(through);
+        body.showInside(through);
         for (const child of body.children) {
-            if (child === one.axes)
+            if (child === drawn.axes)
                 child.visible = shown.bodyAxes && close && !cone;
             else if (child.tag === "body")
                 child.visible = !(focused && cone);
             else if (child.tag)
                 child.visible = shown[child.tag] && !(focused && cone && child.tag !== "inside");
         }
-        for (const {part, made} of body.cones)
-            if (part.keep_out) made.warn(this.inside(one, part, t));
+        for (const {part, shape} of body.cones)
+            if (part.keep_out) shape.warn(this.inside(drawn, part, t));
         const centre = primary(data, place, t);
         const ways = [
             toSun(data, place, t), centre && unit(sub(position(centre.motion, t), place)),
@@ -315,7 +315,7 @@ export class Stage {
             ...craft.directions.map(
                 ({signal}) => (known(signal, t) ? [0, 1, 2].map((k) => level(signal, t, k)) : null))
         ];
-        one.arrows.forEach(({arrow, label}, k) => {
+        drawn.arrows.forEach(({arrow, label}, k) => {
             arrow.visible = Boolean(shown.directions && ways[k] && close && !cone);
             if (!arrow.visible) return this.put(label, null, false);
             arrow.position.set(...near);
@@ -324,12 +324,12 @@ export class Stage {
             this.put(label, near.map((x, c) => x + 2.5 * extent * ways[k][c]), shown.labels);
         });
         const hill = this.hillFrame(place, speed, t);
-        one.hill.visible = Boolean(shown.hill && close && hill && !cone);
-        if (one.hill.visible) one.hill.quaternion.copy(hill);
-        one.hill.position.set(...near);
-        one.inertial.visible = shown.inertial && close && !cone;
-        one.inertial.position.set(...near);
-        for (const {pose, ghost, shown: chosen} of one.ghosts) {
+        drawn.hill.visible = Boolean(shown.hill && close && hill && !cone);
+        if (drawn.hill.visible) drawn.hill.quaternion.copy(hill);
+        drawn.hill.position.set(...near);
+        drawn.inertial.visible = shown.inertial && close && !cone;
+        drawn.inertial.position.set(...near);
+        for (const {pose, ghost, shown: chosen} of drawn.ghosts) {
             ghost.visible = shown[pose.kind] && chosen && close && !cone && known(pose.turning, t) &&
                 (!pose.motion || known(pose.motion, t));
             if (!ghost.visible) continue;
@@ -349,41 +349,42 @@ export class Stage {
             }
             ghost.position.set(...near.map((x, k) => x + away[k]));
         }
-        if (one.path) {
-            one.path.visible = shown.path && !cone;
-            one.path.position.set(0, 0, 0);
-            one.path.update(t, eye, this.size, close ? 1.2 : 1.6, 300 * this.view.distance);
+        if (drawn.path) {
+            drawn.path.visible = shown.path && !cone;
+            drawn.path.position.set(0, 0, 0);
+            drawn.path.update(t, eye, this.size, close ? 1.2 : 1.6, 300 * this.view.distance);
         }
-        if (shown.orbit && !one.orbit) {
-            one.orbit = makePath({time: {n: 0}}, 0, 1, one.colour);
-            this.world.add(one.orbit);
+        if (shown.orbit && !drawn.orbit) {
+            drawn.orbit = makePath({time: {n: 0}}, 0, 1, drawn.colour);
+            this.world.add(drawn.orbit);
         }
-        if (shown.orbit && !(Math.abs(t - one.orbit.of) < ORBIT_HOLDS)) {
+        if (shown.orbit && !(Math.abs(t - drawn.orbit.of) < ORBIT_HOLDS)) {
             const moves = sub(speed, velocity(centre?.motion, t)), orbit = osculating(centre, place, moves, t);
-            if (orbit) one.orbit.extend(orbit, t, orbit.time.data[orbit.time.n - 1]);
-            Object.assign(one.orbit, {of: t, known: Boolean(orbit)});
+            if (orbit) drawn.orbit.extend(orbit, t, orbit.time.data[orbit.time.n - 1]);
+            Object.assign(drawn.orbit, {of: t, known: Boolean(orbit)});
         }
-        if (one.orbit) {
-            one.orbit.visible = shown.orbit && !cone && one.orbit.known;
-            one.orbit.update(Math.max(t, one.orbit.of), eye, this.size, 1.2, 300 * this.view.distance);
+        if (drawn.orbit) {
+            drawn.orbit.visible = shown.orbit && !cone && drawn.orbit.known;
+            drawn.orbit.update(Math.max(t, drawn.orbit.of), eye, this.size, 1.2, 300 * this.view.distance);
         }
-        one.label.classList.toggle("far", !close);
-        this.put(one.label, near, shown.labels && !(focused && cone));
-        one.axisLabels.forEach((label, k) => {
+        drawn.label.classList.toggle("far", !close);
+        this.put(drawn.label, near, shown.labels && !(focused && cone));
+        drawn.axisLabels.forEach((label, k) => {
             const tip =
                 new THREE.Vector3().setComponent(k, 2 * extent).applyQuaternion(body.quaternion).toArray();
             this.put(label, near.map((x, c) => x + tip[c]), shown.labels && shown.bodyAxes && close && !cone);
         });
     }
 
-    /** A station, and its line to the spacecraft in focus: full while the radio is locked, dashed if only in view. */
+    /** A station, and its line to the spacecraft in focus: solid while the radio is locked, dashed if only in view. */
     renderStation({station, label, locked, seen}, t, relative, cone) {
         const {shown, data, focused} = this, planet = planetOf(data, station), {craft, place} = focused;
         const on = shown.stations && !cone;
-        const sight = look(data, station, place, t), link = station.links.find((link) => link.craft === craft.name);
+        const sight = lookAngles(data, station, place, t);
+        const link = station.links.find((link) => link.craft === craft.name);
         const radio = link && (link.down || link.up) ? linkState(link, t) : null;
         const line = radio?.locked ? locked : sight.elevation >= station.mask ? seen : null;
-        for (const one of [locked, seen]) one.visible = on && one === line;
+        for (const candidate of [locked, seen]) candidate.visible = on && candidate === line;
         const ends = [relative(inertial(planet, station.place, t)), relative(place)];
         if (on && line) {
             line.geometry.setFromPoints(ends.map((end) => new THREE.Vector3(...end)));
@@ -396,17 +397,17 @@ export class Stage {
         this.put(label, ends[0], on && shown.labels);
     }
 
-    /** More of each motion is known, until data.end. */
+    /** Extend the paths to data.end. */
     extend() {
         const {begin, end} = this.data;
         for (const {path, craft} of this.crafts) path?.extend(craft.motion, begin, end);
     }
 
-    /** Give back what the picture holds of the graphics processor. */
+    /** Free the picture's resources on the graphics processor. */
     dispose() {
-        this.world.traverse((one) => {
-            one.geometry?.dispose();
-            for (const material of [one.material ?? []].flat()) {
+        this.world.traverse((node) => {
+            node.geometry?.dispose();
+            for (const material of [node.material ?? []].flat()) {
                 material.map?.dispose();
                 material.dispose();
             }
@@ -415,18 +416,18 @@ export class Stage {
         this.renderer.forceContextLoss();
     }
 
-    /** Whether the body that a cone is to keep out is in it. */
-    inside(one, part, t) {
+    /** Whether the body that a cone must keep out is in it. */
+    inside(drawn, part, t) {
         const name = part.keep_out.toUpperCase();
-        const planet = this.data.planets.find((found) => found.name === name);
-        const way = name === "SUN" ? toSun(this.data, one.place, t) :
-                                     planet && unit(sub(position(planet.motion, t), one.place));
+        const planet = this.data.planets.find((candidate) => candidate.name === name);
+        const way = name === "SUN" ? toSun(this.data, drawn.place, t) :
+                                     planet && unit(sub(position(planet.motion, t), drawn.place));
         if (!way) return false;
-        const axis = new THREE.Vector3(...part.axis).applyQuaternion(one.body.quaternion);
+        const axis = new THREE.Vector3(...part.axis).applyQuaternion(drawn.body.quaternion);
         return dot(axis.toArray(), way) > Math.cos(part.half_angle);
     }
 
-    /** Where a place relative to the origin is on the screen [px]; null behind the camera. */
+    /** The place on the screen [px] of a place relative to the origin; null behind the camera. */
     project(near) {
         const seen = new THREE.Vector3(...near).applyMatrix4(this.camera.matrixWorldInverse);
         if (seen.z > BEHIND) return null;
@@ -434,7 +435,7 @@ export class Stage {
         return [this.size[0] / 2 - (focal * seen.x) / seen.z, this.size[1] / 2 + (focal * seen.y) / seen.z];
     }
 
-    /** Put a name at a place, if it is shown and neither behind the camera nor behind a planet. */
+    /** Put a name at a place, unless that is behind the camera or behind a planet. */
     put(label, near, shown) {
         let at = shown && near ? this.project(near) : null;
         if (at && !(at[0] > -200 && at[0] < this.size[0] + 200 && at[1] > -50 && at[1] < this.size[1] + 50)) at = null;

@@ -1,66 +1,65 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer: the picture, what controls it, the map and the plots, in an element of the class fledge-view.
+// The viewer: the picture, its controls, the map and the plots, in an element of the class fledge-view.
 import "uplot/dist/uPlot.min.css";
 import "./view.css";
 
 import * as THREE from "three";
 
-import {
-    age, append, attitude, growing, known, level, modeAt, norm, position, primary, sub, sunlight, velocity
-} from "./data.js";
-import {fixed, geodetic, linkState, look, passes} from "./geo.js";
+import {append, growing, modeAt, position, sunlight} from "./data.js";
+import {passes} from "./geo.js";
 import {GroundMap} from "./map.js";
-import {clock, number, Plots} from "./plots.js";
+import {clock, Plots} from "./plots.js";
+import {numbers, overGround} from "./readout.js";
 import {LAYERS, PRESETS, Stage} from "./stage.js";
 
 export {unpack} from "./data.js";
 
 const MODES = ["#5b8fc7", "#d98e4a", "#62b06f", "#a878c4", "#c9a93a", "#4fb3ad", "#cc6478", "#8a97a3"];
 const SPEEDS = [0.1, 1, 5, 10, 30, 60, 120, 300, 600, 1800, 3600];
-const WHOLE_RUN = 75;  // [s] that it takes at the speed which is chosen at first
-const TURN = 0.006;  // [rad] of the camera, by a pixel of the pointer's way
+const WHOLE_RUN = 75;  // [s] of the whole run at about the first speed
+const TURN = 0.006;  // [rad] of the camera per pixel of the pointer
 const STEEPEST = 1.55;  // [rad] of the camera's elevation
-const ZOOM = 0.0012;  // of the distance's logarithm, by a pixel of the wheel
+const ZOOM = 0.0012;  // of the distance's logarithm per pixel of the wheel
 const FARTHEST = 1e12;  // [m]
-const TOO_SLOW = 0.042, QUICK = 0.018;  // [s] of a frame: with fewer pixels from here on, with more up to here
-const READABLE = 90;  // [ms] that a number stands at least
-const REDRAWN = 1000;  // [ms] between two drawings of all that has come, of what goes on
-const LAG = 0.3;  // [s] of wall time that the picture of what goes on is behind, so that it moves evenly
-const PAUSE = 5;  // [s] of wall time after which nothing is said of the pace
+const TOO_SLOW = 0.042, QUICK = 0.018;  // [s] of a frame: above the first fewer pixels, below the second more
+const READABLE = 90;  // [ms] for which a number is shown at least
+const REDRAWN = 1000;  // [ms] between two drawings of all samples, in a live view
+const LAG = 0.3;  // [s] of wall time by which a live picture is late, so that it moves evenly
+const PAUSE = 5;  // [s] of wall time without samples, after which the pace is measured anew
 const KEYS = [
     ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
     [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"],
-    ["M", "map"], ["N", "now, of what goes on"],
+    ["M", "map"], ["N", "now, of a live view"],
     ["T", "dark or light"], ["H", "hide everything but the picture"], ["S", "save a picture"],
     ["drag, wheel", "turn, come nearer"]
 ];
 
 export const make = (tag, name, text) => {
-    const made = document.createElement(tag);
-    if (name) made.className = name;
-    if (text !== undefined) made.textContent = text;
-    return made;
+    const element = document.createElement(tag);
+    if (name) element.className = name;
+    if (text !== undefined) element.textContent = text;
+    return element;
 };
 const button = (text, title, act) => {
-    const made = make("button", "", text);
-    made.type = "button";
-    made.title = title;
-    made.setAttribute("aria-label", title);
-    made.onclick = act;
-    return made;
+    const element = make("button", "", text);
+    element.type = "button";
+    element.title = title;
+    element.setAttribute("aria-label", title);
+    element.onclick = act;
+    return element;
 };
 
 /** The link of the page itself, which holds the time and the camera. */
 const pageLink = {
     read: () => new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : ""),
-    write: (said) => history.replaceState(null, "", `#${said.toString().replaceAll("%2C", ",")}`)
+    write: (parameters) => history.replaceState(null, "", `#${parameters.toString().replaceAll("%2C", ",")}`)
 };
 
 export class Viewer {
-    /** live: the data goes on, by extend()
+    /** live: extend() adds samples
         link: {read(), write(URLSearchParams)} of the link that holds time and camera; null: none is written
-        theme: "dark" or "light"; else as the system has it
-        moved(t): the user has chosen a time; null: now, of what goes on */
+        theme: "dark" or "light"; else that of the system
+        moved(t): called when the user has chosen a time; null: now, in a live view */
     constructor(root, data, {live = false, link, theme, moved = () => {}} = {}) {
         Object.assign(this, {root, data, live, moved, following: false, pace: 0, ended: new AbortController()});
         this.page = root.classList.contains("page");
@@ -72,7 +71,7 @@ export class Viewer {
         this.frames = [];
         const pace = live ? 1 : (data.end - data.begin) / WHOLE_RUN;
         this.speed = SPEEDS.reduce(
-            (best, one) => (Math.abs(Math.log(one / pace)) < Math.abs(Math.log(best / pace)) ? one : best), 1);
+            (best, speed) => (Math.abs(Math.log(speed / pace)) < Math.abs(Math.log(best / pace)) ? speed : best), 1);
         this.lay();
         this.stage = new Stage(data, this.canvas, this.labels);
         if (live) this.stage.shown.orbit = true;
@@ -89,7 +88,7 @@ export class Viewer {
                 "change", (event) => this.setTheme(event.matches ? "light" : "dark"), {signal: this.ended.signal});
         this.open(this.page || live ? this.hash.get("plots") === "1" : true);
         if (this.hash.has("craft"))
-            this.stage.focus = Math.max(0, data.crafts.findIndex((one) => one.name === this.hash.get("craft")));
+            this.stage.focus = Math.max(0, data.crafts.findIndex((craft) => craft.name === this.hash.get("craft")));
         this.choose(this.hash.get("camera") in PRESETS ? this.hash.get("camera") : "hill");
         for (const key of (this.hash.get("show") ?? "").split(",").filter(Boolean)) this.toggle(key, true);
         for (const key of (this.hash.get("hide") ?? "").split(",").filter(Boolean)) this.toggle(key, false);
@@ -107,46 +106,45 @@ export class Viewer {
         this.request = requestAnimationFrame((now) => this.frame(now));
     }
 
-    /** End it: the element is as it was. */
+    /** Stop, and empty the element. */
     destroy() {
         this.ended.abort();
         cancelAnimationFrame(this.request);
         clearTimeout(this.writing);
         this.recorder?.stop();
-        for (const one of [this.observer, this.plots.observer]) one.disconnect();
+        for (const observer of [this.observer, this.plots.observer]) observer.disconnect();
         for (const plot of [...this.plots.charts.keys()]) this.plots.remove(plot);
         this.stage.dispose();
         this.root.replaceChildren();
     }
 
-    // --- what goes on -------------------------------------------------------------------------------
+    // --- a live view --------------------------------------------------------------------------------
 
-    /** Take in more of what goes on: {end [s], tracks: {number: [times, numbers]}, modes: {process: [t, name]}}, as the
-        server sends it. */
+    /** Add samples: {end [s], tracks: {number: [times, numbers]}, modes: {process: [t, name]}}, as the server sends. */
     extend({end, tracks, modes = {}}) {
         const {data} = this;
         for (const [process, mode] of Object.entries(modes)) {
-            let one = data.modes.find((found) => found.process === process);
-            if (!one) data.modes.push(one = {process, began: []});
-            if (one.began.at(-1)?.[1] !== mode[1]) one.began.push(mode);
+            let entry = data.modes.find((candidate) => candidate.process === process);
+            if (!entry) data.modes.push(entry = {process, began: []});
+            if (entry.began.at(-1)?.[1] !== mode[1]) entry.began.push(mode);
         }
         for (const [id, [times, numbers]] of Object.entries(tracks)) {
             const track = this.tracks.get(Number(id));
             if (track) append(track, times, numbers);
         }
         if (!(end > data.end)) return;
-        const now = performance.now(), since = this.came ? (now - this.came) / 1000 : Infinity;
+        const now = performance.now(), since = this.arrived ? (now - this.arrived) / 1000 : Infinity;
         if (since < PAUSE) {
             const pace = (end - data.end) / Math.max(since, LAG / 6);
             this.pace += (this.pace ? 0.2 : 1) * (pace - this.pace);
         }
-        this.came = now;
+        this.arrived = now;
         data.end = end;
         if (this.following) this.dirty = true;
         if (now - (this.redrawn ?? -REDRAWN) > REDRAWN) this.redraw();
     }
 
-    /** Draw anew what shows all times. */
+    /** Draw the parts that show all times. */
     redraw() {
         const {data, stage} = this, before = this.shownEnd ?? data.end;
         this.redrawn = performance.now();
@@ -161,7 +159,7 @@ export class Viewer {
         this.dirty = true;
     }
 
-    /** Stay at the present, of what goes on. */
+    /** Follow the present, in a live view. */
     follow() {
         this.play(false);
         this.following = true;
@@ -170,7 +168,7 @@ export class Viewer {
         this.changed();
     }
 
-    /** [s] The time of the picture that follows: even, and soon after what came last. */
+    /** [s] The time of a picture that follows: it moves evenly, and is soon at the newest sample. */
     followed(since) {
         const {t, data: {end}, pace} = this, behind = end - LAG * pace - t;
         if (behind > 2 * pace) return end;
@@ -179,7 +177,7 @@ export class Viewer {
 
     // --- the link -----------------------------------------------------------------------------------
 
-    /** The time or the camera has changed: the link follows. */
+    /** Write a change of the time or the camera into the link. */
     changed() {
         this.dirty = true;
         if (!this.link) return;
@@ -187,7 +185,7 @@ export class Viewer {
             this.writing = undefined;
             const {stage, hash} = this, {azimuth, elevation, distance} = stage.view;
             hash.set("camera", stage.preset);
-            hash.set("around", [azimuth, elevation, distance].map((one) => Number(one.toPrecision(5))).join(","));
+            hash.set("around", [azimuth, elevation, distance].map((x) => Number(x.toPrecision(5))).join(","));
             if (this.data.crafts.length > 1) hash.set("craft", stage.focused.craft.name);
             if (this.following) hash.delete("t");
             else hash.set("t", String(Math.round(1e3 * this.t) / 1e3));
@@ -212,7 +210,7 @@ export class Viewer {
             this.mapButton = button("Map", "Map of the ground below (M)", () => this.openMap(this.mapFrame.hidden)),
             this.plotButton = button("Plots", "Plots (P)", () => this.open(!this.drawn)),
             button("PNG", "Save a picture (S)", () => this.savePicture()),
-            this.filmButton = button("WebM", "Record a film of what plays", () => this.film()),
+            this.filmButton = button("WebM", "Record a film of the picture", () => this.film()),
             this.themeButton = button(
                 "◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
             button("?", "Keys", () => (this.help.hidden = !this.help.hidden)));
@@ -231,10 +229,10 @@ export class Viewer {
         this.help = make("div", "help");
         this.help.hidden = true;
         const table = make("table");
-        for (const [key, what] of KEYS) {
+        for (const [key, action] of KEYS) {
             const row = table.insertRow();
             row.insertCell().append(make("kbd", "", key));
-            row.insertCell().textContent = what;
+            row.insertCell().textContent = action;
         }
         const {position: place, attitude, share} = data.bounds;
         this.rate = make("p");
@@ -270,7 +268,7 @@ export class Viewer {
         this.slider.setAttribute("aria-label", "time");
         this.slider.oninput = () => this.goto(this.data.begin + this.slider.value * (this.data.end - this.data.begin));
         this.strip = make("canvas", "modes");
-        this.strip.onpointermove = (event) => this.tellModes(event);
+        this.strip.onpointermove = (event) => this.describeModes(event);
         track.append(this.strip, this.shadow, this.slider);
         this.cameras = make("select");
         this.cameras.title = "Camera (1 to 6)";
@@ -285,18 +283,18 @@ export class Viewer {
         aside.append(make("summary", "", "Legend"));
         const crafts = make("div", "crafts");
         data.crafts.forEach((craft, k) => {
-            const one = button(craft.label, "Look at it (C)", () => this.look(k));
-            one.style.setProperty("--tint", stage.crafts[k].colour);
-            crafts.append(one);
+            const choice = button(craft.label, "Look at it (C)", () => this.focusOn(k));
+            choice.style.setProperty("--tint", stage.crafts[k].colour);
+            crafts.append(choice);
         });
         aside.append(crafts);
         this.boxes = {};
         const has = (test) => data.crafts.some(test), part = (test) => has((craft) => craft.parts.some(test));
         const there = {
-            cones: part((one) => one.kind === "cone" && !one.keep_out),
-            keepout: part((one) => one.keep_out),
-            plume: part((one) => one.kind === "thruster"),
-            inside: part((one) => one.kind === "wheel" || one.kind === "rod"),
+            cones: part((part) => part.kind === "cone" && !part.keep_out),
+            keepout: part((part) => part.keep_out),
+            plume: part((part) => part.kind === "thruster"),
+            inside: part((part) => part.kind === "wheel" || part.kind === "rod"),
             estimate: has((craft) => craft.poses.some((pose) => pose.kind === "estimate")),
             reference: has((craft) => craft.poses.some((pose) => pose.kind === "reference")),
             hill: data.planets.length > 0,
@@ -315,7 +313,7 @@ export class Viewer {
             if (key === "estimate") {
                 const scale = make("select");
                 scale.title = "Show the error of the estimate larger";
-                for (const one of [1, 10, 100, 1000, 10000]) scale.add(new Option(`error ×${one}`, one));
+                for (const factor of [1, 10, 100, 1000, 10000]) scale.add(new Option(`error ×${factor}`, factor));
                 scale.onchange = () => {
                     stage.exaggerate = Number(scale.value);
                     this.dirty = true;
@@ -329,7 +327,7 @@ export class Viewer {
                 () => (this.help.hidden = !this.help.hidden)));
     }
 
-    // --- what a user does ---------------------------------------------------------------------------
+    // --- actions of the user ------------------------------------------------------------------------
 
     listen() {
         const {canvas, stage} = this, fingers = new Map();
@@ -374,7 +372,7 @@ export class Viewer {
                 m: () => this.openMap(this.mapFrame.hidden),
                 ".": () => this.faster(1),
                 ",": () => this.faster(-1),
-                c: () => this.look((stage.focus + 1) % this.data.crafts.length),
+                c: () => this.focusOn((stage.focus + 1) % this.data.crafts.length),
                 i: () => this.toggle("inside", !stage.shown.inside),
                 p: () => this.open(!this.drawn),
                 t: () => this.setTheme(stage.theme === "dark" ? "light" : "dark"),
@@ -417,7 +415,7 @@ export class Viewer {
         this.changed();
     }
 
-    look(k) {
+    focusOn(k) {
         this.stage.focus = k;
         this.choose(this.stage.preset);
         this.findPasses();
@@ -443,7 +441,7 @@ export class Viewer {
     play(playing) {
         if (playing && this.t >= this.data.end) this.seek(this.data.begin);
         if (playing) this.following = false;
-        if (playing !== this.playing) {  // a picture that stands still has all its pixels
+        if (playing !== this.playing) {  // a still picture has all its pixels
             const {stage} = this, full = Math.min(devicePixelRatio, 2);
             if (!playing) this.ratio = stage.ratio;
             stage.ratio = playing ? this.ratio ?? full : full;
@@ -487,16 +485,16 @@ export class Viewer {
         this.dirty = true;
     }
 
-    /** Look for the passes of the spacecraft in focus, as far as it is known. */
+    /** Compute the passes of the spacecraft in focus over the times of the record. */
     findPasses() {
         const {data, stage} = this, {motion} = stage.focused.craft;
         this.passes = data.stations.map((station) => ({
             station,
-            found: motion.time.n > 1 ? passes(data, station, motion, motion.time.data[0], data.end) : []
+            passes: motion.time.n > 1 ? passes(data, station, motion, motion.time.data[0], data.end) : []
         }));
     }
 
-    /** Modes and passes, above the slider, and marks for what happened. */
+    /** Draw modes and passes above the slider, and marks for events, commands and resets. */
     drawModes() {
         const {strip, data} = this, width = Math.max(1, strip.clientWidth), row = 7, span = data.end - data.begin || 1;
         const rows = data.modes.length + this.passes.length;
@@ -512,33 +510,33 @@ export class Viewer {
                 brush.fillRect(width * at(t), row * k, Math.max(1, width * (at(end) - at(t))), row - 1);
             });
         });
-        this.passes.forEach(({found}, k) => {
+        this.passes.forEach(({passes}, k) => {
             const top = row * (data.modes.length + k);
             brush.fillStyle = colour.getPropertyValue("--pass");
-            for (const {rise, set} of found)
+            for (const {rise, set} of passes)
                 brush.fillRect(width * at(rise), top, Math.max(2, width * (at(set) - at(rise))), row - 2);
         });
         brush.fillStyle = colour.getPropertyValue("--accent");
         for (const {t} of data.happened) brush.fillRect(width * at(t) - 0.5, strip.height - 4, 1.5, 4);
     }
 
-    /** What the strip shows at a place of the pointer. */
-    tellModes(event) {
+    /** Show in words what the strip has at the pointer. */
+    describeModes(event) {
         const {data, strip} = this, share = event.offsetX / Math.max(1, strip.clientWidth);
         const t = data.begin + share * (data.end - data.begin), near = (data.end - data.begin) / 100;
         strip.title = [
-            ...data.modes.map((one) => `${one.process}: ${modeAt(one, t) || "\u2013"}`),
-            ...this.passes.flatMap(({station, found}) => found
+            ...data.modes.map((modes) => `${modes.process}: ${modeAt(modes, t) || "\u2013"}`),
+            ...this.passes.flatMap(({station, passes}) => passes
                 .filter(({rise, set}) => t > rise - near && t < set + near)
                 .map(({rise, set, peak}) =>
                     `${station.name}: ${clock(Math.round(rise))} to ${clock(Math.round(set))}, ` +
                     `up to ${THREE.MathUtils.radToDeg(peak).toFixed(0)}°`)),
-            ...data.happened.filter((one) => Math.abs(one.t - t) < near)
-                .slice(0, 6).map((one) => `${clock(one.t)} ${one.text}`)
+            ...data.happened.filter((event) => Math.abs(event.t - t) < near)
+                .slice(0, 6).map((event) => `${clock(event.t)} ${event.text}`)
         ].join("\n");
     }
 
-    /** The times in shadow, below the slider. */
+    /** Draw the times in shadow, below the slider. */
     drawShadow() {
         const {shadow, data, stage} = this, width = Math.max(1, shadow.clientWidth), brush = shadow.getContext("2d");
         shadow.width = width;
@@ -562,29 +560,29 @@ export class Viewer {
         setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     }
 
-    /** Save what is seen: the picture with its names, and the map if it is open. */
+    /** Save the picture with its names, and the map if it is open. */
     savePicture() {
         const {stage, labels} = this, before = stage.ratio, ratio = stage.ratio = Math.max(2, before);
         stage.resize(...stage.size);
         stage.render(this.t, 0);
-        const made = make("canvas"), brush = made.getContext("2d"), [width, height] = stage.size;
-        made.width = this.canvas.width;
-        made.height = this.canvas.height;
+        const canvas = make("canvas"), brush = canvas.getContext("2d"), [width, height] = stage.size;
+        canvas.width = this.canvas.width;
+        canvas.height = this.canvas.height;
         brush.drawImage(this.canvas, 0, 0);
         stage.ratio = before;
         brush.setTransform(ratio, 0, 0, ratio, 0, 0);
         const frame = this.picture.getBoundingClientRect();
         const ground = getComputedStyle(this.root).getPropertyValue("--ground");
         Object.assign(brush, {lineJoin: "round", lineWidth: 3, strokeStyle: ground});
-        for (const one of labels.querySelectorAll(".label:not([hidden])")) {
-            const style = getComputedStyle(one), place = one.getBoundingClientRect();
+        for (const label of labels.querySelectorAll(".label:not([hidden])")) {
+            const style = getComputedStyle(label), place = label.getBoundingClientRect();
             if (style.visibility === "hidden") continue;
             const font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
             Object.assign(brush, {font, textBaseline: "middle", fillStyle: style.color});
             const x = place.left - frame.left + parseFloat(style.paddingLeft);
             const y = place.top - frame.top + place.height / 2;
-            brush.strokeText(one.textContent, x, y);
-            brush.fillText(one.textContent, x, y);
+            brush.strokeText(label.textContent, x, y);
+            brush.fillText(label.textContent, x, y);
         }
         if (!this.mapFrame.hidden && this.mapCanvas.dataset.planet) {
             const place = this.mapCanvas.getBoundingClientRect();
@@ -595,14 +593,14 @@ export class Viewer {
                               fillStyle: getComputedStyle(this.root).color});
         brush.strokeText(words, 10, height - 8, width - 20);
         brush.fillText(words, 10, height - 8, width - 20);
-        made.toBlob((blob) => this.download(blob, "png"));
+        canvas.toBlob((blob) => this.download(blob, "png"));
         this.fit();
     }
 
     film() {
         if (this.recorder) return void this.recorder.stop();
         const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"];
-        const kind = kinds.find((one) => window.MediaRecorder?.isTypeSupported(one));
+        const kind = kinds.find((type) => window.MediaRecorder?.isTypeSupported(type));
         if (!kind) return void (this.filmButton.title = "This browser cannot record films");
         this.parts = [];
         this.recorder = new MediaRecorder(this.canvas.captureStream(60), {mimeType: kind, videoBitsPerSecond: 12e6});
@@ -642,9 +640,9 @@ export class Viewer {
             this.dirty = false;
             this.stage.render(this.t, this.playing || this.following ? since : 0);
             this.plots.show(this.t);
-            if (!(this.playing || this.following) || now - (this.told ?? 0) > READABLE) {
-                this.told = now;
-                this.tell();
+            if (!(this.playing || this.following) || now - (this.shownAt ?? 0) > READABLE) {
+                this.shownAt = now;
+                this.showNumbers();
             }
             if (!this.root.dataset.opened) {
                 this.root.dataset.opened = Math.round(performance.now());
@@ -654,7 +652,7 @@ export class Viewer {
         this.request = requestAnimationFrame((next) => this.frame(next));
     }
 
-    /** Fewer pixels where the frames come too slowly, more again where there is time. */
+    /** Draw fewer pixels where frames are too slow, more where there is time. */
     keepPace(since) {
         const {frames, stage} = this;
         frames.push(since);
@@ -674,71 +672,17 @@ export class Viewer {
         }
     }
 
-    /** Where the spacecraft in focus is over the ground, in words. */
-    ground(t) {
-        const {craft, place} = this.stage.focused, planet = this.map.below(craft, t);
-        const degrees = THREE.MathUtils.radToDeg;
-        const {latitude, longitude, altitude} = geodetic(planet, fixed(planet, place, t));
-        const half = (value, names) => `${degrees(Math.abs(value)).toFixed(2)}° ${names[value < 0 ? 1 : 0]}`;
-        return `${half(latitude, "NS")}, ${half(longitude, "EW")}, ${(altitude / 1e3).toFixed(1)} km`;
-    }
-
-    /** The numbers of the present time. */
-    tell() {
-        const {data, stage, t} = this, one = stage.focused, rows = [], degrees = THREE.MathUtils.radToDeg;
-        const centre = primary(data, one.place, t);
-        if (centre) {
-            const away = sub(one.place, position(centre.motion, t)), speed = sub(one.speed, velocity(centre.motion, t));
-            rows.push(
-                ["altitude", `${((norm(away) - centre.radius) / 1e3).toFixed(2)} km`],
-                ["speed", `${(norm(speed) / 1e3).toFixed(4)} km/s`]);
-        }
-        for (const mode of data.modes) rows.push([`${mode.process} mode`, modeAt(mode, t) || "\u2013"]);
-        const {rate, ...others} = one.craft.signals;
-        if (rate)
-            rows.push(
-                ["body rate", number(degrees(Math.hypot(...[0, 1, 2].map((k) => level(rate, t, k)))),
-                                     (turn) => `${turn.toFixed(4)} °/s`)]);
-        for (const [name, signal] of Object.entries(others))
-            rows.push(
-                [name, ...aged(signal, t, number(degrees(level(signal, t)), (turn) => `${turn.toPrecision(4)}°`))]);
-        if (data.sun || data.sun_N) rows.push(["sunlight", `${(100 * one.sunlight).toFixed(0)} %`]);
-        const estimate = one.craft.poses.find((pose) => pose.kind === "estimate")?.turning;
-        if (estimate && stage.shown.estimate) {
-            const said = attitude(estimate, t, new THREE.Quaternion(), new THREE.Quaternion());
-            rows.push(["estimate off by", ...aged(estimate, t, known(estimate, t) ?
-                angle(degrees(one.body.quaternion.angleTo(said))) : "\u2013")]);
-        }
-        const wheels = one.craft.parts.filter((part) => part.kind === "wheel" && part.level);
-        if (wheels.length)
-            rows.push([
-                "wheels",
-                wheels.map((part) => number((level(part.level, t) * 30) / Math.PI, Math.round)).join("  ") + " rpm"
-            ]);
-        const thrust = one.craft.parts.filter((part) => part.kind === "thruster" && part.level);
-        if (thrust.length)
-            rows.push(["thrust", number(thrust.reduce((sum, part) => sum + level(part.level, t), 0),
-                                        (sum) => `${sum.toFixed(3)} N`)]);
-        data.crafts.forEach((craft, k) => {
-            if (k !== stage.focus && data.crafts.length < 5)
-                rows.push(
-                    [`to ${craft.label}`, `${(norm(sub(stage.crafts[k].place, one.place)) / 1e3).toFixed(3)} km`]);
-        });
-        for (const station of data.stations.slice(0, 4)) {
-            const {elevation, range} = look(data, station, one.place, t), seen = elevation >= station.mask;
-            const radio = station.links.find((link) => link.craft === one.craft.name);
-            rows.push([station.name, seen ? `${degrees(elevation).toFixed(1)}°, ${(range / 1e3).toFixed(0)} km` :
-                                            "not in view"]);
-            if (radio && (radio.down || radio.up)) rows.push(["radio", linkState(radio, t).text]);
-        }
-        for (const {part} of one.body.cones)
-            if (part.keep_out && stage.inside(one, part, t)) rows.push([part.name, `${part.keep_out} inside`, "warn"]);
+    /** Show the numbers of the present time. */
+    showNumbers() {
+        const {data, stage, t} = this;
         this.readout.replaceChildren(
-            ...rows.flatMap(([name, value, kind]) => [make("dt", kind, name), make("dd", kind, value)]));
+            ...numbers(data, stage, t).flatMap(
+                ([name, value, kind]) => [make("dt", kind, name), make("dd", kind, value)]));
         if (!this.mapFrame.hidden) {
             const there = this.map.draw(t, stage.crafts, stage.focus);
             this.mapCanvas.hidden = !there;
-            this.mapWords.textContent = there ? this.ground(t) :
+            this.mapWords.textContent = there ?
+                overGround(this.map.below(stage.focused.craft, t), stage.focused.place, t) :
                 "No map: the run does not say how the body below turns. Give the spacecraft a sky.";
         }
         this.nowButton.classList.toggle("on", this.following);
@@ -752,16 +696,4 @@ export class Viewer {
         this.slider.value = (t - data.begin) / (data.end - data.begin || 1);
         this.slider.setAttribute("aria-valuetext", `${clock(t)}`);
     }
-}
-
-/** [words, class] of a track's value at a time: with its age if it is stale, and grey then. */
-function aged(track, t, words) {
-    const since = age(track, t);
-    return since ? [`${words}, ${since.toFixed(0)} s old`, "stale"] : [words];
-}
-
-function angle(degrees) {
-    return degrees > 0.5 ? `${degrees.toFixed(2)}°` :
-        degrees > 1 / 120 ? `${(60 * degrees).toFixed(2)}′` :
-                            `${(3600 * degrees).toFixed(1)}″`;
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Alarms: what is or was beyond its limits, until a person has acknowledged it; shelved ones keep quiet for a while.
+// Alarms: parameters that are or were beyond their limits, until an operator acknowledges them; shelving silences one.
 import {isShelved} from "../alarms.js";
 import {of} from "../api.js";
-import {ask, attempt, concern, dress, h, put, stamp} from "../dom.js";
+import {attempt, concern, dress, h, prompt, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
 import {real} from "../store.js";
@@ -14,9 +14,9 @@ export async function open(context) {
     const {root, api, live, time, craft, keys} = context;
     let alarms = [];
     const buttons = [], notes = h("div", {class: "notes"}), about = h("p", {class: "soft"});
-    const state = (one) => (isShelved(one) ? "shelved"
-                            : one.acknowledged   ? "acknowledged"
-                            : one.concern        ? "open"
+    const state = (alarm) => (isShelved(alarm) ? "shelved"
+                            : alarm.acknowledged   ? "acknowledged"
+                            : alarm.concern        ? "open"
                                                  : "open, over");
     const table = new Table({
         label: "alarms",
@@ -30,24 +30,24 @@ export async function open(context) {
             {title: "State", width: "minmax(7rem, 1.2fr)", narrow: "minmax(0, 2fr)"}
         ],
         fill: (cells, row, element) => {
-            const one = alarms[row];
-            for (const [k, level] of [[0, one.concern], [1, one.worst]]) {
+            const alarm = alarms[row];
+            for (const [k, level] of [[0, alarm.concern], [1, alarm.worst]]) {
                 concern(level, cells[k].firstChild ?? cells[k].appendChild(h("span")));
                 if (!level)
                     put(cells[k].firstChild, "within");
             }
-            put(cells[2], one.name);
-            put(cells[3], typeof one.value === "number" ? real(one.value) : String(one.value ?? ""));
-            stamp(cells[4], time.text(one.since_ns));
-            put(cells[5], state(one));
+            put(cells[2], alarm.name);
+            put(cells[3], typeof alarm.value === "number" ? real(alarm.value) : String(alarm.value ?? ""));
+            stamp(cells[4], time.text(alarm.since_ns));
+            put(cells[5], state(alarm));
             dress(element,
-                `tr${row === table.at ? " at" : ""}${one.acknowledged || isShelved(one) ? " soft" : ""}`);
+                `tr${row === table.at ? " at" : ""}${alarm.acknowledged || isShelved(alarm) ? " soft" : ""}`);
         },
         moved: () => detail(),
         choose: () => acknowledge(),
     });
 
-    /** Keep the order, and the cursor on its alarm. */
+    /** Show the alarms in their order; the cursor stays on its alarm. */
     function show() {
         const at = alarms[table.at]?.name ?? context.selection;
         alarms = context.alarms.of(craft);
@@ -57,51 +57,55 @@ export async function open(context) {
         detail();
     }
 
-    const post = (one, body) => attempt(notes, async () => {
-        context.alarms.merge(craft, await api.post(of(craft, "alarms", one.slot), body));
+    const post = (alarm, body) => attempt(notes, async () => {
+        context.alarms.merge(craft, await api.post(of(craft, "alarms", alarm.slot), body));
     });
 
     async function acknowledge() {
-        const one = alarms[table.at];
-        if (!one || one.acknowledged) return;
+        const alarm = alarms[table.at];
+        if (!alarm || alarm.acknowledged) return;
         const note = h("input", {name: "note", autofocus: true, maxLength: 500, autocomplete: "off"});
-        const said = await ask("Acknowledge", one.name, [["Note, for those who come after you", note]], "Acknowledge");
-        if (said) await post(one, {acknowledge: true, note: said.note});
+        const answers = await prompt("Acknowledge", alarm.name, [["Note, for those who come after you", note]],
+            "Acknowledge");
+        if (answers) await post(alarm, {acknowledge: true, note: answers.note});
     }
 
     async function shelve() {
-        const one = alarms[table.at];
-        if (!one) return;
-        if (isShelved(one)) {
-            await post(one, {shelve_s: 0});
+        const alarm = alarms[table.at];
+        if (!alarm) return;
+        if (isShelved(alarm)) {
+            await post(alarm, {shelve_s: 0});
             return;
         }
         const time_s =
             h("select", {name: "time"}, [[600, "10 minutes"], [3600, "1 hour"], [28800, "8 hours"],
                 [86400, "1 day"]].map(([value, text]) => h("option", {value}, text)));
-        const said = await ask("Shelve", `${one.name} keeps quiet for so long.`, [["Time", time_s]], "Shelve");
-        if (said) await post(one, {shelve_s: Number(said.time)});
+        const answers = await prompt("Shelve", `${alarm.name} keeps quiet for so long.`, [["Time", time_s]], "Shelve");
+        if (answers) await post(alarm, {shelve_s: Number(answers.time)});
     }
 
     async function limits() {
-        const one = alarms[table.at];
-        if (!one) return;
+        const alarm = alarms[table.at];
+        if (!alarm) return;
         const store = await live.slots(craft);
-        if (await editLimits(context, store.slots[one.slot])) detail();
+        if (await editLimits(context, store.slots[alarm.slot])) detail();
     }
 
     function detail() {
-        const one = alarms[table.at], said = one?.acknowledged,
+        const alarm = alarms[table.at], acknowledged = alarm?.acknowledged,
               may = context.can("command") || context.can("administer");
         for (const [button, right, words] of buttons) {
-            button.disabled = !one || !right || (words === "Acknowledge" && Boolean(said));
-            if (words === "Shelve") put(button.firstChild, one && isShelved(one) ? "End shelving" : "Shelve");
+            button.disabled = !alarm || !right || (words === "Acknowledge" && Boolean(acknowledged));
+            if (words === "Shelve") put(button.firstChild, alarm && isShelved(alarm) ? "End shelving" : "Shelve");
         }
-        if (!one) return put(about, may ? "" : "To acknowledge asks for the role command.");
-        const slot = live.store(craft).slots[one.slot];
-        const parts = [one.name, limitsText(slot?.limits)];
-        if (said) parts.push(`acknowledged by ${said.user}${said.note ? `: ${said.note}` : ""}`);
-        if (isShelved(one)) parts.push(`shelved until ${clock(one.shelved_until_ns, true, 0)} UTC`);
+        if (!alarm) return put(about, may ? "" : "To acknowledge asks for the role command.");
+        const slot = live.store(craft).slots[alarm.slot];
+        const parts = [alarm.name, limitsText(slot?.limits)];
+        if (acknowledged) {
+            const {user, note} = acknowledged;
+            parts.push(`acknowledged by ${user}${note ? `: ${note}` : ""}`);
+        }
+        if (isShelved(alarm)) parts.push(`shelved until ${clock(alarm.shelved_until_ns, true, 0)} UTC`);
         return put(about, parts.filter(Boolean).join(" \u00b7 "));
     }
 
@@ -115,7 +119,7 @@ export async function open(context) {
         keys.add(letter, words.toLowerCase(), () => button.click());
     }
     root.append(
-        h("div", {class: "head"}, h("h1", {}, title), buttons.map(([one]) => one)), notes, table.element, about);
+        h("div", {class: "head"}, h("h1", {}, title), buttons.map(([button]) => button)), notes, table.element, about);
     context.on("alarms", show);
     context.every(5000, show);      // a shelving ends by itself
     await attempt(notes, () => Promise.all([context.alarms.load(craft), live.slots(craft)]));

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is kept: sessions with their gaps; to look at, to replay, to take away as a table.
+// The archive's sessions with their gaps: to look at, to replay, to save as a table.
 import {of} from "../api.js";
 import {attempt, h, hint, put} from "../dom.js";
 import {count, span, ticks} from "../format.js";
 import {Table} from "../table.js";
+import {offer} from "../transfer.js";
 
 export const title = "Archive", key = "h";
 
@@ -24,14 +25,14 @@ export async function open(context) {
             {title: "Ended", width: "minmax(7rem, 1fr)", narrow: ""}
         ],
         fill: (cells, row) => {
-            const one = sessions[row];
+            const session = sessions[row];
             const texts = [
-                one.session, time.text(one.first_ns, 0), time.text(one.last_ns, 0),
-                span(Number(BigInt(one.last_ns) - BigInt(one.first_ns)) / 1e9), count(one.packets),
-                one.gaps?.length ? `\u25b3 ${one.gaps.length}` : "", one.ended || "still open"
+                session.session, time.text(session.first_ns, 0), time.text(session.last_ns, 0),
+                span(Number(BigInt(session.last_ns) - BigInt(session.first_ns)) / 1e9), count(session.packets),
+                session.gaps?.length ? `\u25b3 ${session.gaps.length}` : "", session.ended || "still open"
             ];
             texts.forEach((text, k) => put(cells[k], String(text)));
-            hint(cells[6], one.ended ?? "");
+            hint(cells[6], session.ended ?? "");
         },
         moved: (row) => choose(sessions[row]),
     });
@@ -43,20 +44,19 @@ export async function open(context) {
         return t;
     };
 
-    function choose(one) {
-        const [from, to] = [when("from", one.first_ns), when("to", one.last_ns)];
+    function choose({session, first_ns, last_ns, gaps}) {
+        const from = when("from", first_ns), to = when("to", last_ns);
         const speed = h("select", {"aria-label": "speed"},
             [1, 10, 100, 1000].map((x) => h("option", {value: x}, `${x} times real time`)));
         const names =
             h("input", {"aria-label": "parameters", placeholder: "parameter, parameter", size: 40, spellcheck: false});
         const problem = h("div");
-        const gaps = one.gaps ?? [];
-        about.replaceChildren(h("h2", {}, `Session ${one.session}`),
+        about.replaceChildren(h("h2", {}, `Session ${session}`),
             h("div", {class: "row"}, from, h("span", {class: "soft"}, "to"), to,
                 h("button", {
                     onclick: () => attempt(problem,
                         async () => {
-                            time.seek(read(from), one.session);
+                            time.seek(read(from), session);
                             context.go({page: "plots"});
                         })
                 },
@@ -66,14 +66,14 @@ export async function open(context) {
                     class: "primary",
                     onclick: () => attempt(problem,
                         async () => {
-                            const made = await api.post(of(craft, "replay"), {
-                                session: one.session,
+                            const replay = await api.post(of(craft, "replay"), {
+                                session,
                                 from_ns: read(from),
                                 to_ns: read(to),
                                 speed: Number(speed.value)
                             });
                             await live.load();
-                            context.go({page: "parameters", craft: made.name, sel: ""});
+                            context.go({page: "parameters", craft: replay.name, sel: ""});
                         })
                 },
                     "Replay")),
@@ -88,28 +88,23 @@ export async function open(context) {
                                 from_ns: read(from),
                                 to_ns: read(to),
                                 points: 0,
-                                session: one.session,
+                                session,
                                 format: "csv"
                             });
-                            const link = h("a", {
-                                href: URL.createObjectURL(new Blob([text], {type: "text/csv"})),
-                                download: `${craft}.csv`
-                            });
-                            link.click();
-                            setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+                            offer(new Blob([text], {type: "text/csv"}), `${craft}.csv`);
                         })
                 },
                     "Save as CSV")),
             problem, h("h3", {}, "Gaps"),
-            gaps.length ? h("ul", {class: "lines"}, gaps.map(([a, b,
+            gaps?.length ? h("ul", {class: "lines"}, gaps.map(([a, b,
                 why]) => h("li", {}, h("time", {}, `${time.text(a, 0)} to ${time.text(b, 0)}`), h("span", {}, why))))
                         : h("p", {class: "soft"}, "none"));
     }
 
     async function load() {
-        const found = await attempt(notes, () => api.get(of(craft, "sessions")));
-        if (!found) return;
-        sessions = [...found].reverse();
+        const list = await attempt(notes, () => api.get(of(craft, "sessions")));
+        if (!list) return;
+        sessions = [...list].reverse();
         table.set(sessions.length);
         if (table.at < 0 && sessions.length) table.go(0);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands: found in the database, filled in, looked at as bytes, sent, and followed by their verifiers.
+// Commands: searched in the database, filled in, shown as bytes, sent, and followed by their verifiers.
 import {of} from "../api.js";
 import {attempt, dress, h, hint, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
@@ -9,13 +9,13 @@ import {
 import {stackOf} from "../stack.js";
 import {Table} from "../table.js";
 
-const WAIT = 150;  // [ms] after the last key until the bytes are asked for
+const WAIT = 150;  // [ms] from the last key to the request for the bytes
 
 export const title = "Commands", key = "c", role = "command";
 
 export async function open({root, api, live, keys, craft, selection, select, can}) {
     const utc = live.craft(craft)?.clock === "utc";
-    let forms = await api.get(of(craft, "commands")).catch(() => []), rows = [], form = null, timer = 0, asked = null;
+    let forms = await api.get(of(craft, "commands")).catch(() => []), rows = [], form = null, timer = 0, request = null;
 
     const search = h("input", {
         type: "search",
@@ -26,7 +26,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
             if (event.key !== "ArrowDown" && event.key !== "Enter") return;
             event.preventDefault();
             list.scroll.focus();
-            const first = rows.findIndex((one) => one.form);
+            const first = rows.findIndex((row) => row.form);
             if (first >= 0) list.go(first);
             if (event.key === "Enter") focusForm();
         }
@@ -36,22 +36,22 @@ export async function open({root, api, live, keys, craft, selection, select, can
         columns: [{title: "command"}],
         empty: "No command fits",
         fill([cell], k, element) {
-            const one = rows[k];
-            element.classList.toggle("group", !one.form);
+            const row = rows[k];
+            element.classList.toggle("group", !row.form);
             put(cell,
-                one.form ?
-                    one.form.name.slice(one.form.name.startsWith(groupOf(one.form)) ? groupOf(one.form).length : 0)
+                row.form ?
+                    row.form.name.slice(row.form.name.startsWith(groupOf(row.form)) ? groupOf(row.form).length : 0)
                             .replace(/^[./]/, "") +
-                        (one.form.hazardous ? " \u26a0" : "") :
-                    `${one.group} (${one.n})`);
-            hint(cell, one.form ? `${one.form.name}\n${one.form.description}` : one.group);
+                        (row.form.hazardous ? " \u26a0" : "") :
+                    `${row.group} (${row.n})`);
+            hint(cell, row.form ? `${row.form.name}\n${row.form.description}` : row.group);
         },
         moved: (k) => rows[k].form && show(rows[k].form),
         choose: (k, event) => event.key === "Enter" && focusForm(),
     });
     const find = () => {
         rows = listed(forms, search.value);
-        list.at = rows.findIndex((one) => one.form && one.form === form?.form);
+        list.at = rows.findIndex((row) => row.form && row.form === form?.form);
         list.set(rows.length);
     };
     const focusForm = () =>
@@ -61,7 +61,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const middle = h("section", {class: "panel command", "aria-label": "the command"},
         h("p", {class: "none soft"}, "Choose a command."));
     const preview = h("div", {class: "preview"});
-    const said = h("p", {class: "answer", role: "status"});
+    const answer = h("p", {class: "answer", role: "status"});
     function show(about, values = {}) {
         if (about === form?.form && !Object.keys(values).length) return;
         select(about.name);
@@ -79,17 +79,17 @@ export async function open({root, api, live, keys, craft, selection, select, can
                                                     verifierOf(verifier)))),
             form.element,
             h("div", {class: "row send"}, here,
-                h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), said),
-            h("div", {class: "look"}, h("h3", {}, "Bytes"), preview)));
-        put(said, "");
+                h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), answer),
+            h("div", {class: "encoded"}, h("h3", {}, "Bytes"), preview)));
+        put(answer, "");
         later(0);
     }
     function later(wait = WAIT) {
         clearTimeout(timer);
-        timer = setTimeout(look, wait);
+        timer = setTimeout(refresh, wait);
     }
-    async function look() {
-        asked?.abort();
+    async function refresh() {
+        request?.abort();
         const now = form, values = form.values(false);
         preview.classList.toggle("old", values === null);
         if (values === null) {
@@ -97,13 +97,13 @@ export async function open({root, api, live, keys, craft, selection, select, can
                 preview.append(h("p", {class: "soft"}, "They are shown when all arguments are given."));
             return;
         }
-        asked = new AbortController();
+        request = new AbortController();
         try {
-            const answer =
-                await (await api.ask("POST", of(craft, "preview"), {name: now.form.name, arguments: values}, {
-                    signal: asked.signal
+            const bytes =
+                await (await api.request("POST", of(craft, "preview"), {name: now.form.name, arguments: values}, {
+                    signal: request.signal
                 })).json();
-            if (now === form) preview.replaceChildren(bytesOf(answer));
+            if (now === form) preview.replaceChildren(bytesOf(bytes));
         } catch (error) {
             if (error.name === "AbortError" || now !== form) return;
             const beside = form.refused(error);
@@ -115,15 +115,15 @@ export async function open({root, api, live, keys, craft, selection, select, can
         const now = form, values = form.values();
         if (!values) return;
         button.disabled = true;
-        put(said, "");
+        put(answer, "");
         try {
             const id = await send(api, craft, now.form.name, values);
-            put(said, id === null ? "Not sent." : "Sent.");
-            dress(said, "answer");
+            put(answer, id === null ? "Not sent." : "Sent.");
+            dress(answer, "answer");
         } catch (error) {
             if (!now.refused(error, true)) {
-                put(said, error.message);
-                dress(said, "answer problem");
+                put(answer, error.message);
+                dress(answer, "answer problem");
             }
         } finally { button.disabled = false; }
     }
@@ -131,11 +131,11 @@ export async function open({root, api, live, keys, craft, selection, select, can
         const values = form.values();
         if (!values) return;
         stackOf(craft).add({command: form.form.name, arguments: values});
-        put(said, "It is the last of the stack.");
-        dress(said, "answer");
+        put(answer, "It is the last of the stack.");
+        dress(answer, "answer");
     }
 
-    // --- what was sent ---
+    // --- sent commands ---
     const sent = new Sent(live, craft, utc, stagesOf(forms), (row) => details(row));
     const detail = h("div", {class: "detail"});
     function details(row) {
@@ -169,12 +169,12 @@ export async function open({root, api, live, keys, craft, selection, select, can
         find();
         const chosen = forms.find((form) => form.name === selection);
         if (chosen) show(chosen);
-        list.go(rows.findIndex((one) => one.form && one.form === chosen), true);
+        list.go(rows.findIndex((row) => row.form && row.form === chosen), true);
         await sent.load();
     });
     return () => {
         clearTimeout(timer);
-        asked?.abort();
+        request?.abort();
         list.close();
         sent.close();
     };
@@ -202,22 +202,22 @@ export class Sent {
             moved: (k) => this.show(this.rows[k]),
         });
         this.off = [
-            live.on("sent", (row) => row.craft === craft && this.take(row)), live.on("again", () => this.load())
+            live.on("sent", (row) => row.craft === craft && this.update(row)), live.on("again", () => this.load())
         ];
     }
 
     async load() {
-        for (const row of await this.live.rows(this.craft, "sent", "sent")) this.take(row, false);
+        for (const row of await this.live.rows(this.craft, "sent", "sent")) this.update(row, false);
         this.table.set(this.rows.length);
         this.table.draw();
     }
 
-    take(row, draw = true) {
-        const at = this.rows.findIndex((one) => one.id === row.id);
+    update(row, draw = true) {
+        const at = this.rows.findIndex((other) => other.id === row.id);
         if (at >= 0)
             this.rows[at] = row;
         else {
-            const place = this.rows.findIndex((one) => Number(one.id) < Number(row.id));
+            const place = this.rows.findIndex((other) => Number(other.id) < Number(row.id));
             this.rows.splice(place < 0 ? this.rows.length : place, 0, row);
             if (place === 0 && draw) this.table.shift(1);
         }
@@ -239,9 +239,9 @@ export class Sent {
             const [sign, name_] = tick(row, stage);
             dress(rest[i], `td center ${name_}`);
             put(rest[i], sign);
-            const one = ladder(row)[stage];
+            const reached = ladder(row)[stage];
             rest[i].setAttribute(
-                "aria-label", one ? `${one.stage}${one.good === false ? ", no" : ""}` : `not ${stage}`);
+                "aria-label", reached ? `${reached.stage}${reached.good === false ? ", no" : ""}` : `not ${stage}`);
         });
         const {state, text} = outcome(row);
         put(why, state === "bad" ? text : "");

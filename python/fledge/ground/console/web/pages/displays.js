@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Displays that a mission composes: rows, large values, plots and buttons of commands (ground/server/displays.py).
+// Displays of a mission's files: rows, large values, plots and buttons of commands (ground/server/displays.py).
 import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, Mender} from "../curve.js";
@@ -20,6 +20,9 @@ const rounded = (number, about, digits) => {
     return number.toFixed(digits).replace(/^-(0[.0]*)$/, "$1").replace("-", "\u2212");
 };
 
+const hasProblem = ({problems, panels}) => problems.length > 0 ||
+    panels.some(({items}) => items.some(({problem}) => problem));
+
 export async function open(context) {
     const {root, api, live, time, craft, keys, selection, select} = context, store = await live.slots(craft);
     let displays = [], shown = null, ends = [], draws = [], loads = [], past = null;
@@ -28,38 +31,37 @@ export async function open(context) {
           holder = h("div", {class: "display"});
     root.append(tabs, holder);
 
-    function choose(one) {
+    function choose(display) {
         for (const end of ends) end();
         ends = [];
         draws = [];
         loads = [];
-        shown = one;
-        select(one.name);
+        shown = display;
+        select(display.name);
         tabs.replaceChildren(...displays.map(
-            (other) => h("button", {"aria-pressed": String(other === one), onclick: () => choose(other)}, other.title,
-                (other.problems.length > 0 || other.panels.some(({items}) => items.some(({problem}) => problem))) &&
-                    " \u26a0")));
-        holder.replaceChildren(...one.problems.map((text) => h("p", {class: "problem wide", role: "alert"}, text)),
-            ...one.panels.map(panel));
-        wish.change(
-            [...new Set(one.panels.flatMap(({items}) => items.map(({slot}) => slot).filter((slot) => slot != null)))]);
+            (other) => h("button", {"aria-pressed": String(other === display), onclick: () => choose(other)},
+                other.title, hasProblem(other) && " \u26a0")));
+        holder.replaceChildren(...display.problems.map((text) => h("p", {class: "problem wide", role: "alert"}, text)),
+            ...display.panels.map(panel));
+        const slots = display.panels.flatMap(({items}) => items.map(({slot}) => slot));
+        wish.change([...new Set(slots.filter((slot) => slot != null))]);
         draw();
         if (!time.isLive) attempt(root, remember);
     }
-    /** What an item is now, or was at the time that is shown. */
+    /** An item's value as text: the newest, or that at the time that is shown. */
     function text({slot, digits}) {
         const about = store.slots[slot];
         if (time.isLive) return rounded(store.number(slot), about, digits) ?? (store.text(slot) || "\u2013");
         const old = past?.get(slot);
         return old === undefined ? "\u2013" : rounded(old.value ?? NaN, about, digits) ?? valueText(about, old);
     }
-    /** [s] How old an item is, if it is stale; else 0. */
+    /** [s] The age of an item's value if it is stale, else 0. */
     function old({slot}) {
         const t = time.isLive ? store.seen[slot] && store.at(slot) : past?.get(slot)?.t;
         const age = typeof t === "bigint" ? ageOf(t, time.at) : 0;
         return isStale(store.slots[slot], age) ? age : 0;
     }
-    /** Show its state, or else its age if it is stale, and grey then. */
+    /** Show an item's state; if it has none, the age of a stale value. */
     function judge(item, value, state, name) {
         const age = old(item), how = level(item.slot);
         concern(how, state);
@@ -69,12 +71,12 @@ export async function open(context) {
     const hasNumber = (slot) => !["text", "binary"].includes(store.slots[slot]?.kind);
     const level = (slot) => (time.isLive ? store.concern[slot] : past?.get(slot)?.concern ?? 0);
     async function remember() {
-        const {at} = time, items = shown?.panels.flatMap((one) => one.items).filter(({slot}) => slot != null) ?? [];
+        const {at} = time, items = shown?.panels.flatMap((panel) => panel.items).filter(({slot}) => slot != null) ?? [];
         past = null;
         if (!time.isLive && items.length) {
-            const found = await valuesAt(api, craft, [...new Set(items.map(({name}) => name))], at, time.session);
+            const values = await valuesAt(api, craft, [...new Set(items.map(({name}) => name))], at, time.session);
             if (at !== time.at) return;
-            past = new Map(items.filter(({name}) => found.has(name)).map(({name, slot}) => [slot, found.get(name)]));
+            past = new Map(items.filter(({name}) => values.has(name)).map(({name, slot}) => [slot, values.get(name)]));
         }
         draw();
     }
@@ -115,13 +117,13 @@ export async function open(context) {
     }
     function plot({items, minutes, title: name}) {
         const good = items.filter(({slot}) => slot != null && hasNumber(slot)), span = 60 * minutes;
-        const curves = good.map((one) => new Curve(one.name)), holder = h("div", {
+        const curves = good.map((item) => new Curve(item.name)), holder = h("div", {
             class: "curve",
             role: "img",
             "aria-label": `plot of ${name || good.map(({label}) => label).join(", ")}`
         });
-        const made = h("div", {}, items.filter(({problem}) => problem).map(wrong), holder);
-        if (!good.length) return made;
+        const section = h("div", {}, items.filter(({problem}) => problem).map(wrong), holder);
+        if (!good.length) return section;
         let drawn = null, over = false, last = 0;
         const build = () => {
             drawn?.destroy();
@@ -149,18 +151,18 @@ export async function open(context) {
             drawn.setScale("x", {min: time.utc ? to - span : Math.max(0, to - span), max: to});
             if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
         };
-        let asked = 0;
+        let request = 0;
         const read = async (from, to) => series(await api.bytes(of(craft, "history"), {
-            names: good.map((one) => one.name).join(","), from_ns: from, to_ns: to + 1n, points: POINTS,
+            names: good.map((item) => item.name).join(","), from_ns: from, to_ns: to + 1n, points: POINTS,
             session: time.session, format: "binary"}));
         const mender = new Mender(async (from, to) => {
-            const turn = asked, found = await read(ns(from), ns(to) + 1000n);
-            return !over && turn === asked && found;
+            const turn = request, archived = await read(ns(from), ns(to) + 1000n);
+            return !over && turn === request && archived;
         }, show);
-        const load = async () => {  // what was before
-            const {at} = time, turn = ++asked, shown = store.t, found = await read(at - ns(span), at);
-            if (over || turn !== asked) return;
-            curves.forEach((curve, k) => curve.fill(found[k], shown));
+        const load = async () => {  // the samples before the page was opened
+            const {at} = time, turn = ++request, shown = store.t, archived = await read(at - ns(span), at);
+            if (over || turn !== request) return;
+            curves.forEach((curve, k) => curve.fill(archived[k], shown));
             show();
         };
         const fit = new ResizeObserver(() => {
@@ -175,8 +177,8 @@ export async function open(context) {
             fit.disconnect();
             drawn?.destroy();
         }, context.onTheme(build));
-        loads.push(() => attempt(made, load));
-        attempt(made, load);
+        loads.push(() => attempt(section, load));
+        attempt(section, load);
         draws.push(() => {
             if (!time.isLive) return;
             let fresh = false;
@@ -186,12 +188,12 @@ export async function open(context) {
                 fresh = curves[k].add(t, value, value, value, store.concern[slot]) || fresh;
                 curves[k].drop(Number(time.newest) / 1e9 - span - 5);
             });
-            mender.look(curves, Number(time.newest) / 1e9 - span);
+            mender.check(curves, Number(time.newest) / 1e9 - span);
             if (!fresh || performance.now() - last < 95) return;
             last = performance.now();
             show();
         });
-        return made;
+        return section;
     }
     function commands({items}) {
         const may = context.can("command"), answer = h("p", {class: "answer", role: "status"});
@@ -202,8 +204,8 @@ export async function open(context) {
             put(answer,
                 `${row.name}: ${
                     state === "bad" ? `\u2717 ${text}` :
-                                      STAGES.filter((stage) => row.stages.some((one) => one.stage === stage))
-                                          .map((one) => `\u2713 ${one}`)
+                                      STAGES.filter((stage) => row.stages.some((reached) => reached.stage === stage))
+                                          .map((stage) => `\u2713 ${stage}`)
                                           .join("  ")}`);
             dress(answer, `answer ${state === "bad" ? "problem" : ""}`);
         };
@@ -232,7 +234,7 @@ export async function open(context) {
             answer);
     }
     const draw = () => {
-        for (const one of draws) one();
+        for (const draw of draws) draw();
     };
     context.onFrame(draw);
     context.onTime(() => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What happened, on board and on the ground: by severity, source and words.
+// Events on board and on the ground, filtered by severity, source and words.
 import {of} from "../api.js";
 import {CONCERNS, concern, h, put, stamp} from "../dom.js";
 import {List} from "../list.js";
@@ -19,7 +19,7 @@ export async function open(context) {
             list.filter();
         }
     },
-        ["everything", ...CONCERNS.slice(1).map((one) => `${one} and worse`)].map(
+        ["everything", ...CONCERNS.slice(1).map((severity) => `${severity} and worse`)].map(
             (text, k) => h("option", {value: k}, text)));
     const from = h("select", {"aria-label": "source", onchange: () => { source = from.value; list.filter(); }},
         h("option", {value: ""}, "all sources"));
@@ -36,8 +36,8 @@ export async function open(context) {
     });
     const list = new List(context, {
         path: of(craft, "events"),
-        fits: (one) => level(one) >= least && (!source || one.source === source) &&
-            (!word || `${one.source} ${one.text}`.toLowerCase().includes(word.toLowerCase())),
+        fits: (event) => level(event) >= least && (!source || event.source === source) &&
+            (!word || `${event.source} ${event.text}`.toLowerCase().includes(word.toLowerCase())),
         table: {
             label: "events", empty: "No event fits",
             columns: [{title: "Time", width: "12rem", class: "tab", narrow: "5.6rem"},

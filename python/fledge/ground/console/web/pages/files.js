@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files to the spacecraft and from it, by CFDP.
+// File transfers to and from the spacecraft, by CFDP.
 import {of} from "../api.js";
 import {attempt, h, has} from "../dom.js";
 import {clock} from "../format.js";
@@ -7,7 +7,7 @@ import {size} from "../transfer.js";
 
 export const title = "Files", key = "f", role = "command";
 
-export async function open({root, api, live, keys, craft, can, on, say}) {
+export async function open({root, api, live, keys, craft, can, on, notify}) {
     if (!has(live, craft, root, "files", "no Files, so no file goes up or down")) return undefined;
     const utc = live.craft(craft)?.clock === "utc", transfers = new Map();
     const may = can("command");
@@ -51,28 +51,28 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
         table(["", "file", "progress", "", "state", "time", ""], going));
 
     const upload = () => attempt(up, async () => {
-        const one = file.files[0];
-        if (!one) throw new Error("Choose a file first.");
-        const to = name.value.trim() || one.name;
-        await api.ask("POST", `${of(craft, "files")}?${new URLSearchParams({name: to})}`, one);
+        const upload = file.files[0];
+        if (!upload) throw new Error("Choose a file first.");
+        const to = name.value.trim() || upload.name;
+        await api.request("POST", `${of(craft, "files")}?${new URLSearchParams({name: to})}`, upload);
         file.value = name.value = "";
-        say(`${to} is on its way`);
+        notify(`${to} is on its way`);
         await load();
     });
-    const fetchFile = (what) => attempt(down, async () => {
-        if (!what) throw new Error("Give the name of a file on board.");
-        await api.post(of(craft, "fetch"), {name: what});
+    const fetchFile = (wish) => attempt(down, async () => {
+        if (!wish) throw new Error("Give the name of a file on board.");
+        await api.post(of(craft, "fetch"), {name: wish});
         await load();
     });
     const directory = () => attempt(down, async () => {
-        aboard.replaceChildren(h("tr", {}, h("td", {class: "soft"}, "asked for \u2026")));
+        aboard.replaceChildren(h("tr", {}, h("td", {class: "soft"}, "requested \u2026")));
         try {
             const {names} = await api.post(of(craft, "directory"));
             aboard.replaceChildren(...names.map(
-                (one) => h("tr", {}, h("td", {class: "grow"}, one),
+                (name) => h("tr", {}, h("td", {class: "grow"}, name),
                     h("td", {},
-                        !one.endsWith("/") &&
-                            h("button", {class: "small", disabled: !may, onclick: () => fetchFile(one)}, "Fetch")))));
+                        !name.endsWith("/") &&
+                            h("button", {class: "small", disabled: !may, onclick: () => fetchFile(name)}, "Fetch")))));
             if (!names.length) aboard.append(h("tr", {}, h("td", {class: "soft"}, "There are no files on board.")));
         } catch (error) {
             aboard.replaceChildren();
@@ -82,28 +82,30 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
     const act = (id, action) => attempt(way, () => api.post(of(craft, "transfers", id), {action}));
 
     function draw() {
-        going.replaceChildren(...[...transfers.values()].sort((a, b) => Number(b.id) - Number(a.id)).map((one) => {
-            const open_ = one.state === "active" || one.state === "suspended",
-                  share = one.size ? one.done / one.size : 0;
+        going.replaceChildren(...[...transfers.values()].sort((a, b) => Number(b.id) - Number(a.id)).map((transfer) => {
+            const open_ = transfer.state === "active" || transfer.state === "suspended",
+                  share = transfer.size ? transfer.done / transfer.size : 0;
             return h("tr", {},
-                h("td", {title: one.up ? "to the spacecraft" : "from the spacecraft"},
-                    one.up ? "\u2191 up" : "\u2193 down"),
-                h("td", {}, one.name), h("td", {}, h("progress", {
+                h("td", {title: transfer.up ? "to the spacecraft" : "from the spacecraft"},
+                    transfer.up ? "\u2191 up" : "\u2193 down"),
+                h("td", {}, transfer.name), h("td", {}, h("progress", {
                     max: 1,
-                    value: one.state === "completed" ? 1 : share,
-                    "aria-label": `progress of ${one.name}`
+                    value: transfer.state === "completed" ? 1 : share,
+                    "aria-label": `progress of ${transfer.name}`
                 })),
-                h("td", {class: "num soft"}, one.size ? `${size(one.done)} of ${size(one.size)}` : size(one.done)),
-                h("td", {class: one.state === "failed" ? "problem" :
-                        one.state === "completed"      ? "good" :
+                h("td", {class: "num soft"},
+                    size(transfer.done) + (transfer.size ? ` of ${size(transfer.size)}` : "")),
+                h("td", {class: transfer.state === "failed" ? "problem" :
+                        transfer.state === "completed"      ? "good" :
                                                          ""},
-                    `${{completed: "\u2713 ", failed: "\u2717 "}[one.state] ?? ""}${one.state}${
-                        one.text ? `: ${one.text}` : ""}`),
-                h("td", {class: "soft"}, clock(one.t_ns, utc, utc ? 0 : 1)), h("td", {class: "acts"}, open_ && may && [
-                    one.state === "active" ?
-                        h("button", {class: "small", onclick: () => act(one.id, "suspend")}, "Suspend") :
-                        h("button", {class: "small", onclick: () => act(one.id, "resume")}, "Resume"),
-                    h("button", {class: "small", onclick: () => act(one.id, "cancel")}, "Cancel")
+                    `${{completed: "\u2713 ", failed: "\u2717 "}[transfer.state] ?? ""}${transfer.state}${
+                        transfer.text ? `: ${transfer.text}` : ""}`),
+                h("td", {class: "soft"}, clock(transfer.t_ns, utc, utc ? 0 : 1)),
+                h("td", {class: "acts"}, open_ && may && [
+                    transfer.state === "active" ?
+                        h("button", {class: "small", onclick: () => act(transfer.id, "suspend")}, "Suspend") :
+                        h("button", {class: "small", onclick: () => act(transfer.id, "resume")}, "Resume"),
+                    h("button", {class: "small", onclick: () => act(transfer.id, "cancel")}, "Cancel")
                 ]));
         }));
         if (!transfers.size)
@@ -114,16 +116,16 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
         draw();
         const files = await api.get(of(craft, "files"));
         arrived.replaceChildren(
-            ...files.map((one) => h("tr", {},
-                             h("td", {}, h("a", {href: of(craft, "files", one.name), download: one.name}, one.name)),
-                             h("td", {class: "num soft"}, size(one.size)),
-                             h("td", {class: "soft"}, one.t_ns ? clock(one.t_ns, true, 0) : ""))));
+            ...files.map((file) => h("tr", {},
+                             h("td", {}, h("a", {href: of(craft, "files", file.name), download: file.name}, file.name)),
+                             h("td", {class: "num soft"}, size(file.size)),
+                             h("td", {class: "soft"}, file.t_ns ? clock(file.t_ns, true, 0) : ""))));
         if (!files.length) arrived.append(h("tr", {}, h("td", {class: "soft"}, "Nothing was received yet.")));
     }
-    on("transfer", (one) => {
-        if (one.craft !== craft) return;
-        const ended = one.state === "completed" && transfers.get(one.id)?.state !== "completed";
-        transfers.set(one.id, one);
+    on("transfer", (transfer) => {
+        if (transfer.craft !== craft) return;
+        const ended = transfer.state === "completed" && transfers.get(transfer.id)?.state !== "completed";
+        transfers.set(transfer.id, transfer);
         draw();
         if (ended) load().catch(() => {});
     });

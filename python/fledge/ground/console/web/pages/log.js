@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The operators' log: who did what, and who was refused.
+// The operators' log: the actions of each user, and which were refused.
 import {dress, h, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {List} from "../list.js";
@@ -18,8 +18,8 @@ export async function open(context) {
     const whole = h("p", {class: "whole mono"});
     const list = new List(context, {
         path: "/api/log",
-        fits: (one) => !word || `${one.user} ${one.craft ?? ""} ${one.action} ${one.text}`.toLowerCase().includes(
-                                    word.toLowerCase()),
+        fits: ({user, craft, action, text}) =>
+            `${user} ${craft ?? ""} ${action} ${text}`.toLowerCase().includes(word.toLowerCase()),
         table: {
             label: "operators' log",
             empty: "Nobody has done anything",
@@ -30,20 +30,20 @@ export async function open(context) {
                 {title: "Details", width: "minmax(8rem, 3fr)", class: "mono", narrow: ""},
                 {title: "Result", width: "5rem", narrow: "1.2rem", class: "shape"}
             ],
-            fill: (cells, one) => {
-                stamp(cells[0], clock(one.time_ns, true));
-                put(cells[1], one.user ?? "nobody");
-                put(cells[2], one.craft ?? "");
-                put(cells[3], one.action);
-                put(cells[4], one.text);
-                put(cells[5], one.good === false ? "\u25a0 refused" : "");
-                dress(cells[5], `td shape ${one.good === false ? "c4" : ""}`);
+            fill: (cells, entry) => {
+                stamp(cells[0], clock(entry.time_ns, true));
+                put(cells[1], entry.user ?? "nobody");
+                put(cells[2], entry.craft ?? "");
+                put(cells[3], entry.action);
+                put(cells[4], entry.text);
+                put(cells[5], entry.good === false ? "\u25a0 refused" : "");
+                dress(cells[5], `td shape ${entry.good === false ? "c4" : ""}`);
             },
-            moved: (one) => put(whole, [one.craft, one.action, one.text].filter(Boolean).join(" ")),
+            moved: (entry) => put(whole, [entry.craft, entry.action, entry.text].filter(Boolean).join(" ")),
         },
     });
     root.append(h("div", {class: "head"}, h("h1", {}, "Operators\u2019 log"), search), list.element, whole);
-    context.on("log", (one) => list.add([one]));
+    context.on("log", (entry) => list.add([entry]));
     await list.load();
     return () => list.close();
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every spacecraft at a glance: what it does, its link and radio, its next passes, packets, alarms and newest events.
+// Every spacecraft at a glance: its state, link and radio, next passes, packets, alarms and newest events.
 import {of} from "../api.js";
 import {CONCERNS, SHAPES, concern, dress, h, hint, put} from "../dom.js";
 import {bare, clock, count, span} from "../format.js";
@@ -9,7 +9,7 @@ import {Radio} from "../radio.js";
 
 export const title = "Overview", key = "o";
 
-// What a radio's or a link's telemetry is called, by the last part of its name.
+// Names of a radio's or a link's telemetry.
 const RADIO = /(^|[._])(radio|space_?link|transponder|receiver|transmitter|cop1|farm|clcw)([._\[]|$)/i;
 const MOST = 8;
 
@@ -17,7 +17,7 @@ export async function open(context) {
     const {root, live, api} = context, cards = new Map(), grid = h("div", {class: "cards"});
     root.append(h("div", {class: "head"}, h("h1", {}, title)), grid);
 
-    function card(name) {
+    function add(name) {
         const facts = h("dl", {class: "facts"}), radio = h("dl", {class: "facts"}), events = h("ul", {class: "lines"});
         const state = h("span"), alarms = h("a", {href: `#/alarms?craft=${encodeURIComponent(name)}`});
         const archive = h("p", {class: "problem", hidden: true});
@@ -27,7 +27,7 @@ export async function open(context) {
             facts.append(h("dt", {}, text), value);
             return value;
         };
-        const made = {
+        const card = {
             name,
             state,
             alarms,
@@ -44,64 +44,64 @@ export async function open(context) {
             counts: row("Counts"),
             contact: new Radio(api, name)
         };
-        made.stateList = h("dl", {class: "facts"});
-        made.statePart = h("section", {hidden: true}, h("h3", {}, "State"), made.stateList);
-        made.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio, by telemetry"), radio);
-        made.element = h("article", {class: "panel card"},
+        card.stateList = h("dl", {class: "facts"});
+        card.statePart = h("section", {hidden: true}, h("h3", {}, "State"), card.stateList);
+        card.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio, by telemetry"), radio);
+        card.element = h("article", {class: "panel card"},
             h("header", {}, live.craft(name)?.picture && h("img", {src: of(name, "picture"), alt: ""}),
                 h("div", {class: "grow"}, h("div", {class: "row"},
                     h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)),
                     h("span", {class: "grow"}), state, alarms), about)),
             archive,
             h("div", {class: "parts"},
-                h("div", {class: "part"}, made.statePart, h("section", {}, h("h3", {}, "Telemetry"), facts)),
-                h("div", {class: "part"}, made.contact.part, made.radioPart), made.contact.table),
+                h("div", {class: "part"}, card.statePart, h("section", {}, h("h3", {}, "Telemetry"), facts)),
+                h("div", {class: "part"}, card.contact.part, card.radioPart), card.contact.table),
             h("section", {}, h("h3", {}, "Newest events"), events));
-        grid.append(made.element);
-        cards.set(name, made);
-        fill(made);
-        return made;
+        grid.append(card.element);
+        cards.set(name, card);
+        fill(card);
+        return card;
     }
 
-    /** What does not come with the craft's own counts: events, and which parameters are the radio's. */
-    async function fill(made) {
+    /** Load the events, and choose the parameters that are shown. */
+    async function fill(card) {
         const [events, store] = await Promise.all([
-            api.get(of(made.name, "events"), {limit: MOST}).catch(() => []), live.slots(made.name).catch(() => null)]);
-        made.list = events;
-        show(made);
-        if (!store || made.slots.length) return;
-        made.slots = store.slots.filter((one) => one && !one.header && RADIO.test(one.name)).slice(0, MOST);
-        made.glance = new Glance(store);
-        made.glance.rows = made.glance.rows.filter(({one}) => !made.slots.includes(one));
-        for (const row of made.glance.rows) {
+            api.get(of(card.name, "events"), {limit: MOST}).catch(() => []), live.slots(card.name).catch(() => null)]);
+        card.list = events;
+        show(card);
+        if (!store || card.slots.length) return;
+        card.slots = store.slots.filter((slot) => slot && !slot.header && RADIO.test(slot.name)).slice(0, MOST);
+        card.glance = new Glance(store);
+        card.glance.rows = card.glance.rows.filter(({parameter}) => !card.slots.includes(parameter));
+        for (const row of card.glance.rows) {
             row.cell = h("dd");
-            made.stateList.append(h("dt", {}, row.label), row.cell);
+            card.stateList.append(h("dt", {}, row.label), row.cell);
         }
-        made.statePart.hidden = !made.glance.rows.length;
-        made.radioPart.hidden = !made.slots.length;
-        for (const one of made.slots) {
-            one.cell = h("dd");
-            made.radio.append(h("dt", {title: one.name}, one.name.split(".").slice(-2).join(".")), one.cell);
+        card.statePart.hidden = !card.glance.rows.length;
+        card.radioPart.hidden = !card.slots.length;
+        for (const slot of card.slots) {
+            slot.cell = h("dd");
+            card.radio.append(h("dt", {title: slot.name}, slot.name.split(".").slice(-2).join(".")), slot.cell);
         }
-        made.wish = live.want(made.name, [...made.slots.map(({slot}) => slot), ...made.glance.slots], 2);
+        card.wish = live.want(card.name, [...card.slots.map(({slot}) => slot), ...card.glance.slots], 2);
     }
 
-    function show(made) {
-        const craft = live.craft(made.name), store = live.store(made.name);
+    function show(card) {
+        const craft = live.craft(card.name), store = live.store(card.name);
         if (!craft) return;
         const {state = "", address = "", ...counts} = craft.link ?? {};
         const up = /^(up|connected|running|open|locked)$/.test(state);
-        dress(made.state, up ? "good" : "concern c4");
-        put(made.state, `${up ? "\u25cf" : "\u25a0"} link ${state || "unknown"}`);
-        put(made.about, [craft.mission === made.name ? "" : craft.mission, craft.simulated && "simulated",
+        dress(card.state, up ? "good" : "concern c4");
+        put(card.state, `${up ? "\u25cf" : "\u25a0"} link ${state || "unknown"}`);
+        put(card.about, [craft.mission === card.name ? "" : craft.mission, craft.simulated && "simulated",
             craft.replay && `replay of ${craft.replay}`].filter(Boolean).join(", "));
         const t = store.t ?? craft.t_ns;
-        put(made.t, t === null || t === undefined ? "nothing received yet" : clock(t, craft.clock !== "simulated", 1));
-        const rate = made.contact.show(craft);
-        put(made.packets, count(craft.packets) + (rate && ` \u00b7 ${rate}`));
-        put(made.undecoded, count(craft.undecoded));
-        put(made.link, address || (craft.simulated ? "flown by this server" : "none"));
-        put(made.counts,
+        put(card.t, t === null || t === undefined ? "nothing received yet" : clock(t, craft.clock !== "simulated", 1));
+        const rate = card.contact.show(craft);
+        put(card.packets, count(craft.packets) + (rate && ` \u00b7 ${rate}`));
+        put(card.undecoded, count(craft.undecoded));
+        put(card.link, address || (craft.simulated ? "flown by this server" : "none"));
+        put(card.counts,
             Object.entries(counts)
                     .filter(([, value]) => ["number", "string"].includes(typeof value))
                     .map(([name, value]) =>
@@ -109,53 +109,53 @@ export async function open(context) {
                     .join(" \u00b7 ") ||
                 "none");
         const wrong = [craft.failed, craft.archive].filter(Boolean).join("; ");
-        made.archive.hidden = !wrong;
-        put(made.archive, wrong);
-        const {count: waiting, worst} = context.alarms.waiting(made.name);
-        dress(made.alarms, waiting ? `concern c${worst}` : "soft");
-        put(made.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
+        card.archive.hidden = !wrong;
+        put(card.archive, wrong);
+        const {count: waiting, worst} = context.alarms.waiting(card.name);
+        dress(card.alarms, waiting ? `concern c${worst}` : "soft");
+        put(card.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
         const newest = BigInt(t ?? 0), old = (age, stale) => (stale ? `, ${span(age)} ago` : "");
-        for (const one of made.slots) {
-            const {slot, unit, cell} = one, age = store.seen[slot] ? ageOf(store.at(slot), newest) : 0;
-            const stale = isStale(one, age);
+        for (const parameter of card.slots) {
+            const {slot, unit, cell} = parameter, age = store.seen[slot] ? ageOf(store.at(slot), newest) : 0;
+            const stale = isStale(parameter, age);
             put(cell, `${store.text(slot)} ${bare(unit)}${old(age, stale)}`);
             dress(cell, stale ? "soft" : "");
         }
-        for (const row of made.glance?.rows ?? []) {
-            const one = made.glance.read(row, (slot) => (store.seen[slot] ? {number: store.number(slot),
+        for (const row of card.glance?.rows ?? []) {
+            const value = card.glance.read(row, (slot) => (store.seen[slot] ? {number: store.number(slot),
                 text: store.text(slot), level: store.concern[slot], t: store.at(slot)} : undefined), newest);
-            put(row.cell, one.text ? `${one.text} ${one.unit}${old(one.age, one.stale)}` : "\u2013");
-            dress(row.cell, one.stale ? "soft" : one.level ? `c${one.level}` : "");
-            hint(row.cell, one.name);
+            put(row.cell, value.text ? `${value.text} ${value.unit}${old(value.age, value.stale)}` : "\u2013");
+            dress(row.cell, value.stale ? "soft" : value.level ? `c${value.level}` : "");
+            hint(row.cell, value.name);
         }
-        const lines = made.list.slice(0, MOST).map((one) => one.id).join();
-        if (made.lines === lines) return;
-        made.lines = lines;
-        made.events.replaceChildren(...(made.list.length ? made.list.slice(0, MOST).map((one) => h("li", {},
-            h("time", {class: "soft"}, clock(one.t_ns, craft.clock !== "simulated", 0).slice(-8)),
-            concern(Math.max(0, CONCERNS.indexOf(one.severity))), h("span", {}, `${one.source}: ${one.text}`))) :
+        const lines = card.list.slice(0, MOST).map((event) => event.id).join();
+        if (card.lines === lines) return;
+        card.lines = lines;
+        card.events.replaceChildren(...(card.list.length ? card.list.slice(0, MOST).map((event) => h("li", {},
+            h("time", {class: "soft"}, clock(event.t_ns, craft.clock !== "simulated", 0).slice(-8)),
+            concern(Math.max(0, CONCERNS.indexOf(event.severity))), h("span", {}, `${event.source}: ${event.text}`))) :
             [h("li", {class: "soft"}, "none")]));
     }
 
     function all() {
-        for (const {name} of live.crafts) show(cards.get(name) ?? card(name));
-        for (const [name, made] of cards)
+        for (const {name} of live.crafts) show(cards.get(name) ?? add(name));
+        for (const [name, card] of cards)
             if (!live.craft(name)) {
-                made.wish?.end();
-                made.element.remove();
+                card.wish?.end();
+                card.element.remove();
                 cards.delete(name);
             }
     }
     context.on("event", ({craft, kind, ...event}) => {
-        const made = cards.get(craft);
-        if (made) made.list = [event, ...made.list].slice(0, MOST);
+        const card = cards.get(craft);
+        if (card) card.list = [event, ...card.list].slice(0, MOST);
     });
     context.on("crafts", all);
     context.on("alarms", all);
     context.onFrame(all);
-    context.every(30000, () => cards.forEach((made) => made.contact.load()));
+    context.every(30000, () => cards.forEach((card) => card.contact.load()));
     all();
     return () => {
-        for (const made of cards.values()) made.wish?.end();
+        for (const card of cards.values()) card.wish?.end();
     };
 }

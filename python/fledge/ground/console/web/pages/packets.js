@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets: their bytes beside what they mean; and of one that did not decode, which comparison failed, at which bit.
+// Packets: the bytes and the fields of each; for a packet that did not decode, the comparison that failed, and its bit.
 import {of} from "../api.js";
 import {attempt, dress, h, hint, put} from "../dom.js";
 import {List} from "../list.js";
@@ -14,7 +14,7 @@ const written = (value) => (typeof value === "number" && !Number.isInteger(value
 
 export async function open(context) {
     const {root, api, time, craft, keys} = context;
-    let undecoded = false, container = "", rows = [], bytes = [], asked = 0;
+    let undecoded = false, container = "", rows = [], bytes = [], request = 0;
     const known = new Set();
     const bad = h("button", {"aria-pressed": "false", onclick: () => {
         undecoded = !undecoded;
@@ -30,26 +30,26 @@ export async function open(context) {
             label: "packets", empty: "No packet is there",
             columns: [{title: "Time", width: "8.2rem", class: "tab"}, {title: "Container", width: "minmax(6rem, 1fr)"},
                       {title: "Bytes", width: "3.2rem", class: "num"}],
-            fill: (cells, one, element) => {
-                put(cells[0], time.text(one.t_ns).slice(time.utc ? 11 : 0));
-                hint(cells[0], time.text(one.t_ns, 9));
-                hint(cells[1], one.container ?? one.reason);
-                put(cells[1], short(one.container) ?? `\u25a0 ${one.reason || "not decoded"}`);
-                put(cells[2], String(one.size));
-                dress(cells[1], `td ${one.container ? "" : "c4"}`);
-                if (one.container && !known.has(one.container)) {
-                    known.add(one.container);
-                    kind.append(h("option", {value: one.container}, short(one.container)));
+            fill: (cells, packet, element) => {
+                put(cells[0], time.text(packet.t_ns).slice(time.utc ? 11 : 0));
+                hint(cells[0], time.text(packet.t_ns, 9));
+                hint(cells[1], packet.container ?? packet.reason);
+                put(cells[1], short(packet.container) ?? `\u25a0 ${packet.reason || "not decoded"}`);
+                put(cells[2], String(packet.size));
+                dress(cells[1], `td ${packet.container ? "" : "c4"}`);
+                if (packet.container && !known.has(packet.container)) {
+                    known.add(packet.container);
+                    kind.append(h("option", {value: packet.container}, short(packet.container)));
                 }
             },
-            moved: (one) => show(one.id),
+            moved: (packet) => show(packet.id),
         },
     });
 
     // --- one packet ---
     const name = h("h2", {}, "Choose a packet"), why = h("p", {class: "problem", hidden: true});
     const dump = h("div", {class: "hex", role: "img", "aria-label": "bytes of the packet"}),
-          said = h("p", {class: "soft said-bits"}, "\u00a0");
+          where = h("p", {class: "soft bits"}, "\u00a0");
     const fields = new Table({
         label: "fields",
         empty: "No field was decoded",
@@ -60,30 +60,30 @@ export async function open(context) {
             {title: "Bits", width: "5.5rem", class: "num"}
         ],
         fill: (cells, row, element) => {
-            const one = rows[row];
-            put(cells[0], one.name);
-            hint(cells[0], one.name);
-            put(cells[1], one.status && one.status !== "good" ? one.status : written(one.value));
-            put(cells[2], written(one.raw));
-            put(cells[3], `${one.bit} +${one.bits}`);
+            const field = rows[row];
+            put(cells[0], field.name);
+            hint(cells[0], field.name);
+            put(cells[1], field.status && field.status !== "good" ? field.status : written(field.value));
+            put(cells[2], written(field.raw));
+            put(cells[3], `${field.bit} +${field.bits}`);
             element.onpointerenter = () => mark(row);
         },
         moved: (row) => mark(row),
     });
 
-    /** Show where a field lies: its bits in the bytes. */
+    /** Mark the bits of a field in the bytes. */
     function mark(row) {
-        const one = rows[row];
-        if (!one) return;
-        const end = one.bit + one.bits;
+        const field = rows[row];
+        if (!field) return;
+        const end = field.bit + field.bits;
         for (const [k, byte] of bytes.entries()) {
-            const from = Math.max(0, one.bit - 8 * k), to = Math.min(8, end - 8 * k);
+            const from = Math.max(0, field.bit - 8 * k), to = Math.min(8, end - 8 * k);
             const style = from < to ? `linear-gradient(90deg, transparent ${12.5 * from}%, var(--mark) ${
                                           12.5 * from}% ${12.5 * to}%, transparent ${12.5 * to}%)`
                                     : "";
             if (byte.style.backgroundImage !== style) byte.style.backgroundImage = style;
         }
-        put(said, `${one.name}: bit ${one.bit} to ${end - 1}, from byte ${one.bit >> 3}, bit ${one.bit & 7}`);
+        put(where, `${field.name}: bit ${field.bit} to ${end - 1}, from byte ${field.bit >> 3}, bit ${field.bit & 7}`);
     }
 
     function fill(packet, text) {
@@ -99,7 +99,7 @@ export async function open(context) {
                                          : ""}${packet.reason}${
                                      wrong === null ? "" : `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`}`
                                : "");
-        bytes = octets.map((one, k) => h("span", {
+        bytes = octets.map((octet, k) => h("span", {
             class: wrong !== null && wrong >> 3 === k ? "wrong" : "",
             onpointerenter: () => {
                 const row = rows.findIndex(({bit, bits}) => bit < 8 * k + 8 && bit + bits > 8 * k);
@@ -107,21 +107,21 @@ export async function open(context) {
                     fields.go(row);
             }
         },
-                               one));
+                               octet));
         const lines = [];
         for (let k = 0; k < bytes.length; k += WIDTH)
             lines.push(h("div", {}, h("i", {}, k.toString(16).padStart(4, "0")), bytes.slice(k, k + WIDTH)));
         dump.replaceChildren(...lines);
-        put(said, `${bytes.length} bytes, ${rows.length} fields`);
+        put(where, `${bytes.length} bytes, ${rows.length} fields`);
         fields.at = -1;
         fields.set(rows.length);
     }
 
     async function show(id) {
-        const turn = ++asked;
+        const turn = ++request;
         context.select(String(id));
         const packet = await attempt(list.problem, () => api.exact(of(craft, "packets", id)));
-        if (packet && turn === asked)
+        if (packet && turn === request)
             fill(packet, `${short(packet.container) ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
     }
 
@@ -134,7 +134,7 @@ export async function open(context) {
             const hex = typed.value.replace(/0x|[\s,:]/g, "");
             if (!hex)
                 return;
-            asked++;
+            request++;
             const packet = await attempt(list.problem, () => api.exact(of(craft, "inspect"), {hex}));
             if (packet)
                 fill({...packet, hex}, short(packet.container) ?? "Not decoded");
@@ -142,13 +142,13 @@ export async function open(context) {
     });
     root.append(h("div", {class: "head"}, h("h1", {}, title), kind, bad, typed),
         h("div", {class: "split packets"}, list.element,
-            h("div", {class: "panel inspect"}, name, why, dump, said, fields.element)));
+            h("div", {class: "panel inspect"}, name, why, dump, where, fields.element)));
     keys.add("u", "only what did not decode", () => bad.click());
     keys.add("x", "decode bytes in hex", () => typed.focus());
     context.every(1000, async () => {
         if (!time.isLive || document.hidden) return;
-        const found = await list.ask({});
-        if (found) list.add(found);
+        const newest = await list.request({});
+        if (newest) list.add(newest);
     });
     await list.load();
     if (context.selection) await show(context.selection);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parameters by packet, tree and search: value, unit, age, and how its limits judge it; live, or back in time.
-// What a person wants first stands first; headers of packets and heads of messages are folded.
+// Parameters by packet, tree and search: value, unit, age and state by limits; live, or back in time. Those that matter
+// most come first; headers of packets and heads of messages are hidden at first.
 import {valuesAt} from "../api.js";
 import {attempt, concern, dress, h, hint, put} from "../dom.js";
 import {bare, span} from "../format.js";
@@ -13,7 +13,7 @@ export const title = "Parameters", key = "p";
 
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
-    let shown = [], past = null, asking = null, [folder, word] = split(context.selection);
+    let shown = [], past = null, pending = null, [folder, word] = split(context.selection);
     let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
 
     const search = h("input", {
@@ -55,31 +55,31 @@ export async function open(context) {
             {title: "Age", width: "3.5rem", class: "num", narrow: "2.8rem"}
         ],
         fill: (cells, row, element) => {
-            const one = shown[row], {slot} = one, about = store.slots[slot], old = past?.get(slot);
-            const say = (name, text, unit, level, word, since, soft) => {
+            const row_ = shown[row], {slot} = row_, about = store.slots[slot], old = past?.get(slot);
+            const write = (name, text, unit, level, word, since, soft) => {
                 put(cells[0], name);
                 put(cells[1], text);
                 put(cells[2], unit);
                 concern(level, cells[3].firstChild ?? cells[3].appendChild(h("span")));
                 if (!level) put(cells[3].firstChild, word);
                 put(cells[4], since);
-                dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${one.group ? " group" : ""}`);
+                dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${row_.group ? " group" : ""}`);
             };
             hint(element,
-                one.group ? one.about : one.glance ? glance.read(one.glance, now, shownAt()).name : about.name);
-            if (one.group) return say(one.group, "", "", 0, "", "");
-            if (one.glance) {
-                const {text, unit, level, age, stale, slot: from} = glance.read(one.glance, now, shownAt());
-                return say(one.glance.label, text, unit, level, "", now(from) ? span(age) : "", stale);
+                row_.group ? row_.about : row_.glance ? glance.read(row_.glance, now, shownAt()).name : about.name);
+            if (row_.group) return write(row_.group, "", "", 0, "", "");
+            if (row_.glance) {
+                const {text, unit, level, age, stale, slot: from} = glance.read(row_.glance, now, shownAt());
+                return write(row_.glance.label, text, unit, level, "", now(from) ? span(age) : "", stale);
             }
             if (time.isLive)
-                return say(one.name, store.text(slot), bare(about.unit), store.concern[slot],
+                return write(row_.name, store.text(slot), bare(about.unit), store.concern[slot],
                     STATUSES[store.status[slot]] ?? "", ...since(slot));
-            return say(one.name, old ? valueText(about, old) : past ? "\u2013" : "\u2026", bare(about.unit),
+            return write(row_.name, old ? valueText(about, old) : past ? "\u2013" : "\u2026", bare(about.unit),
                 old?.concern ?? 0, "", ...since(slot));
         },
         moved: (row) => choose(shown[row]),
-        viewed: () => look(),
+        viewed: () => request(),
         empty: "No parameter fits",
     });
     root.append(h("div", {class: "head"}, h("h1", {}, title), search, bad, folded, counted),
@@ -88,7 +88,7 @@ export async function open(context) {
     const wish = context.want([]);
     let chosen = -1;
 
-    /** What a slot was last, at the time that is shown. */
+    /** A slot's value at the time that is shown. */
     function now(slot) {
         if (time.isLive)
             return store.seen[slot] ? {number: store.number(slot), text: store.text(slot), level: store.concern[slot],
@@ -97,21 +97,21 @@ export async function open(context) {
         return old && {number: old.value, text: valueText(store.slots[slot], old), level: old.concern, t: old.t};
     }
     const shownAt = () => (time.isLive ? time.newest ?? 0n : time.at);
-    /** A value's age as a text, and whether it is grey: old, or not there. */
+    /** A value's age as text, and whether it is grey: stale, or missing. */
     function since(slot) {
-        const one = now(slot), age = one ? ageOf(one.t, shownAt()) : 0;
-        return one ? [span(age), isStale(store.slots[slot], age)] : ["", true];
+        const value = now(slot), age = value ? ageOf(value.t, shownAt()) : 0;
+        return value ? [span(age), isStale(store.slots[slot], age)] : ["", true];
     }
 
-    /** What is in view is what the server sends; of a time that has been, what the archive is asked for. */
-    function look() {
+    /** Request the values in view: live ones from the server, past ones from the archive. */
+    function request() {
         const rows = shown.slice(table.first, table.last + 1);
-        const view = [...new Set(rows.flatMap((one) => (one.glance ? glance.slots : one.group ? [] : [one.slot])))];
+        const view = [...new Set(rows.flatMap((row) => (row.glance ? glance.slots : row.group ? [] : [row.slot])))];
         if (time.isLive) wish.change(only ? "all" : chosen >= 0 ? [...view, chosen] : view);
         else {
             wish.change([]);
-            clearTimeout(asking);
-            asking = setTimeout(() => remember(view), 120);
+            clearTimeout(pending);
+            pending = setTimeout(() => remember(view), 120);
         }
     }
 
@@ -119,34 +119,34 @@ export async function open(context) {
         const {at} = time;
         if (!view.length) return;
         await attempt(root, async () => {
-            const found = await valuesAt(api, craft, view.map((slot) => store.slots[slot].name), at, time.session);
+            const values = await valuesAt(api, craft, view.map((slot) => store.slots[slot].name), at, time.session);
             if (at !== time.at || time.isLive) return;
-            past = new Map([...found].map(([name, one]) => [store.byName.get(name), one]));
+            past = new Map([...values].map(([name, value]) => [store.byName.get(name), value]));
         });
         table.draw();
     }
 
     function filter() {
         const words = word.toLowerCase().split(/\s+/).filter(Boolean);
-        const fits = (one) => (headers || words.length || !one.header) &&
-            (!folder || one.name === folder || one.name.startsWith(`${folder}.`)) &&
-            (!only || store.concern[one.slot]) &&
-            words.every((part) => `${one.name} ${one.unit} ${one.description}`.toLowerCase().includes(part));
-        const found = groups.map((group) => ({...group, slots: group.slots.filter(fits)}))
+        const fits = (slot) => (headers || words.length || !slot.header) &&
+            (!folder || slot.name === folder || slot.name.startsWith(`${folder}.`)) &&
+            (!only || store.concern[slot.slot]) &&
+            words.every((part) => `${slot.name} ${slot.unit} ${slot.description}`.toLowerCase().includes(part));
+        const matches = groups.map((group) => ({...group, slots: group.slots.filter(fits)}))
                           .filter(({slots}) => slots.length);
-        const apart = !words.length && !only;       // by packets; what was searched is a list of whole names
-        shown = found.flatMap(({name, about, slots}) => [
+        const apart = !words.length && !only;       // by packets; a search gives a list of whole names
+        shown = matches.flatMap(({name, about, slots}) => [
             ...apart && name ? [{group: name, about}] : [],
-            ...slots.map((one) => ({slot: one.slot, name: apart ? within(one.name, name) : one.name}))]);
+            ...slots.map(({slot, name: whole}) => ({slot, name: apart ? within(whole, name) : whole}))]);
         if (apart && !folder && glance.rows.length)
             shown.unshift({group: "At a glance", about: "what matters first"},
                 ...glance.rows.map((row) => ({glance: row, slot: row.slots[0]})));
-        const all = store.slots.filter((one) => one && (headers || !one.header)).length;
-        put(counted, `${found.reduce((sum, {slots}) => sum + slots.length, 0)} of ${all}`);
-        put(folded, `Headers (${store.slots.filter((one) => one?.header).length})`);
-        context.select([folder, word].filter((one, k) => k === 0 || one).join("/"));
+        const all = store.slots.filter((slot) => slot && (headers || !slot.header)).length;
+        put(counted, `${matches.reduce((sum, {slots}) => sum + slots.length, 0)} of ${all}`);
+        put(folded, `Headers (${store.slots.filter((slot) => slot?.header).length})`);
+        context.select([folder, word].filter((part, k) => k === 0 || part).join("/"));
         table.set(shown.length);
-        look();
+        request();
     }
 
     function choose({group, glance: row, slot}) {
@@ -178,7 +178,7 @@ export async function open(context) {
                     onclick: () => {
                         detail.hidden = true;
                         chosen = -1;
-                        look();
+                        request();
                     }
                 },
                     "Close")));
@@ -186,29 +186,29 @@ export async function open(context) {
             put(value, `${now(about.slot)?.text ?? ""} ${bare(about.unit)}`);
         detail.hidden = false;
         detail.show();
-        look();
+        request();
     }
 
-    /** A plot of a parameter, with the other components of its vector. */
+    /** Open a plot of a parameter, with the other components of its vector. */
     const plot = (slot) => context.go({page: "plots", sel: together(store, store.slots[slot].name).join(",")});
 
-    /** The folders of the names: one level more where the person has opened one. */
+    /** Build the tree of the names' folders. */
     function plant() {
         const counts = new Map();
-        const seen = store.slots.filter((one) => one && (headers || !one.header));
-        for (const one of seen) {
-            const parts = one.name.split(".");
+        const seen = store.slots.filter((slot) => slot && (headers || !slot.header));
+        for (const slot of seen) {
+            const parts = slot.name.split(".");
             for (let k = 1; k < Math.min(parts.length, 4); k++) {
                 const path = parts.slice(0, k).join(".");
                 counts.set(path, (counts.get(path) ?? 0) + 1);
             }
         }
         const button = (path, text, n, depth) => {
-            const one = h("button", {class: "branch", onclick: () => { folder = path; mark(); filter(); }}, text,
+            const branch = h("button", {class: "branch", onclick: () => { folder = path; mark(); filter(); }}, text,
                 h("span", {class: "soft"}, n));
-            one.style.paddingLeft = `${0.5 + 0.8 * depth}rem`;
-            one.path = path;
-            return one;
+            branch.style.paddingLeft = `${0.5 + 0.8 * depth}rem`;
+            branch.path = path;
+            return branch;
         };
         tree.replaceChildren(button("", "All", seen.length, 0),
             ...[...counts].sort(([a], [b]) => (a < b ? -1 : 1)).map(([path,
@@ -240,7 +240,7 @@ export async function open(context) {
         if (time.isLive) past = null;
         detail.show?.();
         table.draw();
-        look();
+        request();
     });
     context.on("learned", () => {
         glance = new Glance(store);
@@ -256,29 +256,29 @@ export async function open(context) {
         search.focus();
     }
     return () => {
-        clearTimeout(asking);
+        clearTimeout(pending);
         table.close();
     };
 }
 
 /**
- * The packets of a store: [{name, about, slots}]; name: what the names of its values begin with. First those with what
- * matters first, then those of outputs of modules, which have a head, then the others; last those of headers alone.
+ * The packets of a store: [{name, about, slots}]; name: the common beginning of its parameters' names. First those with
+ * parameters of the glance, then those of modules' outputs, which have a head, then others; last those of headers alone.
  */
 function packets(store, glance) {
     const first = ({slots}) => glance.slots.findIndex((wanted) => slots.some(({slot}) => slot === wanted));
     const rank = (group) => (group.slots.every(({header}) => header) ? 3e9 :
         !group.slots.some(({name, header}) => header && name.includes(".head.")) ? 2e9 :
         first(group) < 0 ? 1e9 : first(group));
-    const found = new Map();
-    for (const one of store.slots) {
-        if (!one) continue;
-        if (!found.has(one.container)) found.set(one.container, []);
-        found.get(one.container).push(one);
+    const containers = new Map();
+    for (const slot of store.slots) {
+        if (!slot) continue;
+        if (!containers.has(slot.container)) containers.set(slot.container, []);
+        containers.get(slot.container).push(slot);
     }
-    return [...found].map(([container, slots]) => {
+    return [...containers].map(([container, slots]) => {
         const [begin, ...rest] = slots.map(({name}) => name.split(".").slice(0, -1));
-        const same = begin.findIndex((part, k) => rest.some((one) => one[k] !== part));
+        const same = begin.findIndex((part, k) => rest.some((parts) => parts[k] !== part));
         const name = begin.slice(0, same < 0 ? begin.length : same).join(".");
         return {name: name || container?.split("/").at(-1) || "Computed by this server", slots, rank: rank({slots}),
                 about: container ? `packet ${container}` : ""};

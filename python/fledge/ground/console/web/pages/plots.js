@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plots: live and back in time on one axis; a zoom asks the archive for what lies there.
+// Plots: live and back in time on one axis; after a zoom the page reads the archive anew.
 import {of, series} from "../api.js";
 import {attempt, h, put} from "../dom.js";
 import {Curve, Mender} from "../curve.js";
@@ -15,12 +15,12 @@ const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
-    /** Of charts, each of parameters: "a,b;c". */
+    /** The parameters of each chart; in the link, "a,b;c". */
     let names = context.selection.split(";")
-        .map((one) => one.split(",").filter(Boolean).flatMap(
+        .map((chart) => chart.split(",").filter(Boolean).flatMap(
             (name) => (store.byName.has(name) ? [name] : together(store, `${name}[0]`))))
-        .filter((one) => one.length);
-    let charts = [], curves = new Map(), fixed = null, asked = 0, drawn = 0, behind = false;
+        .filter((chart) => chart.length);
+    let charts = [], curves = new Map(), fixed = null, request = 0, drawn = 0, behind = false;
     const problem = h("div"), grid = h("div", {class: "charts"}), loading = h("span", {class: "soft", role: "status"});
     const wish = context.want([], 20);
 
@@ -46,37 +46,37 @@ export async function open(context) {
             if (["text", "binary"].includes(kind) || known.has(name)) continue;
             if (!words.every((part) => name.toLowerCase().includes(part))) continue;
             const all = /\[\d+\]$/.test(words.at(-1)) ? [name] : together(store, name);
-            for (const one of all) known.add(one);
+            for (const component of all) known.add(component);
             fit.push({name: all.length > 1 ? `${name.replace(/\[\d+\]$/, "")}, ${all.length} components` : name, all});
             if (fit.length === OFFERS) break;
         }
         offers.hidden = !words.length;
-        offers.replaceChildren(...(fit.length ? fit.map((one) => h("div", {},
+        offers.replaceChildren(...(fit.length ? fit.map((match) => h("div", {},
                                                             h("button", {
                                                                 class: "branch",
                                                                 title: "in a plot of its own (Enter)",
-                                                                onclick: () => add(one.all, false)
+                                                                onclick: () => add(match.all, false)
                                                             },
-                                                                one.name),
+                                                                match.name),
                                                             h("button", {
                                                                 class: "small",
                                                                 disabled: !names.length,
                                                                 title: "into the last plot (Shift Enter)",
-                                                                onclick: () => add(one.all, true)
+                                                                onclick: () => add(match.all, true)
                                                             },
                                                                 "onto the last")))
                                               : [h("p", {class: "soft"}, "No parameter that has a number fits")]));
     }
 
     function add(all, onto) {
-        if (onto && names.length) names.at(-1).push(...all.filter((one) => !names.at(-1).includes(one)));
+        if (onto && names.length) names.at(-1).push(...all.filter((name) => !names.at(-1).includes(name)));
         else names.push(all);
         search.value = "";
         offers.hidden = true;
         rebuild();
     }
 
-    // --- the time that is seen ---
+    // --- the time in view ---
     const seconds = () => Number(time.at) / 1e9;
     const length = () => {
         if (Number(span.value)) return Number(span.value);
@@ -104,7 +104,7 @@ export async function open(context) {
 
     // --- charts ---
     function rebuild() {
-        context.select(names.map((one) => one.join(",")).join(";"));
+        context.select(names.map((chart) => chart.join(",")).join(";"));
         const wanted = new Set(names.flat());
         for (const name of [...curves.keys()]) if (!wanted.has(name)) curves.delete(name);
         for (const name of wanted) if (!curves.has(name)) curves.set(name, new Curve(name));
@@ -114,7 +114,7 @@ export async function open(context) {
     }
 
     function draw() {
-        for (const one of charts) one.plot.destroy();
+        for (const chart of charts) chart.plot.destroy();
         grid.replaceChildren();
         const room = root.getBoundingClientRect().bottom - grid.getBoundingClientRect().top;
         const height = Math.max(150, Math.min(460, Math.floor(room / Math.max(1, names.length)) - 90));
@@ -132,7 +132,7 @@ export async function open(context) {
                     "\u00d7"),
                 holder));
             const shown = group.map((name) => curves.get(name));
-            const gap = (one) => [Number(BigInt(one[0])) / 1e9, Number(BigInt(one[1])) / 1e9];
+            const gap = (period) => [Number(BigInt(period[0])) / 1e9, Number(BigInt(period[1])) / 1e9];
             const plot = chart({
                 holder,
                 curves: shown,
@@ -163,7 +163,7 @@ export async function open(context) {
     function show(all) {
         const [min, max] = view();
         for (const {plot, shown, holder} of charts) {
-            holder.classList.toggle("empty", shown.every((one) => !one.t.length));
+            holder.classList.toggle("empty", shown.every((curve) => !curve.t.length));
             if (all) plot.setData(data(shown), false);
             plot.setScale("x", {min, max});
             if (plot.cursor.left < 0) plot.setLegend({idx: plot.data[0].length - 1}, false);
@@ -174,24 +174,24 @@ export async function open(context) {
         names: [...curves.keys()].join(","), from_ns: ns(from), to_ns: ns(to) + 1000n, points: POINTS,
         session: time.session, format: "binary"}));
     const mender = new Mender(async (from, to) => {
-        const turn = asked, found = await read(from, to);
-        return turn === asked && found;
+        const turn = request, archived = await read(from, to);
+        return turn === request && archived;
     }, () => show(true));
 
-    /** Ask the archive for what is in view. */
+    /** Read the samples in view from the archive. */
     async function load() {
         clearTimeout(behind);
-        const turn = ++asked, wanted = [...curves.keys()];
+        const turn = ++request, wanted = [...curves.keys()];
         show(false);
         if (!wanted.length) return;
         const [from, to] = view();
         put(loading, "reading\u2026");
         await attempt(problem, async () => {
-            const shown = store.t, found = await read(from, to);
-            if (turn !== asked) return;
-            for (const [k, name] of wanted.entries()) curves.get(name)?.fill(found[k], shown);
+            const shown = store.t, archived = await read(from, to);
+            if (turn !== request) return;
+            for (const [k, name] of wanted.entries()) curves.get(name)?.fill(archived[k], shown);
         });
-        if (turn !== asked) return;
+        if (turn !== request) return;
         put(loading, "");
         show(true);
     }
@@ -208,14 +208,14 @@ export async function open(context) {
             fresh = curve.add(t, value, value, value, store.concern[slot]) || fresh;
             curve.drop(view()[0] - 5);
         }
-        mender.look([...curves.values()], view()[0]);
+        mender.check([...curves.values()], view()[0]);
         const now = performance.now();
         if (fixed ? !fresh : now - drawn < 95) return;
         drawn = now;
         show(fresh);
     }
 
-    /** Load when the person has come to rest. */
+    /** Load after the last of several actions. */
     const soon = () => {
         show(false);
         clearTimeout(behind);
@@ -259,9 +259,9 @@ export async function open(context) {
     rebuild();
     return () => {
         clearTimeout(behind);
-        asked++;
+        request++;
         fit.disconnect();
         document.removeEventListener("visibilitychange", awake);
-        for (const one of charts) one.plot.destroy();
+        for (const chart of charts) chart.plot.destroy();
     };
 }

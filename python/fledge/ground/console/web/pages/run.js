@@ -9,7 +9,7 @@ export const title = "Simulation", key = "r", role = "command";
 const SPEEDS = [0.1, 1, 2, 5, 10, 50, 100, 1000, 0];
 const words = (speed) => (speed ? `${speed} \u00d7 real time` : "as fast as possible");
 
-/** A text as the value of a fault: a number, list, true or false; else the text itself. */
+/** Parse the value of a fault: a number, list, true or false; else the text itself. */
 export function valueOf(text) {
     try {
         return JSON.parse(text);
@@ -57,7 +57,7 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         h("div", {class: "frame"},
             h("table", {class: "plain"},
                 h("thead", {},
-                    h("tr", {}, ["parameter", "value", "unit", "meaning"].map((one) => h("th", {class: one}, one)))),
+                    h("tr", {}, ["parameter", "value", "unit", "meaning"].map((name) => h("th", {class: name}, name)))),
                 body)),
         h("form", {
             class: "row",
@@ -69,19 +69,19 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             path, value, h("button", {class: "danger", disabled: !may}, "Inject")),
         done);
 
-    const post = (what) => attempt(control, async () => take(await api.post(of(craft, "run"), what)));
+    const post = (change) => attempt(control, async () => update(await api.post(of(craft, "run"), change)));
     async function fault() {
         await attempt(inject, async () => {
             if (!path.value) throw new Error("Choose a parameter first.");
             const given = valueOf(value.value), at = run?.t_ns;
             if (given === "") throw new Error("Give a value.");
-            take(await api.post(of(craft, "run"), {fault: {path: path.value, value: given}}));
+            update(await api.post(of(craft, "run"), {fault: {path: path.value, value: given}}));
             done.prepend(h("li", {}, `${clock(at, false, 1)} ${path.value} = ${JSON.stringify(given)}`));
         });
     }
-    function take(one) {
-        const first = !run?.faults && one.faults;
-        run = {...run, ...one};
+    function update(change) {
+        const first = !run?.faults && change.faults;
+        run = {...run, ...change};
         put(state, {running: "\u25b6 running", paused: "\u23f8 paused", ended: "\u25a0 ended"}[run.state] ?? run.state);
         dress(state, `state ${run.state}`);
         put(t, clock(run.t_ns, false, 1));
@@ -93,39 +93,39 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         pause.disabled = step.disabled = !may || run.state === "ended";
         const all = [...new Set([...SPEEDS, run.speed])];
         if (speed.childElementCount !== all.length)
-            speed.replaceChildren(...all.map((one) => h("option", {value: String(one)}, words(one))));
+            speed.replaceChildren(...all.map((change) => h("option", {value: String(change)}, words(change))));
         if (document.activeElement !== speed) speed.value = String(run.speed);
-        if (first || one.faults) faults();
+        if (first || change.faults) faults();
     }
     function faults() {
         const wanted = search.value.toLowerCase().split(/\s+/), all = run?.faults ?? [];
-        const found =
-            all.filter((one) => wanted.every((word) => `${one.path} ${one.meaning}`.toLowerCase().includes(word)));
-        body.replaceChildren(...found.slice(0, 300).map((one) => {
+        const matches = all.filter(({path, meaning}) =>
+            wanted.every((word) => `${path} ${meaning}`.toLowerCase().includes(word)));
+        body.replaceChildren(...matches.slice(0, 300).map((fault) => {
             const pick = () => {
-                path.value = one.path;
-                value.value = JSON.stringify(one.value);
+                path.value = fault.path;
+                value.value = JSON.stringify(fault.value);
                 value.focus();
                 value.select();
             };
             return h("tr", {
                 tabIndex: 0,
-                title: one.meaning,
+                title: fault.meaning,
                 onclick: pick,
                 onkeydown: (event) => event.key === "Enter" && (event.preventDefault(), pick())
             },
-                h("td", {class: "mono"}, one.path), h("td", {class: "mono"}, JSON.stringify(one.value)),
-                h("td", {class: "soft unit"}, bare(one.unit)), h("td", {class: "soft meaning"}, one.meaning));
+                h("td", {class: "mono"}, fault.path), h("td", {class: "mono"}, JSON.stringify(fault.value)),
+                h("td", {class: "soft unit"}, bare(fault.unit)), h("td", {class: "soft meaning"}, fault.meaning));
         }));
-        if (found.length > 300)
-            body.append(h("tr", {}, h("td", {class: "soft", colSpan: 4}, `and ${found.length - 300} more: search`)));
+        if (matches.length > 300)
+            body.append(h("tr", {}, h("td", {class: "soft", colSpan: 4}, `and ${matches.length - 300} more: search`)));
     }
     root.append(h("div", {class: "tiles run"}, control, inject));
-    const load = () => attempt(root, async () => take(await api.get(of(craft, "run"))));
-    on("run", (one) => one.craft === craft && take(one));
+    const load = () => attempt(root, async () => update(await api.get(of(craft, "run"))));
+    on("run", (change) => change.craft === craft && update(change));
     every(1000, () => {
         const now = live.craft(craft);
-        if (run && now?.t_ns) take({t_ns: now.t_ns});
+        if (run && now?.t_ns) update({t_ns: now.t_ns});
     });
     keys.add(" ", "pause, or go on", () => pause.click());
     keys.add("s", "a step", () => step.click());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// This server: what it uses, how long its loop was blocked, and its limits with what is in use of each.
+// This server: its use of the machine, how long its loop was blocked, and its limits with the use of each.
 import {attempt, h, put} from "../dom.js";
 import {span} from "../format.js";
 import {size} from "../transfer.js";
@@ -17,7 +17,7 @@ export async function open({root, api, can, every}) {
     root.append(problem, h("section", {class: "panel"}, facts), h("section", {class: "panel scroll", tabIndex: 0},
         h("table", {class: "plain limits", "aria-label": "limits"},
             h("thead", {}, h("tr", {}, h("th", {}, "Limit"),
-                ["Most", "In use", "Highest", "Refused"].map((one) => h("th", {class: "num"}, one)),
+                ["Most", "In use", "Highest", "Refused"].map((title) => h("th", {class: "num"}, title)),
                 h("th", {}, "Says"))),
             rows)));
     const fact = (name, text) => {
@@ -28,25 +28,27 @@ export async function open({root, api, can, every}) {
         put(known.get(name), text);
     };
     const load = () => attempt(problem, async () => {
-        const found = await api.get("/api/server"), ms = (one) => `${one.toFixed(0)} ms`;
-        fact("Version", found.version);
-        fact("Up", `${span(found.up_s)}, ${(100 * found.cpu_s / found.up_s).toFixed(0)} % of a core since`);
+        const server = await api.get("/api/server"), ms = (value) => `${value.toFixed(0)} ms`;
+        fact("Version", server.version);
+        fact("Up", `${span(server.up_s)}, ${(100 * server.cpu_s / server.up_s).toFixed(0)} % of a core since`);
         fact("Loop's longest block",
-            `${ms(found.loop.recent_ms)} in the last minute (it computed for ${ms(found.loop.computed_ms)} at most, ` +
-            `else it waited for a processor), ${ms(found.loop.longest_ms)} since the start`);
-        fact("Memory", `${size(found.memory)}, ${found.threads} threads`);
-        fact("Browsers and scripts", String(found.browsers));
-        fact("Descriptors", `${found.descriptors} of ${found.descriptors_most}`);
-        fact("Journal", found.journal.problem || size(found.journal.bytes));
-        for (const one of found.limits) {
-            if (!known.has(`limit ${one.name}`)) {
+            `${ms(server.loop.recent_ms)} in the last minute ` +
+            `(it computed for ${ms(server.loop.computed_ms)} at most, ` +
+            `else it waited for a processor), ${ms(server.loop.longest_ms)} since the start`);
+        fact("Memory", `${size(server.memory)}, ${server.threads} threads`);
+        fact("Browsers and scripts", String(server.browsers));
+        fact("Descriptors", `${server.descriptors} of ${server.descriptors_most}`);
+        fact("Journal", server.journal.problem || size(server.journal.bytes));
+        for (const limit of server.limits) {
+            if (!known.has(`limit ${limit.name}`)) {
                 const cells = ["", "num", "num", "num", "num", "soft"].map((kind) => h("td", {class: kind}));
-                known.set(`limit ${one.name}`, cells);
+                known.set(`limit ${limit.name}`, cells);
                 rows.append(h("tr", {}, cells));
             }
-            const cells = known.get(`limit ${one.name}`);
-            [one.name, amount(one.most, one.unit), amount(one.used, one.unit), amount(one.peak || null, one.unit),
-                one.refused ? one.refused.toLocaleString("en") : "", one.refusal,
+            const cells = known.get(`limit ${limit.name}`);
+            [limit.name, amount(limit.most, limit.unit), amount(limit.used, limit.unit),
+                amount(limit.peak || null, limit.unit), limit.refused ? limit.refused.toLocaleString("en") : "",
+                limit.refusal,
             ].forEach((text, i) => put(cells[i], text));
         }
     });

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stacks of commands: composed, saved and loaded as a file, run step by step or until a verifier fails.
+// Stacks of commands: edit them, save and load them as files, run them step by step or until a verifier fails.
 import {of} from "../api.js";
-import {ask, attempt, dress, h, put} from "../dom.js";
+import {attempt, dress, h, prompt, put} from "../dom.js";
 import {Form, inWords, outcome, stagesOf} from "../forms.js";
 import {read, stackOf, written} from "../stack.js";
 import {offer} from "../transfer.js";
 
 export const title = "Stacks", key = "s", role = "command";
 
-export async function open({root, api, live, keys, craft, can, say}) {
+export async function open({root, api, live, keys, craft, can, notify}) {
     const stack = stackOf(craft);
     let chosen = Math.min(stack.at, stack.steps.length - 1), forms = [];
 
@@ -38,8 +38,8 @@ export async function open({root, api, live, keys, craft, can, say}) {
 
     async function add(event) {
         event.preventDefault();
-        const form = forms.find((one) => one.name === fresh.value.trim());
-        if (!form) return say(`There is no command "${fresh.value.trim()}"`, true);
+        const form = forms.find(({name}) => name === fresh.value.trim());
+        if (!form) return notify(`There is no command "${fresh.value.trim()}"`, true);
         fresh.value = "";
         stack.add({command: form.name, arguments: {}}, chosen + 1);
         choose(chosen + 1);
@@ -54,9 +54,9 @@ export async function open({root, api, live, keys, craft, can, say}) {
         body.children[chosen]?.scrollIntoView({block: "nearest"});
     }
 
-    /** The chosen step's form. */
+    /** Show the form of the chosen step. */
     function edit() {
-        const step = stack.steps[chosen], about = forms.find((one) => one.name === step?.command);
+        const step = stack.steps[chosen], about = forms.find((form) => form.name === step?.command);
         if (!step)
             return editor.replaceChildren(
                 h("p", {class: "none soft"}, "Add a command, here or on the page of commands."));
@@ -76,8 +76,8 @@ export async function open({root, api, live, keys, craft, can, say}) {
             h("div", {class: "row"},
                 h("label", {class: "field"}, h("span", {}, "go on when it is"),
                     h("select", {onchange: (event) => set("until", event.target.value)},
-                        stagesOf(forms).filter((one) => one !== "progress")
-                            .map((one) => h("option", {selected: one === step.until}, one)))),
+                        stagesOf(forms).filter((stage) => stage !== "progress")
+                            .map((stage) => h("option", {selected: stage === step.until}, stage)))),
                 h("label", {class: "field"}, h("span", {}, "then wait [s]"), h("input", {
                     type: "number",
                     min: 0,
@@ -144,12 +144,13 @@ export async function open({root, api, live, keys, craft, can, say}) {
                     button("Load", () => file.click()), file,
                     button("Clear",
                         async () => stack.steps.length &&
-                            await ask("Clear the stack", "Its steps are removed.", [], "Clear") && stack.replace([]))),
+                            await prompt("Clear the stack", "Its steps are removed.", [], "Clear") &&
+                            stack.replace([]))),
         h("div", {class: "split stack"},
             h("section", {class: "panel steps"},
                 h("table", {class: "plain"},
                     h("thead", {}, h("tr", {}, ["", "", "command", "arguments", "go on when", "wait",
-                        ""].map((one) => h("th", {}, one)))),
+                        ""].map((title) => h("th", {}, title)))),
                     body),
                 h("form", {class: "row", onsubmit: add}, fresh, names, h("button", {}, "Add"))),
             editor));
@@ -170,7 +171,7 @@ export async function open({root, api, live, keys, craft, can, say}) {
     draw();
     await attempt(root, async () => {
         forms = await api.get(of(craft, "commands"));
-        names.append(...forms.map((one) => h("option", {value: one.name}, one.description)));
+        names.append(...forms.map((form) => h("option", {value: form.name}, form.description)));
         edit();
     });
     return off;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands that are stored on board: lists with absolute times, sequences, and when each is due.
+// Commands that are stored on board, in lists with absolute times and in sequences, with the time when each is due.
 import {of} from "../api.js";
-import {ask, attempt, h, has, put} from "../dom.js";
+import {attempt, h, has, prompt, put} from "../dom.js";
 import {clock, span} from "../format.js";
 import {Form, listed, post as command} from "../forms.js";
 
@@ -23,25 +23,25 @@ const STATES = {
 
 const head = (name) => h("th", {class: name === "command" ? "" : "num"}, name);
 
-/** What is due, from now on, soonest first: [{due: s from now, list, step, name}]. */
+/** The commands that are due from now on, soonest first: [{due: s from now, list, step, name}]. */
 export const due = (lists, now) =>
     lists
-        .flatMap(({list, commands}) => commands.filter((one) => one.due_ns != null).map((one) => ({
-            due: Number(BigInt(one.due_ns) - BigInt(now)) / 1e9,
+        .flatMap(({list, commands}) => commands.filter((command) => command.due_ns != null).map((command) => ({
+            due: Number(BigInt(command.due_ns) - BigInt(now)) / 1e9,
             list,
-            step: one.step,
-            name: one.name
+            step: command.step,
+            name: command.name
         })))
-        .filter((one) => one.due >= 0)
+        .filter((command) => command.due >= 0)
         .sort((a, b) => a.due - b.due);
 
-/** The span that a timeline shows, in s: round, and so long that `last` is in it. */
+/** The span of a timeline that shows `last`, in s: a round number. */
 export function reach(last) {
-    return [60, 300, 600, 1800, 3600, 7200, 21600, 43200, 86400, 604800, 2592000].find((one) => one >= 1.02 * last) ??
+    return [60, 300, 600, 1800, 3600, 7200, 21600, 43200, 86400, 604800, 2592000].find((span) => span >= 1.02 * last) ??
         1.02 * last;
 }
 
-export async function open({root, api, live, keys, craft, can, on, every, say}) {
+export async function open({root, api, live, keys, craft, can, on, every, notify}) {
     if (!has(live, craft, root, "stored", "no StoredCommands, so no command waits on board")) return undefined;
     const utc = live.craft(craft)?.clock === "utc", may = can("command"), own = new Set();
     let stored = {lists: [], text: ""}, forms = [], shown = "";
@@ -56,11 +56,11 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
     const which = h("select", {"aria-label": "list", disabled: !may},
         Array.from({length: LISTS}, (_, k) => h("option", {value: k}, k ? `sequence ${k}` : "absolute times")));
     const read = () => post({list: Number(which.value), action: "report"});
-    const send = async (what) => (await command(api, craft, "stored", what))?.ids.forEach((id) => own.add(id));
-    const post = (what) => attempt(root, () => send(what));
+    const send = async (body) => (await command(api, craft, "stored", body))?.ids.forEach((id) => own.add(id));
+    const post = (body) => attempt(root, () => send(body));
     async function act(list, action) {
         if (action === "start" ||
-            await ask(`${action} list ${list}`, `The list ${list} of ${craft}: ${action}.`, [], action))
+            await prompt(`${action} list ${list}`, `The list ${list} of ${craft}: ${action}.`, [], action))
             await post({list, action});
     }
     function draw() {
@@ -70,21 +70,22 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
             ...[0, .25, .5, .75, 1].map(
                 (share) => h("span", {class: `mark soft${share === 1 ? " end" : ""}`, style: `left: ${100 * share}%`},
                     share ? `+${span(share * to)}` : "now")),
-            ...all.map((one) => h("span", {
+            ...all.map((command) => h("span", {
                 class: "due",
-                style: `left: ${100 * one.due / to}%; top: ${1.5 + one.list % 4 * 1.1}rem`,
-                title: `${one.name}\nlist ${one.list}, step ${one.step}, in ${span(one.due)}`
+                style: `left: ${100 * command.due / to}%; top: ${1.5 + command.list % 4 * 1.1}rem`,
+                title: `${command.name}\nlist ${command.list}, step ${command.step}, in ${span(command.due)}`
             },
-                           String(one.list))));
+                           String(command.list))));
         soon.replaceChildren(...all.slice(0, 50).map(
-            (one) => h("tr", {}, h("td", {class: "num"}, span(one.due)),
-                h("td", {class: "num soft"}, clock(BigInt(at) + BigInt(Math.round(one.due * 1e9)), utc, 0)),
-                h("td", {class: "num"}, one.list), h("td", {class: "num"}, one.step), h("td", {}, one.name))));
+            (command) => h("tr", {}, h("td", {class: "num"}, span(command.due)),
+                h("td", {class: "num soft"}, clock(BigInt(at) + BigInt(Math.round(command.due * 1e9)), utc, 0)),
+                h("td", {class: "num"}, command.list), h("td", {class: "num"}, command.step),
+                h("td", {}, command.name))));
         if (!all.length)
             soon.append(h("tr", {}, h("td", {class: "soft", colSpan: 5}, "Nothing is due.")));
     }
     function sum() {
-        const known = stored.lists.reduce((n, one) => n + one.commands.length, 0);
+        const known = stored.lists.reduce((n, list) => n + list.commands.length, 0);
         const unread = (stored.stored ?? 0) - known;
         put(problem, stored.text || stored.stored == null ? stored.text : [
             `${stored.stored} on board${unread > 0 ? `, of which ${unread} were not read yet` : ""}`,
@@ -95,22 +96,22 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
     }
     function tables() {
         lists.replaceChildren(...stored.lists
-            .filter((one) => one.commands.length || one.state !== "idle" || one.read_ns)
+            .filter((list) => list.commands.length || list.state !== "idle" || list.read_ns)
             .map(part));
     }
     const states = new Map();
-    const tell = ({list, state, t_ns}) => states.has(list) &&
+    const showState = ({list, state, t_ns}) => states.has(list) &&
         put(states.get(list), (list || state !== "idle" ? STATES[state] ?? state : "") +
             (t_ns == null ? "" : ` for ${clock(t_ns, false, 0)}`));
     function part({list, state, t_ns, read_ns, commands}) {
         const small = (word, action, about = {}) =>
             may && h("button", {class: "small", onclick: action, ...about}, word);
         const actions = (ACTIONS[state] ?? []).filter((action) => list || !["start", "stop"].includes(action));
-        const said = h("span");
-        states.set(list, said);
-        tell({list, state, t_ns});
+        const status = h("span");
+        states.set(list, status);
+        showState({list, state, t_ns});
         return h("section", {class: "panel", "aria-label": `list ${list}`},
-            h("div", {class: "row"}, h("h2", {}, list ? `Sequence ${list}` : "Absolute times"), said,
+            h("div", {class: "row"}, h("h2", {}, list ? `Sequence ${list}` : "Absolute times"), status,
                 h("span", {class: "grow"}), actions.map((action) => small(action, () => act(list, action))),
                 small("read", () => post({list, action: "report"}))),
             h("table", {class: "plain"},
@@ -131,7 +132,7 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
         const now = JSON.stringify(stored,
             (key, value) => (["flight_ns", "t_ns", "due_ns", "next_ns"].includes(key) ? null : value));
         if (now !== shown) tables();
-        else stored.lists.forEach(tell);
+        else stored.lists.forEach(showState);
         shown = now;
         sum();
         draw();
@@ -153,11 +154,11 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
         };
         const which = h("select", {
             onchange: () => {
-                form = new Form(forms.find((one) => one.name === which.value));
+                form = new Form(forms.find(({name}) => name === which.value));
                 holder.replaceChildren(form.element);
             }
         },
-            listed(forms, "").filter((one) => one.form).map(({form: one}) => h("option", {}, one.name)));
+            listed(forms, "").filter((row) => row.form).map((row) => h("option", {}, row.form.name)));
         const field = (text, input) => h("label", {class: "field"}, h("span", {}, text), input);
         const inside = h("form", {
             onsubmit: (event) => {
@@ -198,11 +199,11 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
         keys.add("a", "store a command", compose);
         keys.add("R", "read the list", () => read());
     }
-    on("stored", (one) => one.craft === craft && load().catch(() => {}));
+    on("stored", (message) => message.craft === craft && load().catch(() => {}));
     on("sent", (row) => {
         if (row.craft !== craft || !own.has(row.id)) return;
         const bad = row.stages.find(({good}) => good === false);
-        if (bad) say(`${row.name}: ${bad.text}`, true);
+        if (bad) notify(`${row.name}: ${bad.text}`, true);
         if (bad || row.stages.some(({stage}) => stage === "completed")) own.delete(row.id);
     });
     every(1000, () => document.hidden || load().catch(() => {}));

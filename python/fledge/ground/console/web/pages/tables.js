@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables: the parameters of modules on board, read, edited beside what is on board, and loaded whole.
+// Tables: the parameters of modules on board. They are read, edited beside the values on board, and loaded whole.
 import {of} from "../api.js";
 import {attempt, h, hint, put} from "../dom.js";
 import {bare, clock} from "../format.js";
@@ -8,31 +8,29 @@ import {offer} from "../transfer.js";
 
 export const title = "Tables", key = "t", role = "command";
 
-/** The numbers of a table, flat: [{path, keys, type, unit, meaning, rule, choices}]; keys: from its values inwards. */
+/** The numbers of a table in a list: [{path, keys, type, unit, meaning, rule, choices}]; keys: the path as a list. */
 export function leaves(fields, before = "", keys = []) {
-    return fields.flatMap((
-                              one) => elements(one.type === "char" ? (one.shape ?? []).slice(0, -1) :
-                                                                     one.shape ??
-                                      []).flatMap((index) => {
-        const path = `${before}${one.name}${index.map((i) => `[${i}]`).join("")}`, here = [...keys, one.name, ...index];
-        if (one.fields?.length) return leaves(one.fields, `${path}.`, here);
-        const {type, unit, meaning, rule, enumerators} = one;
-        return [{path, keys: here, type, unit, meaning, rule, choices: Object.keys(enumerators ?? {})}];
-    }));
+    return fields.flatMap(({name, type, shape, fields: members, unit, meaning, rule, enumerators}) =>
+        indices((shape ?? []).slice(0, type === "char" ? -1 : undefined)).flatMap((index) => {
+            const path = `${before}${name}${index.map((i) => `[${i}]`).join("")}`, here = [...keys, name, ...index];
+            if (members?.length) return leaves(members, `${path}.`, here);
+            return [{path, keys: here, type, unit, meaning, rule, choices: Object.keys(enumerators ?? {})}];
+        }));
 }
 
-const elements = ([n, ...rest]) =>
-    (n === undefined ? [[]] : Array.from({length: n}, (_, i) => elements(rest).map((element) => [i, ...one])).flat());
+/** The indices of all elements of an array of this shape. */
+const indices = ([n, ...rest]) =>
+    (n === undefined ? [[]] : Array.from({length: n}, (_, i) => indices(rest).map((index) => [i, ...index])).flat());
 export const at = (values, keys) => keys.reduce((inside, k) => inside?.[k], values);
 
-/** The same values with another one at its keys. */
+/** A copy of values in which the element at these keys is replaced. */
 export function changed(values, [first, ...rest], value) {
     const copy = Array.isArray(values) ? [...values] : {...values};
     copy[first] = rest.length ? changed(values?.[first], rest, value) : value;
     return copy;
 }
 
-/** A text as the value of a leaf: {value} or {problem}. */
+/** Parse the value of a leaf: {value} or {problem}. */
 export function parsed(leaf, text) {
     const given = text.trim();
     if (leaf.type === "char") return {value: text};
@@ -50,7 +48,7 @@ export function parsed(leaf, text) {
 }
 
 const same = (a, b) => a === b || String(a) === String(b) && a != null;
-const edits = new Map();  // "craft/table" -> values that a person has changed, while the browser's page is open
+const edits = new Map();  // "craft/table" -> values that the user has changed, while the console is open
 
 export async function open({root, api, live, keys, craft, selection, select, can, on}) {
     const utc = live.craft(craft)?.clock === "utc", may = can("command");
@@ -64,7 +62,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const read =
         h("button", {disabled: true, title: "R", onclick: () => post({read: true})}, "Read from the spacecraft");
     const load = h("button", {class: "primary", disabled: true, onclick: () => loadAll()}, "Load");
-    const take = h("button", {
+    const undo = h("button", {
         disabled: true,
         onclick: () => {
             edits.set(id(), table.values);
@@ -101,11 +99,11 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const from = h("button", {disabled: true, onclick: () => file.click()}, "Open a file");
     const body = h("tbody"), ticks = h("p", {class: "answer", role: "status"});
     const pane = h("section", {class: "panel pane", "aria-label": "the table"}, h("header", {}, name, meaning),
-        h("div", {class: "row"}, read, load, take, save, from, file, count, h("span", {class: "grow"}), when), ticks,
+        h("div", {class: "row"}, read, load, undo, save, from, file, count, h("span", {class: "grow"}), when), ticks,
         h("div", {class: "frame"},
             h("table", {class: "plain"},
                 h("thead", {}, h("tr", {}, ["parameter", "on board", "to load", "unit",
-                    "meaning"].map((one) => h("th", {class: one}, one)))),
+                    "meaning"].map((title) => h("th", {class: title}, title)))),
                 body)));
 
     const id = () => `${craft}/${table.name}`;
@@ -118,18 +116,19 @@ export async function open({root, api, live, keys, craft, selection, select, can
         const words = search.value.toLowerCase().split(/\s+/);
         list.replaceChildren(
             ...tables.filter((table) => words.every((word) => table.name.toLowerCase().includes(word)))
-                .map((one) => h("li", {},
+                .map((candidate) => h("li", {},
                          h("button", {
-                             class: one === table ? "at" : "",
-                             "aria-current": one === table ? "true" : undefined,
-                             onclick: () => choose(one)
+                             class: candidate === table ? "at" : "",
+                             "aria-current": candidate === table ? "true" : undefined,
+                             onclick: () => choose(candidate)
                          },
-                             one.name, h("span", {class: "soft"}, one.read_ns ? clock(one.read_ns, utc, 0) : "")))));
+                             candidate.name,
+                             h("span", {class: "soft"}, candidate.read_ns ? clock(candidate.read_ns, utc, 0) : "")))));
     }
-    function choose(one) {
-        table = one;
-        all = leaves(one.fields);
-        select(one.name);
+    function choose(chosen) {
+        table = chosen;
+        all = leaves(chosen.fields);
+        select(chosen.name);
         put(ticks, "");
         names();
         show();
@@ -172,7 +171,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
         const n = different().length;
         read.disabled = !may;
         load.disabled = !may || bad() > 0 || !n || table.values === null;
-        take.disabled = !n;
+        undo.disabled = !n;
         save.disabled = bad() > 0;
         from.disabled = !may;
         const differing = `\u25c6 ${n} ${n > 1 ? "differ" : "differs"} from what is on board`;
@@ -180,44 +179,44 @@ export async function open({root, api, live, keys, craft, selection, select, can
         else if (table.values === null) put(count, "Read it before you load it.");
         else put(count, n ? differing : "\u2713 as on board");
     }
-    async function post(what) {
-        const one = table;
+    async function post(body) {
+        const loaded = table;
         await attempt(pane, async () => {
-            const answer = await command(api, craft, ["tables", one.name], what, `Loading ${one.name}`);
+            const answer = await command(api, craft, ["tables", loaded.name], body, `Loading ${loaded.name}`);
             if (!answer) return;
             const {ids = []} = answer;
             waiting = new Map(ids.map((k) => [k, null]));
-            put(ticks, what.read ? "asked for \u2026" : "on its way \u2026");
+            put(ticks, body.read ? "requested \u2026" : "on its way \u2026");
             for (const row of await live.rows(craft, "sent", "sent")) follow(row);
         });
     }
-    /** Load what differs: whole parameters, as their elements are one on board. */
+    /** Load the parameters that differ, each with all its elements. */
     const loadAll = () =>
         post({values: Object.fromEntries(different().map(({keys: [first]}) => [first, edited()[first]]))});
     function follow(row) {
         if (!waiting.has(row.id)) return;
         waiting.set(row.id, row);
-        const rows = [...waiting.values()].filter(Boolean), outcomes = rows.map((one) => outcome(one)),
+        const rows = [...waiting.values()].filter(Boolean), outcomes = rows.map((row) => outcome(row)),
               failed = outcomes.find(({state}) => state === "bad");
         put(ticks,
             failed ? `\u2717 refused: ${failed.text}` :
                 outcomes.length === waiting.size && outcomes.every(({state}) => state === "good") ?
                      "\u2713 done" :
-                     STAGES.filter((stage) => rows.some((one) => tick(one, stage)[0] !== "\u00b7"))
+                     STAGES.filter((stage) => rows.some((row) => tick(row, stage)[0] !== "\u00b7"))
                          .map((stage) => `\u2713 ${stage}`)
                          .join("  "));
         ticks.className = `answer ${failed ? "problem" : ""}`;
     }
     on("sent", (row) => row.craft === craft && follow(row));
-    on("table", (one) => {
-        const found = one.craft === craft && tables.find(({name: n}) => n === one.name);
-        if (!found) return;
-        const mine = edits.get(`${craft}/${found.name}`);
-        const untouched = !mine || leaves(found.fields).every(({keys: k}) => same(at(mine, k), at(found.values, k)));
-        Object.assign(found, {values: one.values, read_ns: one.read_ns});
-        if (untouched) edits.delete(`${craft}/${found.name}`);
+    on("table", (message) => {
+        const held = message.craft === craft && tables.find(({name: n}) => n === message.name);
+        if (!held) return;
+        const mine = edits.get(`${craft}/${held.name}`);
+        const untouched = !mine || leaves(held.fields).every(({keys: k}) => same(at(mine, k), at(held.values, k)));
+        Object.assign(held, {values: message.values, read_ns: message.read_ns});
+        if (untouched) edits.delete(`${craft}/${held.name}`);
         names();
-        if (found === table) show();
+        if (held === table) show();
     });
     root.append(h("div", {class: "split tables"}, h("section", {class: "panel"}, search, list), pane));
     keys.add("R", "read from the spacecraft", () => read.click());

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The spacecraft in 3-D: the viewer of `fledge view`, fed by the server. The console's time is the viewer's, and its
-// selection holds the camera.
+// The spacecraft in 3-D: the viewer of `fledge view` with data of the server. Console and viewer share their time; the
+// page's selection holds the camera.
 import {of} from "../api.js";
 import {h} from "../dom.js";
 import {theme} from "../theme.js";
 
 export const title = "3-D view", key = "v";
 
-const AGAIN = 3000;  // [ms] until the scene is asked for again, while there is none
+const AGAIN = 3000;  // [ms] between two requests for the scene, while there is none
 
 export async function open(context) {
     const {root, api, live, time, craft, select} = context;
     const style = h("link", {rel: "stylesheet", href: "/assets/view.css"});
-    const said = h("p", {class: "none", role: "status"});
+    const status = h("p", {class: "none", role: "status"});
     const holder = h("div", {class: "fledge-view guest"}), frame = h("div", {class: "view3d"}, holder);
-    root.append(style, said, frame);
+    root.append(style, status, frame);
     const {Viewer, unpack} = await import("/assets/viewer.js");
     const zero = BigInt((live.craft(craft)?.clock === "utc" && live.craft(craft).epoch_ns) || 0);
     const seconds = (ns) => Number(ns - zero) / 1e9;
-    let viewer = null, early = [], camera = context.selection, ended = false, asked = false;
+    let viewer = null, early = [], camera = context.selection, ended = false, loading = false;
 
     const link = {
         read: () => {
@@ -34,8 +34,8 @@ export async function open(context) {
     const moved = (t) => (t === null ? time.now() : time.seek(zero + BigInt(Math.round(1e9 * t))));
 
     async function begin() {
-        if (asked || ended) return;
-        asked = true;
+        if (loading || ended) return;
+        loading = true;
         try {
             const data = unpack(await api.bytes(of(craft, "scene")));
             viewer?.destroy();
@@ -44,14 +44,14 @@ export async function open(context) {
             frame.hidden = false;
             viewer = new Viewer(holder, data, {live: true, link, theme: theme(), moved});
             holder.viewer = viewer;     // for tests, and the browser's tools
-            for (const one of early) viewer.extend(one);
+            for (const message of early) viewer.extend(message);
             early = [];
-            said.hidden = true;
+            status.hidden = true;
         } catch (error) {
-            said.textContent = error.message;
-            said.hidden = false;
+            status.textContent = error.message;
+            status.hidden = false;
         } finally {
-            asked = false;
+            loading = false;
             frame.hidden = !viewer;
         }
     }
@@ -61,7 +61,7 @@ export async function open(context) {
         if (message.again) {
             early = [];
             begin();
-        } else if (viewer && !asked) {
+        } else if (viewer && !loading) {
             viewer.extend(message);
         } else {
             early = [...early.slice(-63), message];
