@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two spacecraft that differ in their texts alone, in a real browser (hostile_page_test.mjs): no hostile text becomes an
-element or a script, or changes the order of letters."""
+"""Two spacecraft that differ in their texts alone, in a real browser (hostile_page_test.mjs): no hostile text becomes
+an element or a script, or changes the order of letters."""
 import json
 import socket
 import struct

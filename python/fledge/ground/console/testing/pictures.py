@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write pictures of every page of the console, 400, 1,280 and 1,920 px wide, light and dark, and list the parts that are
-cut or wider than the window; the same for pages that commands wrote.
+"""Write pictures of every page of the console, 400, 1,280 and 1,920 px wide, light and dark, and list the parts that
+are cut or wider than the window; the same for pages that commands wrote.
 
     /usr/bin/python3 -m fledge.ground.console.testing.pictures DIR [--mission NAME]... [--page NAME]... [FILE.html]...
 """

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The parameters of a spacecraft that matter first: mode, attitude, power and link. They are chosen by words in names
-// and by units, which any database has. Of several attitude errors or rates that modules of Fledge write, the newest one
-// is shown, with its age.
+// and by units, which any database has. Of several attitude errors or rates that modules of Fledge write, the newest
+// one is shown, with its age.
 import {bare, digits} from "./format.js";
 import {ageOf, isStale} from "./store.js";
 

@@ -263,7 +263,7 @@ export async function open(context) {
 
 /**
  * The packets of a store: [{name, about, slots}]; name: the common beginning of its parameters' names. First those with
- * parameters of the glance, then those of modules' outputs, which have a head, then others; last those of headers alone.
+ * parameters of the glance, then those of modules' outputs, which have a head, then others; last headers alone.
  */
 function packets(store, glance) {
     const first = ({slots}) => glance.slots.findIndex((wanted) => slots.some(({slot}) => slot === wanted));
