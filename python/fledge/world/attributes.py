@@ -15,13 +15,12 @@ from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, number
 
-# What the kernel takes and gives of a body: name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface,
-# pole_stays.
+# A body for the kernel: name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays.
 BodyFields = tuple[str, float, float, Any, Any, Any, Any, int | None, Any, float | None, bool]
 
 
 def _changes(model: _core.Model) -> None:
-    """A model is to get another set-up, which counts when its simulation prepares. Raises SetupError if it has run."""
+    """Make the simulation of a model set it up anew. Raises SetupError if the simulation has run."""
     process = (_core.context(model) or (lambda: None))()
     if process is not None:
         process._core_simulation.set_up_again()
@@ -76,7 +75,7 @@ def _state(craft: _core.Model, orbit: Orbit) -> tuple[list[float], list[float]]:
 
 
 def given_orbit(craft: Any) -> Orbit | None:
-    """The orbit that a craft was given, if its initial state is still that."""
+    """The orbit that was assigned to a craft, if its initial state is still that of the orbit."""
     orbit = _orbits.get(craft)
     if orbit is None or [*craft.r_BN_N, *craft.v_BN_N] != [x for part in _state(craft, orbit) for x in part]:
         return None
@@ -156,13 +155,13 @@ _MAGNETIC_FILES = Path(__file__).with_name("magnetic")
 
 
 def _set_coefficients(field: _core.Model, file: Any) -> None:
-    what = f'{_core.path(field)}.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file'
+    expected = f'{_core.path(field)}.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file'
     if not isinstance(file, (str, PathLike)):
-        raise SetupError(f"{what}; found {file!r}")
+        raise SetupError(f"{expected}; found {file!r}")
     if isinstance(file, str) and file in MAGNETIC:
         file = _MAGNETIC_FILES / f"{MAGNETIC[file]}.COF"
     elif isinstance(file, str) and not Path(file).suffix and not Path(file).exists():
-        raise SetupError(f"{what}; found {file!r}{did_you_mean(file, MAGNETIC)}".rstrip(";"))
+        raise SetupError(f"{expected}; found {file!r}{did_you_mean(file, MAGNETIC)}".rstrip(";"))
     _changes(field)
     _core.set_coefficients(field, fspath(file))
 
@@ -181,7 +180,7 @@ def _asked(name: str, doc: str) -> property:
 
 
 class _Signature:
-    """The signature of a model's class with all its keywords, for help(). It is made when asked for, since importing
+    """The signature of a model's class with all its keywords, for help(). It is built at its first use, since importing
     inspect takes longer than importing the world."""
 
     def __init__(self, names: list[str]) -> None:
@@ -197,11 +196,11 @@ class _Signature:
 
 def add_attributes(types: dict[str, Any]) -> None:
     """Give the models of `types`, by name, their further attributes, which are keywords of their classes too."""
-    before = {name: set(vars(one)) for name, one in types.items()}
+    before = {name: set(vars(cls)) for name, cls in types.items()}
     _add_attributes(types)
-    for name, one in types.items():
-        if more := [attribute for attribute in vars(one) if attribute not in before[name]]:
-            one.__signature__ = _Signature(more)
+    for name, cls in types.items():
+        if more := [attribute for attribute in vars(cls) if attribute not in before[name]]:
+            cls.__signature__ = _Signature(more)
 
 
 def _add_attributes(types: dict[str, Any]) -> None:
@@ -215,8 +214,8 @@ def _add_attributes(types: dict[str, Any]) -> None:
     celestial = types["CelestialBody"]
     celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
     in_sky = ("CelestialBody", "Atmosphere", "Magnetism", "GroundStation", "Sunlight", "Radio")
-    for one in (types[name] for name in in_sky):
-        one.sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
+    for name in in_sky:
+        types[name].sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
     for name in ("Atmosphere", "Magnetism", "GroundStation"):
         types[name].body = _first_body("body")
     for name, hidden in (("Sunlight", "Sun"), ("Radio", "station")):
