@@ -12,13 +12,52 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, NotRequired, TypedDict, cast
 
 from fledge import _ground
 
 History = _ground.History
 Monitor = _ground.Monitor
 PacketArchive = _ground.PacketArchive
+
+
+class Argument(TypedDict):
+    """An argument of a Form. size: [bits]; of text and binary, bytes at most."""
+    name: str
+    type: str
+    unit: str
+    low: Any
+    high: Any
+    low_open: bool
+    high_open: bool
+    labels: list[str]
+    initial: Any
+    description: str
+    counted_by: str         # the argument that has its length
+    size: int | None
+
+
+class Verifier(TypedDict):
+    """A verifier of a Form. start, stop [s]: its window; own: it compares arguments of the command."""
+    stage: str
+    text: str
+    start: float
+    stop: float | None
+    from_release: bool
+    percent: float | None
+    own: bool
+    problem: NotRequired[str]       # of the server: why it cannot be watched
+
+
+class Form(TypedDict):
+    """A command that can be sent; the name is in Fledge's words, if it has such. hazardous: why; "": it is not."""
+    name: str
+    path: str
+    group: str
+    description: str
+    hazardous: str
+    arguments: list[Argument]
+    verifiers: list[Verifier]
 
 
 class Database:
@@ -59,11 +98,9 @@ class Database:
         the checksum of a command of cFS."""
         return self._read.decode_command(packet, header)
 
-    def forms(self) -> list[dict[str, Any]]:
-        """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group,
-        description, hazardous (why; "": it is not) and arguments (name, type, unit, low, high, labels, initial,
-        description, size [bits; of text and binary: bytes at most], counted_by)."""
-        return list(self._read.forms())
+    def forms(self) -> list[Form]:
+        """Of each command that can be sent."""
+        return cast(list[Form], self._read.forms())
 
     def places(self, name: str, /, **arguments: Any) -> list[tuple[str, bool, int, int]]:
         """(name, whether it is an argument, first bit, bits) of each entry in the packet of encode()."""

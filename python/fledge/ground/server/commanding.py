@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.server.stages import Stages
-from fledge.ground.server.uplink import DatabaseUplink, FlightUplink, Form, Uplink, finished
+from fledge.ground.server.uplink import DatabaseUplink, FlightUplink, Uplink, finished
 
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
+    from fledge.ground.database import Argument, Form
     from fledge.ground.scripts.craft import Sent
     from fledge.ground.server.link import Connection
     from fledge.ground.server.past import Past
@@ -71,7 +72,7 @@ class Commanding:
 
     def load(self) -> None:
         """Take the forms of the database."""
-        self._forms: dict[str, Form] = {form["name"]: form for form in self._telemetry.database.forms()}
+        self._forms = {form["name"]: form for form in self._telemetry.database.forms()}
         for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
             counts = {argument["counted_by"] for argument in form["arguments"]}
             form["arguments"] = [argument for argument in form["arguments"] if argument["name"] not in counts]
@@ -123,7 +124,7 @@ class Commanding:
         return self._uplink.numbered(packet)
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
-                then: Callable[[Sent], None] | None = None, form: dict[str, Any] | None = None) -> dict[str, Any]:
+                then: Callable[[Sent], None] | None = None, form: Form | None = None) -> dict[str, Any]:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
         executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
         connection, name_of_craft = self._connection, self._reporter.name
@@ -157,8 +158,7 @@ class Commanding:
         """Add the stages that commands have reached since the last call."""
         self._uplink.poll()
 
-    def _encoded(self, name: str, arguments: dict[str, Any]
-                 ) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+    def _encoded(self, name: str, arguments: dict[str, Any]) -> tuple[Form, dict[str, Any], bytes]:
         """(form, what the encoder is given, packet)."""
         if name not in self._forms:
             raise SetupError(f"{self._reporter.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
@@ -178,7 +178,7 @@ class Commanding:
             raise ArgumentError(str(error), named[-1] if named else "") from None
 
     @staticmethod
-    def _value(argument: dict[str, Any], value: Any) -> Any:
+    def _value(argument: Argument, value: Any) -> Any:
         """What the encoder takes, of what JSON has."""
         if argument["type"] == "binary":
             try:

@@ -19,6 +19,7 @@ from fledge.ground.server.verifying import Verifying
 
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
+    from fledge.ground.database import Form
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.settings import CraftSettings
@@ -29,7 +30,6 @@ WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command wit
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
 
 Row = dict[str, Any]        # of the journal
-Form = dict[str, Any]       # of the database, as Database.forms() has it
 
 
 def finished(packet: bytes, number: int, header: str) -> bytes:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
+    from fledge.ground.database import Form, Verifier
     from fledge.ground.server.stages import Stages
     from fledge.ground.server.telemetry import Telemetry
 
@@ -27,7 +28,7 @@ class Waiting:
     row: dict[str, Any]
     release: int                #: [ns]
     passed: int                 #: [ns] when its last verifier passed, or its release
-    open: dict[int, dict[str, Any]] = field(default_factory=dict)   #: in the order of their stages
+    open: dict[int, Verifier] = field(default_factory=dict)   #: in the order of their stages
     places: dict[int, int] = field(default_factory=dict)            #: in the form, of those that are or were open
     late: dict[int, tuple[dict[str, Any], int]] = field(default_factory=dict)      #: (the failed stage, [ns])
 
@@ -56,18 +57,18 @@ class Verifying:
         self._waiting: list[Waiting] = []
         self._newest: tuple[int, int] | None = None     # the verifier and time of the last packet
 
-    def prepare(self, form: dict[str, Any]) -> None:
+    def prepare(self, form: Form) -> None:
         """Set the stage of each verifier of a form, and its problem if it cannot be watched."""
         names = {argument["name"]: "0" for argument in form["arguments"]} | {SEQUENCE: "0"}
         for place, verifier in enumerate(form["verifiers"]):
             stage = "progress" if verifier["percent"] is not None else STAGES[verifier["stage"]]
-            verifier |= {"problem": "", "stage": stage}
+            verifier["problem"], verifier["stage"] = "", stage
             try:
                 self._telemetry.monitor.forget(self._telemetry.monitor.expect(form["path"], place, names))
             except SetupError as error:
                 verifier["problem"] = str(error)
 
-    def begin(self, row: dict[str, Any], form: dict[str, Any], packet: bytes) -> None:
+    def begin(self, row: dict[str, Any], form: Form, packet: bytes) -> None:
         """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
         words = {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
         for argument in form["arguments"]:
@@ -159,7 +160,7 @@ class Verifying:
         command.passed = t
         self._keep(command)
 
-    def _stage(self, row: dict[str, Any], verifier: dict[str, Any], good: bool | None, text: str, t: int) -> None:
+    def _stage(self, row: dict[str, Any], verifier: Verifier, good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
         self._stages.add(row, name, good, text, t)
         if name == "progress" and good:
