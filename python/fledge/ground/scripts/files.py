@@ -66,9 +66,9 @@ REFUSALS = {-1: "there is no such file", -2: "a name has at most 127 bytes, and 
 class Transfer:
     """A file on its way, or a request for one."""
 
-    def __init__(self, files: Files, what: str, place: str, local: Path | None, fetches: bool,
+    def __init__(self, files: Files, title: str, place: str, local: Path | None, fetches: bool,
                  progress: Callable[[Transfer], Any] | None) -> None:
-        self.what = what            #: in words
+        self.title = title          #: in words
         self.done = 0               #: [bytes] that were sent once, or received
         self.size = 0               #: [bytes]; 0: not known
         self.ended = False
@@ -83,10 +83,10 @@ class Transfer:
         link's clock. Raises NoAnswer with the reason."""
         def over(_: Any) -> bool:
             if self.problem:
-                raise NoAnswer(f"{self.what}: {self.problem}")
+                raise NoAnswer(f"{self.title}: {self.problem}")
             return self.ended
 
-        self._files.craft.wait(over, within, lambda: f"{self.what}: {self.done} of {self.size or '?'} bytes went, "
+        self._files.craft.wait(over, within, lambda: f"{self.title}: {self.done} of {self.size or '?'} bytes went, "
                                "and it did not end")
         return self
 
@@ -115,7 +115,7 @@ class Transfer:
                 self._progress(self)
 
     def __repr__(self) -> str:
-        return f"<{self.what}: {self.problem or ('complete' if self.ended else f'{self.done} of {self.size} bytes')}>"
+        return f"<{self.title}: {self.problem or ('complete' if self.ended else f'{self.done} of {self.size} bytes')}>"
 
 
 class Files:
@@ -157,41 +157,41 @@ class Files:
         path, to = Path(local), to or Path(local).name
         if not path.is_file():
             raise SetupError(f"{path}: there is no such file")
-        one = Transfer(self, f"send {path.name} as {to}", self._place(path.name), None, False, progress)
+        transfer = Transfer(self, f"send {path.name} as {to}", self._place(path.name), None, False, progress)
         try:
-            os.link(path.resolve(), self.folder / one.place)
+            os.link(path.resolve(), self.folder / transfer.place)
         except OSError:
-            shutil.copyfile(path, self.folder / one.place)
-        one.size = path.stat().st_size
-        return self._begin(one, one.place, to, b"", class1)
+            shutil.copyfile(path, self.folder / transfer.place)
+        transfer.size = path.stat().st_size
+        return self._begin(transfer, transfer.place, to, b"", class1)
 
     def fetch(self, name: str, to: str | os.PathLike[str] | None, class1: bool,
               progress: Callable[[Transfer], Any] | None) -> Transfer:
         local = Path(to if to is not None else Path(name).name)
         if not local.absolute().parent.is_dir():
             raise SetupError(f"{local}: there is no folder {local.absolute().parent}")
-        one = Transfer(self, f"fetch {name}", self._place(local.name), local, True, progress)
-        self.entity.expect(one.place)
-        options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, one.place)
-        return self._begin(one, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
+        transfer = Transfer(self, f"fetch {name}", self._place(local.name), local, True, progress)
+        self.entity.expect(transfer.place)
+        options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, transfer.place)
+        return self._begin(transfer, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
 
     def listing(self, name: str) -> Transfer:
         """Ask for the names in a directory on board; names() has them when it has ended."""
-        one = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
-        self.entity.expect(one.place)
-        return self._begin(one, "", "", self.entity.message(Message.LIST, first=name, second=one.place))
+        transfer = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
+        self.entity.expect(transfer.place)
+        return self._begin(transfer, "", "", self.entity.message(Message.LIST, first=name, second=transfer.place))
 
-    def names(self, one: Transfer) -> list[str]:
+    def names(self, transfer: Transfer) -> list[str]:
         """What a listing has brought."""
         try:
-            with open(self.folder / one.place, encoding="utf-8", errors="surrogateescape") as file:
+            with open(self.folder / transfer.place, encoding="utf-8", errors="surrogateescape") as file:
                 text = file.read(LISTING + 1)
         except OSError as error:
-            raise NoAnswer(f"{one.what}: {error.strerror}") from None
+            raise NoAnswer(f"{transfer.title}: {error.strerror}") from None
         finally:
-            self._forget(one)
+            self._forget(transfer)
         if len(text) > LISTING:
-            raise NoAnswer(f"{one.what}: what came has more than {LISTING} characters")
+            raise NoAnswer(f"{transfer.title}: what came has more than {LISTING} characters")
         return sorted(name for name in text.split("\n") if name)
 
     def directory(self, name: str, within: Any) -> list[str]:
@@ -199,14 +199,14 @@ class Files:
 
     def request(self, options: bytes) -> tuple[int, int]:
         """Send messages alone; their transaction."""
-        found = self.entity.put("", "", options, False)
-        if isinstance(found, int):
-            raise SetupError(f"files: {REFUSALS[found]}")
-        return found
+        transaction = self.entity.put("", "", options, False)
+        if isinstance(transaction, int):
+            raise SetupError(f"files: {REFUSALS[transaction]}")
+        return transaction
 
-    def ask(self, what: Message, about: tuple[int, int]) -> None:
+    def ask(self, message: Message, about: tuple[int, int]) -> None:
         if about != (0, 0):
-            self.request(self.entity.message(what, about))
+            self.request(self.entity.message(message, about))
 
     def close(self) -> None:
         if self._temporary:
@@ -224,13 +224,13 @@ class Files:
             packet = self._packets.pdu(pdu)
             self._credit -= len(packet)
             self.craft.link.send(packet)
-        self._hear()
+        self._poll()
         return now + TICK if self.entity.busy else 1 << 62
 
     def take(self, pdu: bytes) -> None:
         self.entity.time(self.craft.link.t)
         self.entity.take(pdu)
-        self._hear()
+        self._poll()
 
     def absent(self) -> None:
         """Flight has no service for files."""
@@ -239,78 +239,78 @@ class Files:
 
     # --- what the entity tells ---
 
-    def _hear(self) -> None:
-        while told := self.entity.told():
-            if told.what == STARTED:
+    def _poll(self) -> None:
+        while event := self.entity.told():
+            if event.what == STARTED:
                 for transfer in self._transfers:
-                    if transfer.fetches and transfer.place == told.to:
-                        transfer.data = told.id
-            elif told.what == MESSAGE:
-                self._messages.setdefault(told.id, []).append(told.text)
-            elif told.what in (ENDED, ABANDONED):
-                self._ended(told)
+                    if transfer.fetches and transfer.place == event.to:
+                        transfer.data = event.id
+            elif event.what == MESSAGE:
+                self._messages.setdefault(event.id, []).append(event.text)
+            elif event.what in (ENDED, ABANDONED):
+                self._ended(event)
         for transfer in self._transfers:
-            if found := self.entity.progress(transfer.data):
-                transfer.moved(found.done, found.size)
+            if progress := self.entity.progress(transfer.data):
+                transfer.moved(progress.done, progress.size)
 
-    def _ended(self, told: Any) -> None:
-        problem = CONDITIONS.get(told.condition, f"condition {told.condition}") if told.condition else \
-            "it is not whole" if told.incomplete else ""
-        found = next((transfer for transfer in self._transfers if told.id in (transfer.id, transfer.data)), None)
-        if found and (problem or told.receiver == found.fetches):
-            self._end(found, problem)
-        elif told.receiver and told.to and not problem and not found:
+    def _ended(self, event: Any) -> None:
+        problem = CONDITIONS.get(event.condition, f"condition {event.condition}") if event.condition else \
+            "it is not whole" if event.incomplete else ""
+        transfer = next((transfer for transfer in self._transfers if event.id in (transfer.id, transfer.data)), None)
+        if transfer and (problem or event.receiver == transfer.fetches):
+            self._end(transfer, problem)
+        elif event.receiver and event.to and not problem and not transfer:
             try:
-                self.received.append(self._renamed(told.to))
+                self.received.append(self._renamed(event.to))
             except OSError as error:
-                self.failed.append((told.to, f"{error.strerror}; it is in {self.folder}"))
-        elif told.receiver and told.to and not found:
-            self.failed.append((told.to, problem))
-        if told.receiver:
-            self._answered([one for text in self._messages.pop(told.id, [])
-                            if (one := self.entity.read_message(text))])
+                self.failed.append((event.to, f"{error.strerror}; it is in {self.folder}"))
+        elif event.receiver and event.to and not transfer:
+            self.failed.append((event.to, problem))
+        if event.receiver:
+            self._answered([message for text in self._messages.pop(event.id, [])
+                            if (message := self.entity.read_message(text))])
 
     def _answered(self, messages: list[tuple[int, tuple[int, int], int]]) -> None:
         """The messages of a transaction: is one the answer to a request of this ground?"""
         about = next((about for kind, about, _ in messages if kind == Message.ORIGIN), None)
-        found = next((transfer for transfer in self._transfers if transfer.id == about), None)
-        if found is None:
+        transfer = next((transfer for transfer in self._transfers if transfer.id == about), None)
+        if transfer is None:
             return
         for kind, _, value in messages:
             if kind == Message.PROXY_PUT_RESPONSE and value >> 4:
-                self._end(found, f"{CONDITIONS.get(value >> 4, f'condition {value >> 4}')} on board")
-            elif kind == Message.PROXY_PUT_RESPONSE and found.data == (0, 0):
-                self._end(found, "it was sent, and did not arrive")
+                self._end(transfer, f"{CONDITIONS.get(value >> 4, f'condition {value >> 4}')} on board")
+            elif kind == Message.PROXY_PUT_RESPONSE and transfer.data == (0, 0):
+                self._end(transfer, "it was sent, and did not arrive")
             elif kind == Message.LISTED and value:
-                self._end(found, "there is no such directory on board")
+                self._end(transfer, "there is no such directory on board")
 
-    def _begin(self, one: Transfer, source: str, to: str, options: bytes, class1: bool = False) -> Transfer:
-        found = self.entity.put(source, to, options, class1)
-        if isinstance(found, int):
-            self._forget(one)
-            raise SetupError(f"{one.what}: {REFUSALS[found]}")
-        one.id = found
-        if not one.fetches:
-            one.data = found
-        self._transfers.append(one)
-        return one
+    def _begin(self, transfer: Transfer, source: str, to: str, options: bytes, class1: bool = False) -> Transfer:
+        transaction = self.entity.put(source, to, options, class1)
+        if isinstance(transaction, int):
+            self._forget(transfer)
+            raise SetupError(f"{transfer.title}: {REFUSALS[transaction]}")
+        transfer.id = transaction
+        if not transfer.fetches:
+            transfer.data = transaction
+        self._transfers.append(transfer)
+        return transfer
 
-    def _end(self, one: Transfer, problem: str) -> None:
-        self._transfers.remove(one)
-        arrived = self.folder / one.place
-        if not problem and one.local:
+    def _end(self, transfer: Transfer, problem: str) -> None:
+        self._transfers.remove(transfer)
+        arrived = self.folder / transfer.place
+        if not problem and transfer.local:
             try:
-                if one.replaces:
-                    _move(arrived, one.local)
+                if transfer.replaces:
+                    _move(arrived, transfer.local)
                 else:
-                    one.local = _named(arrived, one.local)
+                    transfer.local = _named(arrived, transfer.local)
             except OSError as error:
-                problem = f"{one.local}: {error.strerror}; it is at {arrived}"
-        one.ended, one.problem = not problem, problem
+                problem = f"{transfer.local}: {error.strerror}; it is at {arrived}"
+        transfer.ended, transfer.problem = not problem, problem
         if not problem:
-            one.moved(one.size, one.size)
-        if not one.fetches:
-            self._forget(one)
+            transfer.moved(transfer.size, transfer.size)
+        if not transfer.fetches:
+            self._forget(transfer)
 
     def _renamed(self, name: str) -> Path:
         """The place of a file that has come under a name of the other end's, which becomes a plain one."""
@@ -320,8 +320,8 @@ class Files:
             return arrived
         return _named(arrived, arrived.with_name(plain.encode()[:200].decode(errors="ignore")))
 
-    def _forget(self, one: Transfer) -> None:
-        (self.folder / one.place).unlink(missing_ok=True)
+    def _forget(self, transfer: Transfer) -> None:
+        (self.folder / transfer.place).unlink(missing_ok=True)
 
     def _place(self, name: str) -> str:
         """A name in the folder for a file on its way; hidden, for a file that has arrived may have any other."""

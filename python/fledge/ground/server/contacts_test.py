@@ -21,22 +21,22 @@ def test_the_passes_of_half_a_day_are_those_that_are_flown():
     sim = fledge.load("earth_imager")
     log = sim.record(sim.world.station.contact, every=1 * s)
     sim.run(10 * s)
-    found = Contacts(Feed("imager", sim), sim)
-    assert found.passes() == [], "nothing is known yet"
-    found.poll()
-    found._made = (-np.inf, [])
-    passes = found.passes()
+    contacts = Contacts(Feed("imager", sim), sim)
+    assert contacts.passes() == [], "nothing is known yet"
+    contacts.poll()
+    contacts._predicted = (-np.inf, [])
+    passes = contacts.passes()
     sim.run(12 * hour)
     t, seen, elevation = log.time, log["contact.visible"] == 1, log["contact.elevation"]
     rises, sets = (t[1:][np.diff(seen.astype(int)) == way] for way in (1, -1))
     assert len(rises) == len(sets) > 4
-    for rise, end, one in zip(rises, sets, passes):
-        assert one["station"] == "station"
-        for predicted, after in ((one["rise"], rise), (one["set"], end)):   # the first sample of 1 s behind it
+    for rise, end, row in zip(rises, sets, passes):
+        assert row["station"] == "station"
+        for predicted, after in ((row["rise"], rise), (row["set"], end)):   # the first sample of 1 s behind it
             assert -1.1 < predicted - after < 0.1
         highest = elevation[(t >= rise) & (t <= end)].max()
-        assert one["elevation"] == pytest.approx(highest, abs=2e-4)
-        assert one["highest"] == pytest.approx(t[(t >= rise) & (t <= end)][np.argmax(elevation[
+        assert row["elevation"] == pytest.approx(highest, abs=2e-4)
+        assert row["highest"] == pytest.approx(t[(t >= rise) & (t <= end)][np.argmax(elevation[
             (t >= rise) & (t <= end)])], abs=1.5)
     assert not seen[t > sets[-1]].any() and len([pass_ for pass_ in passes if pass_["rise"] < 12 * 3600]) == len(rises)
 
@@ -44,15 +44,15 @@ def test_the_passes_of_half_a_day_are_those_that_are_flown():
 def test_what_is_now_is_the_truth_and_a_pass_that_goes_on_has_no_rise():
     sim = fledge.load("earth_imager")
     sim.run(20 * 60 * s)
-    found = Contacts(Feed("imager", sim), sim)
-    found.poll()
-    [station], [radio], w = found.state["stations"], found.state["radios"], sim.world
+    contacts = Contacts(Feed("imager", sim), sim)
+    contacts.poll()
+    [station], [radio], w = contacts.state["stations"], contacts.state["radios"], sim.world
     assert station["elevation"] == pytest.approx(w.station.contact.elevation, abs=1e-5)
     assert station["range"] == pytest.approx(w.station.contact.range, abs=5) and station["seen"]
     assert radio["station"] == "station" and radio["down"]["lock"] == bool(w.radio.down.lock)
     assert radio["up"]["state"] == "locked" and radio["up"]["eb_n0_dB"] == w.radio.up.eb_n0_dB
     assert (radio["down"]["rate"], radio["down"]["lost"]) == (2e6, 0)
-    first = found.passes()[0]
+    first = contacts.passes()[0]
     assert first["rise"] is None and 20 * 60 < first["highest"] < first["set"] < 30 * 60
 
 
@@ -66,9 +66,9 @@ def test_without_a_sky_the_body_turns_by_its_spin():
     w.task("dynamics", every=1 * s, run=[w.craft, w.station])
     log = sim.record(w.station.contact, every=1 * s)
     sim.run(2 * s)
-    found = Contacts(Feed("bare", sim), sim)
-    found.poll()
-    passes = found.passes()
+    contacts = Contacts(Feed("bare", sim), sim)
+    contacts.poll()
+    passes = contacts.passes()
     sim.run(24 * hour)
     rises = log.time[1:][np.diff(log["contact.visible"].astype(int)) == 1]
     assert len(rises) > 3
@@ -78,10 +78,10 @@ def test_without_a_sky_the_body_turns_by_its_spin():
 def test_a_spacecraft_of_a_database_has_no_stations_and_a_silent_one_no_state():
     assert Contacts(Feed("x", None), None).state == {"stations": [], "radios": []}
     sim = fledge.load("earth_imager")
-    found = Contacts(Feed("imager", sim, flown=False, link=lambda: SimpleNamespace(topics={})), sim)
-    found.poll()
-    assert found.state["stations"] == [] and found.passes() == []
-    assert found.state["radios"][0]["down"] == {"rate": 2e6}, "nothing is made up"
+    contacts = Contacts(Feed("imager", sim, flown=False, link=lambda: SimpleNamespace(topics={})), sim)
+    contacts.poll()
+    assert contacts.state["stations"] == [] and contacts.passes() == []
+    assert contacts.state["radios"][0]["down"] == {"rate": 2e6}, "nothing is made up"
 
 
 def test_the_server_says_it(tmp_path, monkeypatch):
@@ -92,8 +92,8 @@ def test_the_server_says_it(tmp_path, monkeypatch):
     try:
         craft = room.crafts["imager"]
         craft.start()
-        told = wait_for(lambda: (now := craft.describe())["stations"] and int(now["t_ns"]) > 10**9 and now)
-        assert told["bytes"] > 0 and told["stations"][0]["name"] == "station" and craft.contacts.passes()
+        state = wait_for(lambda: (now := craft.describe())["stations"] and int(now["t_ns"]) > 10**9 and now)
+        assert state["bytes"] > 0 and state["stations"][0]["name"] == "station" and craft.contacts.passes()
     finally:
         room.close()
 
