@@ -18,13 +18,13 @@ namespace {
 
 /// A virtual channel, whose packets become pieces of the file.
 struct Virtual {
-    std::vector<Found> *found;
+    std::vector<Piece> *pieces;
     std::size_t at = 0;
     std::vector<std::uint8_t> memory = std::vector<std::uint8_t>(SPACE_PACKET_MAX);
     TmReceiver receiver{};
 };
 
-const char *what(CcsdsFault fault)
+const char *fault_text(CcsdsFault fault)
 {
     switch (fault) {
     case CCSDS_CRC: return "its CRC does not hold";
@@ -33,7 +33,7 @@ const char *what(CcsdsFault fault)
     }
 }
 
-/// The 2 bits of a frame's version by their name.
+/// The name of a frame's version, the first 2 bits.
 std::string kind(unsigned version, unsigned first)
 {
     return version == 0       ? "TM"
@@ -65,7 +65,7 @@ bool header_check_holds(const std::uint8_t *frame)
     return true;
 }
 
-/// The frames of a file, one by one.
+/// Reads the frames of a file.
 class Frames {
 public:
     Frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
@@ -89,7 +89,7 @@ public:
         }
     }
 
-    /// The frame that begins there, decoded; nullptr: the file ends before it does.
+    /// The frame that begins there, decoded; nullptr: the file ends within it.
     const std::uint8_t *read(std::size_t at)
     {
         if (at + format_.size > bytes_.size() || at + block_.size() > bytes_.size()) {
@@ -104,7 +104,7 @@ public:
     }
     std::size_t step() const { return format_.skip + block_.size() + format_.trailer; }
 
-    std::optional<std::size_t> corrected; ///< symbols of the last one; nothing: its code cannot be corrected
+    std::optional<std::size_t> corrected; ///< symbols of the last frame; nothing: too many are wrong
 
 private:
     std::span<const std::uint8_t> bytes_;
@@ -112,7 +112,7 @@ private:
     std::vector<std::uint8_t> block_;
 };
 
-/// What is the same for all frames.
+/// The properties that all frames share.
 struct Common {
     unsigned version = 0, first = 0, spacecraft = 0;
     bool check = false, header_check = false;
@@ -124,11 +124,11 @@ unsigned spacecraft_of(const std::uint8_t *frame)
     return id >> 14 == 0 ? id >> 4 & 0x3FFu : id >> 6 & 0xFFu;
 }
 
-/// What most of the first frames say; those whose CRC holds, if there is one.
+/// The properties of the majority of the first frames; only frames with a right CRC count, if there are any.
 Common common_of(Frames &frames, const FrameFormat &format)
 {
     std::map<std::pair<unsigned, unsigned>, unsigned> votes;
-    Common made;
+    Common common;
     unsigned most = 0, headers = 0;
     std::size_t at = format.skip;
     for (int i = 0; i < 16; i++, at += frames.step()) {
@@ -137,12 +137,12 @@ Common common_of(Frames &frames, const FrameFormat &format)
             break;
         }
         const bool holds = ccsds_crc16(frame, format.size) == 0;
-        if (holds && !made.check) {
+        if (holds && !common.check) {
             votes.clear();
-            made.check = true;
+            common.check = true;
             most = headers = 0;
         }
-        if (!frames.corrected || holds != made.check) {
+        if (!frames.corrected || holds != common.check) {
             continue;
         }
         headers += header_check_holds(frame);
@@ -150,19 +150,19 @@ Common common_of(Frames &frames, const FrameFormat &format)
         const unsigned n = ++votes[{version, spacecraft}];
         if (n > most) {
             most = n;
-            made.version = version;
-            made.first = frame[0];
-            made.spacecraft = spacecraft;
+            common.version = version;
+            common.first = frame[0];
+            common.spacecraft = spacecraft;
         }
     }
-    made.header_check = most != 0 && 2 * headers > most;
-    return made;
+    common.header_check = most != 0 && 2 * headers > most;
+    return common;
 }
 
-/// What the receiver refused since `before`, in words.
-std::vector<std::string> refused(const Virtual &one, const PacketZone &before, const TmFrame &frame)
+/// Messages about what the receiver refused since `before`.
+std::vector<std::string> refused(const Virtual &source, const PacketZone &before, const TmFrame &frame)
 {
-    const PacketZone &zone = one.receiver.zone;
+    const PacketZone &zone = source.receiver.zone;
     const std::string channel = "virtual channel " + std::to_string(frame.virtual_channel);
     std::vector<std::string> all;
     if (zone.faults[CCSDS_VERSION] != before.faults[CCSDS_VERSION]) {
@@ -183,7 +183,7 @@ std::vector<std::string> refused(const Virtual &one, const PacketZone &before, c
     return all;
 }
 
-/// Takes the frames one after the other, and finds their packets.
+/// Collects the packets of successive frames.
 class Receiver {
 public:
     Receiver(Frames &frames, const FrameFormat &format, const Common &common)
@@ -194,20 +194,20 @@ public:
     {
     }
 
-    void take(const std::uint8_t *frame, std::size_t at)
+    void read_frame(const std::uint8_t *frame, std::size_t at)
     {
         TmFrame parts{};
         if (const std::string why = read(frame, parts); !why.empty()) {
-            say(at, "a frame is passed over: " + why);
+            problem(at, "a frame is passed over: " + why);
             return;
         }
         read_++;
-        if (common_.version == 0 || parts.virtual_channel != AOS_CHANNELS - 1) { // else it fills
+        if (common_.version == 0 || parts.virtual_channel != AOS_CHANNELS - 1) { // else a fill frame
             receive(parts, at);
         }
     }
 
-    void say(std::size_t at, std::string problem) { found.push_back({at, {}, std::move(problem), ""}); }
+    void problem(std::size_t at, std::string problem) { pieces.push_back({at, {}, std::move(problem), ""}); }
 
     std::string summary() const
     {
@@ -225,7 +225,7 @@ public:
                (format_.code ? ", " + std::to_string(corrected_) + " symbols corrected" : "") + unfinished;
     }
 
-    std::vector<Found> found;
+    std::vector<Piece> pieces;
 
 private:
     /// Returns "", or why the frame cannot be read.
@@ -237,7 +237,7 @@ private:
         corrected_ += *frames_.corrected;
         const unsigned version = frame[0] >> 6;
         if (common_.check && ccsds_crc16(frame, format_.size) != 0) {
-            return what(CCSDS_CRC);
+            return fault_text(CCSDS_CRC);
         }
         if (version != common_.version) {
             return "it is of " + kind(version, frame[0]) + ", the others are of " + name_;
@@ -252,31 +252,31 @@ private:
             version == 0 ? tm_frame_read(&channel_, frame, format_.size, &parts)
                          : aos_frame_read(frame, format_.size, format_.insert + (common_.header_check ? 2u : 0u),
                                           format_.control, common_.check, &parts);
-        return fault != CCSDS_OK ? what(fault) : "";
+        return fault != CCSDS_OK ? fault_text(fault) : "";
     }
 
     void receive(const TmFrame &parts, std::size_t at)
     {
         auto &channel = channels_[parts.virtual_channel];
         if (!channel) {
-            channel = std::make_unique<Virtual>(Virtual{&found});
-            const auto keep = [](void *user, const std::uint8_t *packet, std::size_t n) {
+            channel = std::make_unique<Virtual>(Virtual{&pieces});
+            const auto store = [](void *user, const std::uint8_t *packet, std::size_t n) {
                 const Virtual &self = *static_cast<Virtual *>(user);
-                self.found->push_back({self.at, {packet, packet + n}, "", ""});
+                self.pieces->push_back({self.at, {packet, packet + n}, "", ""});
             };
             tm_receiver_begin(&channel->receiver, common_.version == 0 ? 256 : 1u << 24, channel->memory.data(),
-                              channel->memory.size(), keep, channel.get());
-            channel->receiver.zone.encapsulation = keep;
+                              channel->memory.size(), store, channel.get());
+            channel->receiver.zone.encapsulation = store;
         }
         const TmReceiver before = channel->receiver;
         channel->at = at;
         tm_receive(&channel->receiver, &parts);
         if (channel->receiver.missing != before.missing) {
-            say(at, std::to_string(channel->receiver.missing - before.missing) + " frames of virtual channel " +
-                        std::to_string(parts.virtual_channel) + " are missing in front of this one");
+            problem(at, std::to_string(channel->receiver.missing - before.missing) + " frames of virtual channel " +
+                            std::to_string(parts.virtual_channel) + " are missing in front of this one");
         }
         for (std::string &why : refused(*channel, before.zone, parts)) {
-            say(at, std::move(why));
+            problem(at, std::move(why));
         }
     }
 
@@ -291,25 +291,25 @@ private:
 
 } // namespace
 
-std::vector<Found> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
+std::vector<Piece> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
 {
     Frames frames(bytes, format);
     const Common common = common_of(frames, format);
     Receiver receiver(frames, format, common);
     if (common.version > 1) {
-        receiver.say(format.skip,
-                     "the frames are of " + kind(common.version, common.first) + ", which is not read: TM and AOS are");
-        return std::move(receiver.found);
+        receiver.problem(format.skip, "the frames are of " + kind(common.version, common.first) +
+                                          ", which is not read: TM and AOS are");
+        return std::move(receiver.pieces);
     }
     std::size_t at = format.skip;
     for (const std::uint8_t *frame; (frame = frames.read(at)) != nullptr; at += frames.step()) {
-        receiver.take(frame, at);
+        receiver.read_frame(frame, at);
     }
     if (at < bytes.size() + format.skip) {
-        receiver.say(at - format.skip, "the file ends within a frame");
+        receiver.problem(at - format.skip, "the file ends within a frame");
     }
-    receiver.found.push_back({at, {}, "", receiver.summary()});
-    return std::move(receiver.found);
+    receiver.pieces.push_back({at, {}, "", receiver.summary()});
+    return std::move(receiver.pieces);
 }
 
 } // namespace fledge::ground

@@ -11,8 +11,8 @@
 namespace fledge::ground {
 
 /// A packet, what is wrong with a frame, or a note.
-struct Found {
-    std::size_t at; ///< [bytes] of the frame that ends the packet, or is wrong
+struct Piece {
+    std::size_t at; ///< [bytes] place of the frame that ends the packet, or is wrong
     std::vector<std::uint8_t> packet;
     std::string problem;
     std::string note;
@@ -21,17 +21,17 @@ struct Found {
 /// How the frames stand in the file.
 struct FrameFormat {
     std::size_t size;        ///< [bytes] of a frame
-    std::size_t skip = 0;    ///< [bytes] in front of each, as a synchronisation marker
-    std::size_t trailer = 0; ///< [bytes] behind each, which are passed over
-    std::size_t code = 0;    ///< the depth of a Reed-Solomon code behind each; 0: there is none
+    std::size_t skip = 0;    ///< [bytes] before each, as a synchronisation marker
+    std::size_t trailer = 0; ///< [bytes] to skip behind each
+    std::size_t code = 0;    ///< the depth of the Reed-Solomon code behind each; 0: none
     std::size_t insert = 0;  ///< [bytes] of the insert zone of AOS frames
-    bool control = false;    ///< AOS frames have an operational control field; TM frames say so themselves
-    bool randomized = false; ///< the frames and their code are
+    bool control = false;    ///< AOS frames have an operational control field; TM frames have a flag for it
+    bool randomized = false; ///< the frames and their code are randomized
 };
 
-/// The packets of frames. Version, spacecraft, CRC and the header error control of AOS are those of the first 16
-/// frames: what is there is found by its check. A frame that is wrong is passed over. The last one found is a note of
-/// what the file had. Throws std::invalid_argument for sizes that cannot be.
-std::vector<Found> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format);
+/// The packets of frames. The first 16 frames show the version, the spacecraft, and whether frames have a CRC and AOS
+/// frames a header error control. Wrong frames are skipped. The last piece is a note with a summary of the file. Throws
+/// std::invalid_argument for impossible sizes.
+std::vector<Piece> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format);
 
 } // namespace fledge::ground

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets one behind the other in files that are damaged: what is reported was put in, or a note says that it may be
-// damaged; what is not is counted. FLEDGE_CASES sets how many files are tried.
+// Back-to-back packets in damaged files: each packet that is reported was put in or has a note that it may be damaged;
+// other bytes are counted. FLEDGE_CASES sets the number of files.
 #include "ccsds/space_packet.h"
 #include "ccsds/sync.h"
 #include "ccsds/testing/bits.h"
@@ -35,19 +35,19 @@ struct Maker {
             counts[i] = static_cast<std::uint16_t>(steady ? 0 : random() % SPACE_PACKET_COUNTS);
         }
     }
-    Bytes packet(std::size_t longest)
+    Bytes next(std::size_t longest)
     {
-        const std::size_t which = random() % ids.size(), n = 7 + random() % longest;
-        Bytes made(n);
-        for (std::uint8_t &byte : made) {
+        const std::size_t app = random() % ids.size(), n = 7 + random() % longest;
+        Bytes packet(n);
+        for (std::uint8_t &byte : packet) {
             const unsigned any = random();
             byte = static_cast<std::uint8_t>(contents == 0 ? any : contents == 1 ? 0 : any / 4 % 3 == 0 ? any % 4 : 0);
         }
-        made.back() = 0x5A; // else its end may be padding
-        const SpacePacket head{static_cast<std::uint32_t>(n), ids[which], counts[which], 0, 0, SPACE_PACKET_WHOLE};
-        space_packet_write(&head, made.data());
-        counts[which] = static_cast<std::uint16_t>((counts[which] + (steady ? 0 : 1)) % SPACE_PACKET_COUNTS);
-        return made;
+        packet.back() = 0x5A; // else its end may be padding
+        const SpacePacket head{static_cast<std::uint32_t>(n), ids[app], counts[app], 0, 0, SPACE_PACKET_WHOLE};
+        space_packet_write(&head, packet.data());
+        counts[app] = static_cast<std::uint16_t>((counts[app] + (steady ? 0 : 1)) % SPACE_PACKET_COUNTS);
+        return packet;
     }
 };
 
@@ -58,22 +58,22 @@ struct Read {
 
 Read read(const Bytes &file, std::size_t skip = 0)
 {
-    Read made;
+    Read result;
     std::size_t at = 0;
-    for (const Found &piece : packets_of_bytes(file, skip)) {
+    for (const Piece &piece : packets_of_bytes(file, skip)) {
         EXPECT_GE(piece.at, at); // in order, and nothing twice
         if (!piece.problem.empty()) {
-            made.problems++;
-            made.bytes += std::stoul(piece.problem);
+            result.problems++;
+            result.bytes += std::stoul(piece.problem);
             at = piece.at + std::stoul(piece.problem);
             EXPECT_NE(piece.problem.find(" bytes are no packet"), std::string::npos);
             continue;
         }
         at = piece.at + piece.packet.size();
-        made.bytes += skip + piece.packet.size();
-        (piece.note.empty() ? made.sure : made.doubtful).push_back(piece.packet);
+        result.bytes += skip + piece.packet.size();
+        (piece.note.empty() ? result.sure : result.doubtful).push_back(piece.packet);
     }
-    return made;
+    return result;
 }
 
 void append(Bytes &to, const Bytes &more)
@@ -96,20 +96,20 @@ TEST(Packets, a_whole_file_is_read_whole)
         const std::size_t skip = seed % 4 == 0 ? seed / 4 % 9 : 0, longest = seed % 3 == 0 ? 20 : 300;
         for (std::size_t n = maker.random() % 60; n > 0; n--) {
             append(file, any_bytes(maker.random, skip));
-            all.push_back(maker.packet(longest));
+            all.push_back(maker.next(longest));
             append(file, all.back());
             if (n % 16 == 0 && skip == 0) {
                 append(file, Bytes(maker.random() % 40, 0));
             }
         }
-        const Read found = read(file, skip);
-        ASSERT_EQ(found.sure, all) << seed;
-        ASSERT_EQ(found.problems + found.doubtful.size(), 0u) << seed;
+        const Read result = read(file, skip);
+        ASSERT_EQ(result.sure, all) << seed;
+        ASSERT_EQ(result.problems + result.doubtful.size(), 0u) << seed;
     }
 }
 
-/// Bytes are put in or taken out, also in front. No check tells of a packet whose end was taken out together with what
-/// is behind it, if the length happens to fit, nor of a header that became another by a damage: those are counted.
+/// Bytes are inserted or removed, also at the begin. No check notices a packet whose end was removed with the bytes
+/// behind it, if the length happens to fit, nor a damaged header that is valid: the test counts those.
 TEST(Packets, behind_damage_none_is_invented_and_few_are_lost)
 {
     std::size_t invented = 0, joined = 0, put = 0, recovered = 0, doubtful = 0;
@@ -120,7 +120,7 @@ TEST(Packets, behind_damage_none_is_invented_and_few_are_lost)
         Bytes file;
         const std::size_t longest = seed % 3 == 0 ? 20 : seed % 3 == 1 ? 300 : 4000;
         for (std::size_t n = 20 + maker.random() % 80; n > 0; n--) {
-            all.push_back(maker.packet(longest));
+            all.push_back(maker.next(longest));
             append(file, all.back());
         }
         if (maker.random() % 3 == 0) {
@@ -138,18 +138,19 @@ TEST(Packets, behind_damage_none_is_invented_and_few_are_lost)
                 file.insert(at, more.begin(), more.end());
             }
         }
-        const Read found = read(file);
+        const Read result = read(file);
         const std::set<Bytes> known(all.begin(), all.end());
-        for (const Bytes &one : found.sure) {
-            const bool begins = std::any_of(all.begin(), all.end(), [&](const Bytes &of) {
-                return of.size() == one.size() && std::equal(of.begin(), of.begin() + 6, one.begin());
+        for (const Bytes &packet : result.sure) {
+            const bool begins = std::any_of(all.begin(), all.end(), [&](const Bytes &original) {
+                return original.size() == packet.size() &&
+                       std::equal(original.begin(), original.begin() + 6, packet.begin());
             });
             invented += !begins;
-            joined += begins && known.count(one) == 0;
+            joined += begins && known.count(packet) == 0;
         }
         put += all.size();
-        recovered += found.sure.size() + found.doubtful.size();
-        doubtful += found.doubtful.size();
+        recovered += result.sure.size() + result.doubtful.size();
+        doubtful += result.doubtful.size();
     }
     EXPECT_LE(invented, put / 5000);
     EXPECT_LE(joined, put / 2000);
@@ -161,7 +162,7 @@ TEST(Packets, behind_damage_none_is_invented_and_few_are_lost)
     }
 }
 
-/// Whatever the file, each byte of it belongs to one piece, or is padding.
+/// In any file, each byte belongs to one piece, or is padding.
 TEST(Packets, any_bytes_are_taken)
 {
     std::mt19937 random(1);
@@ -172,15 +173,15 @@ TEST(Packets, any_bytes_are_taken)
                    : i % 3 == 1 ? byte % 4
                                 : static_cast<std::uint8_t>(byte % 8 == 0 ? 0xE0 | byte : 0);
         }
-        const Read found = read(file, random() % 3);
-        ASSERT_LE(found.bytes, file.size());
+        const Read result = read(file, random() % 3);
+        ASSERT_LE(result.bytes, file.size());
     }
     const Bytes zeros(200000, 0), fill(200000, 0xE0);
     EXPECT_EQ(read(zeros).problems + read(fill).problems, 0u);
     EXPECT_TRUE(read(zeros).sure.empty() && read(fill).sure.empty());
 }
 
-/// Frames with a CRC that are lost, damaged, repeated and of other kinds: all packets are some that were put in.
+/// Frames with a CRC are lost, damaged, repeated and of other kinds: each packet that is reported was put in.
 TEST(Frames, of_damaged_ones_no_packet_is_invented)
 {
     std::size_t put = 0, read = 0, problems = 0;
@@ -197,20 +198,20 @@ TEST(Frames, of_damaged_ones_no_packet_is_invented)
             },
             &frames));
         Bytes memory(channel.size);
-        TmVirtual one{};
-        tm_virtual_begin(&one, 3, memory.data());
+        TmVirtual virtual_channel{};
+        tm_virtual_begin(&virtual_channel, 3, memory.data());
         std::set<Bytes> known;
         for (int i = 0; i < 60; i++) {
-            Bytes packet = maker.packet(400);
+            Bytes packet = maker.next(400);
             if (i % 5 == 0) { // an encapsulation packet
                 packet = Bytes(5 + maker.random() % 200, static_cast<std::uint8_t>(i));
                 packet[0] = 0xE9;
                 packet[1] = static_cast<std::uint8_t>(packet.size());
             }
             known.insert(packet);
-            tm_send(&sender, &one, packet.data(), packet.size());
+            tm_send(&sender, &virtual_channel, packet.data(), packet.size());
         }
-        tm_flush(&sender, &one);
+        tm_flush(&sender, &virtual_channel);
         Bytes file;
         for (std::uint32_t i = 0; i < frames.size(); i++) {
             Bytes frame = frames[i];
@@ -233,15 +234,15 @@ TEST(Frames, of_damaged_ones_no_packet_is_invented)
             append(file, frame);
         }
         const std::size_t size = channel.size + (aos ? 2u : 0u);
-        const auto found = packets_of_frames(file, {size, 0, 0, 0, 0, false, randomized});
-        for (const Found &piece : found) {
+        const auto pieces = packets_of_frames(file, {size, 0, 0, 0, 0, false, randomized});
+        for (const Piece &piece : pieces) {
             ASSERT_TRUE(piece.packet.empty() || known.count(piece.packet) != 0) << seed;
             read += !piece.packet.empty();
             problems += !piece.problem.empty();
         }
         put += known.size();
-        ASSERT_NE(found.back().note.find(aos ? " AOS frames" : " TM frames"), std::string::npos) << seed;
-        // Any frames, by any format: no byte outside of them is looked at.
+        ASSERT_NE(pieces.back().note.find(aos ? " AOS frames" : " TM frames"), std::string::npos) << seed;
+        // Random frames and formats: no byte outside of the file is read.
         const unsigned code = maker.random() % 4;
         Bytes any = any_bytes(maker.random, 3000);
         for (std::size_t at = 0; at + 2 < any.size(); at += 1 + maker.random() % 40) {
@@ -261,11 +262,11 @@ TEST(Packets, damage_is_named_with_its_place)
                           "9a00"
                           "0005c002000033"
                           "0005c003000044");
-    const auto found = packets_of_bytes(file, 0);
-    ASSERT_EQ(found.size(), 5u);
-    EXPECT_EQ(found[1].note, "what follows it is no packet: it may be damaged, too");
-    EXPECT_EQ(found[2].at, 14u);
-    EXPECT_EQ(found[2].problem, "2 bytes are no packet: byte 14 is 0x9a, of packet version 4");
+    const auto pieces = packets_of_bytes(file, 0);
+    ASSERT_EQ(pieces.size(), 5u);
+    EXPECT_EQ(pieces[1].note, "what follows it is no packet: it may be damaged, too");
+    EXPECT_EQ(pieces[2].at, 14u);
+    EXPECT_EQ(pieces[2].problem, "2 bytes are no packet: byte 14 is 0x9a, of packet version 4");
     EXPECT_EQ(packets_of_bytes(from_hex("2005c000000011"), 0)[0].problem,
               "7 bytes are no packet: byte 0 is 0x20, of packet version 1");
     file.erase(file.begin() + 5); // in a header

@@ -27,7 +27,7 @@ struct Field {
             x = x << 1 ^ (x & 0x80u ? 0x187u : 0u);
         }
         for (unsigned symbol = 0; symbol < 256; symbol++) {
-            unsigned dual = 0; // its bits, the first one highest, are the traces of symbol * a^(117 i)
+            unsigned dual = 0; // its bits, the highest first, are the traces of symbol * a^(117 i)
             for (int i = 0; i < 8; i++) {
                 unsigned trace = 0, conjugate = times(static_cast<std::uint8_t>(symbol), at(117 * i));
                 for (int k = 0; k < 8; k++) {
@@ -103,7 +103,7 @@ std::optional<std::size_t> correct(std::span<std::uint8_t> word)
             sum = static_cast<std::uint8_t>(field.times(sum, root) ^ symbol);
         }
     }
-    if (std::all_of(syndromes.begin(), syndromes.end(), [](std::uint8_t one) { return one == 0; })) {
+    if (std::all_of(syndromes.begin(), syndromes.end(), [](std::uint8_t syndrome) { return syndrome == 0; })) {
         return 0;
     }
     std::size_t degree = 0;
@@ -120,22 +120,22 @@ std::optional<std::size_t> correct(std::span<std::uint8_t> word)
         slope[i] = i % 2 == 0 ? locator[i + 1] : std::uint8_t{0};
     }
     std::array<std::pair<std::size_t, std::uint8_t>, checks / 2> errors;
-    std::size_t found = 0;
-    for (std::size_t place = 0; place < word.size() && found < degree; place++) {
+    std::size_t n_errors = 0;
+    for (std::size_t place = 0; place < word.size() && n_errors < degree; place++) {
         const int back = -root_step * static_cast<int>(word.size() - 1 - place); // the inverse of its locator
         const std::uint8_t below = value(slope, back);
         if (value(locator, back) == 0 && below != 0) {
             const std::uint8_t above = field.times(value(evaluator, back), field.at(back * (first_root - 1)));
-            errors[found++] = {place, field.over(above, below)};
+            errors[n_errors++] = {place, field.over(above, below)};
         }
     }
-    if (found != degree) { // some would be outside of the word
+    if (n_errors != degree) { // some errors would be outside of the word
         return std::nullopt;
     }
-    for (std::size_t i = 0; i < found; i++) {
+    for (std::size_t i = 0; i < n_errors; i++) {
         word[errors[i].first] ^= errors[i].second;
     }
-    return found;
+    return n_errors;
 }
 
 } // namespace
@@ -146,15 +146,15 @@ std::optional<std::size_t> reed_solomon_correct(std::span<std::uint8_t> codebloc
     bool good = true;
     std::array<std::uint8_t, reed_solomon_length> memory;
     const std::span word(memory.data(), codeblock.size() / depth);
-    for (std::size_t which = 0; which < depth; which++) {
+    for (std::size_t lane = 0; lane < depth; lane++) {
         for (std::size_t i = 0; i < word.size(); i++) {
-            word[i] = field.from_dual[codeblock[i * depth + which]];
+            word[i] = field.from_dual[codeblock[i * depth + lane]];
         }
         const std::optional<std::size_t> corrected = correct(word);
         good = good && corrected;
         wrong += corrected.value_or(0);
         for (std::size_t i = 0; corrected && i < word.size(); i++) {
-            codeblock[i * depth + which] = field.to_dual[word[i]];
+            codeblock[i * depth + lane] = field.to_dual[word[i]];
         }
     }
     return good ? std::optional(wrong) : std::nullopt;

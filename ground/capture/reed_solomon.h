@@ -12,8 +12,8 @@ namespace fledge::ground {
 constexpr std::size_t reed_solomon_length = 255, reed_solomon_check = 32;
 
 /// Correct a codeblock of `depth` interleaved code words in place: the frame, then 32 * depth check symbols. A shorter
-/// one has virtual fill. Returns how many symbols were wrong; nothing: a code word has more than 16 of them, and is as
-/// it was. `codeblock` has depth * n bytes, n from 33 to 255.
+/// codeblock has virtual fill. Returns the number of wrong symbols; nothing: a code word has more than 16, and stays
+/// unchanged. `codeblock` has depth * n bytes, n from 33 to 255.
 std::optional<std::size_t> reed_solomon_correct(std::span<std::uint8_t> codeblock, std::size_t depth);
 
 } // namespace fledge::ground

@@ -9,14 +9,14 @@ namespace fledge::ground {
 
 namespace {
 
-/// A function of up to two values: x1 lies below x2 on the stack; one that takes one value has it in x2.
+/// A function of up to two values: x1 lies below x2 on the stack; a function of a single value has it in x2.
 struct Function {
     const char *name;
     int takes;
     double (*of)(double x1, double x2); ///< nullptr: it moves values
 };
 
-/// Bits of whole numbers; what is none, or beyond 64 bits, has no value.
+/// Operations on the bits of whole numbers; other numbers, or those beyond 64 bits, have no value.
 template <class Bits> double by_bits(double x1, double x2, Bits bits)
 {
     constexpr double limit = 9223372036854775808.0;
@@ -91,12 +91,12 @@ std::optional<double> spline(const Calibrator &calibrator, double x)
         return std::nullopt;
     }
     const auto above = std::upper_bound(points.begin(), points.end(), x,
-                                        [](double value, const Calibrator::Point &one) { return value < one.raw; });
+                                        [](double value, const Calibrator::Point &point) { return value < point.raw; });
     const std::size_t below = above == points.begin() ? 0 : static_cast<std::size_t>(above - points.begin()) - 1;
     if (calibrator.order == 0) {
         return points[below].calibrated;
     }
-    // Through the order + 1 points from the one below on: Lagrange's polynomial.
+    // Lagrange's polynomial through order + 1 points, from the last point that is not above x.
     const std::size_t first = std::min(below, points.size() - 1 - calibrator.order);
     double y = 0;
     for (std::size_t i = first; i <= first + calibrator.order; i++) {
@@ -116,10 +116,10 @@ std::optional<double> calculated(const Calibrator &calibrator, double x, const L
     std::array<double, math_depth> stack; // the reader has checked its depth
     std::size_t n = 0;
     for (const MathStep &step : calibrator.steps) {
-        switch (step.what) {
-        case MathStep::What::number: stack[n++] = step.number; break;
-        case MathStep::What::this_value: stack[n++] = x; break;
-        case MathStep::What::value: {
+        switch (step.kind) {
+        case MathStep::Kind::number: stack[n++] = step.number; break;
+        case MathStep::Kind::this_value: stack[n++] = x; break;
+        case MathStep::Kind::value: {
             const auto found = lookup(step.value);
             if (!found) {
                 return std::nullopt;
@@ -127,7 +127,7 @@ std::optional<double> calculated(const Calibrator &calibrator, double x, const L
             stack[n++] = *found;
             break;
         }
-        case MathStep::What::function:
+        case MathStep::Kind::function:
             if (step.function == swap) {
                 std::swap(stack[n - 1], stack[n - 2]);
             } else if (step.function == drop) {
@@ -151,8 +151,8 @@ std::optional<double> calculated(const Calibrator &calibrator, double x, const L
 
 std::optional<std::uint8_t> math_function(std::string_view name)
 {
-    const auto found =
-        std::find_if(std::begin(functions), std::end(functions), [&](const Function &one) { return name == one.name; });
+    const auto found = std::find_if(std::begin(functions), std::end(functions),
+                                    [&](const Function &candidate) { return name == candidate.name; });
     return found == std::end(functions) ? std::nullopt
                                         : std::optional(static_cast<std::uint8_t>(found - std::begin(functions)));
 }
@@ -170,15 +170,15 @@ int math_gives(std::uint8_t function)
 std::optional<double> calibrated(const Calibrator &calibrator, double x, const Lookup &lookup)
 {
     std::optional<double> y;
-    switch (calibrator.what) {
-    case Calibrator::What::none: return x;
-    case Calibrator::What::polynomial:
+    switch (calibrator.kind) {
+    case Calibrator::Kind::none: return x;
+    case Calibrator::Kind::polynomial:
         if (!calibrator.coefficients.empty()) {
             y = polynomial(calibrator.coefficients, x);
         }
         break;
-    case Calibrator::What::spline: y = spline(calibrator, x); break;
-    case Calibrator::What::math:
+    case Calibrator::Kind::spline: y = spline(calibrator, x); break;
+    case Calibrator::Kind::math:
         if (!calibrator.steps.empty()) {
             y = calculated(calibrator, x, lookup);
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The calibrators of a database: from a raw number to one in units, and for arguments of commands the other way.
+// The calibrators of a database: they convert raw numbers to numbers in units, and arguments of commands back.
 #pragma once
 
 #include "ground/database/model.h"
@@ -11,15 +11,16 @@ namespace fledge::ground {
 
 inline constexpr int math_depth = 32; ///< the largest stack of a calculation
 
-/// A function of a calculation, by its name in XTCE; how many values it takes from the stack and leaves there.
+/// A function of a calculation, by its name in XTCE; how many values it pops from the stack and pushes.
 std::optional<std::uint8_t> math_function(std::string_view name);
 int math_takes(std::uint8_t function);
 int math_gives(std::uint8_t function);
 
-/// What a reference leads to, or nothing.
+/// The value of a reference, if there is one.
 using Lookup = std::function<std::optional<double>(const Reference &)>;
 
-/// The value of x. Nothing: outside of a spline that does not extrapolate, no number, or a value that is not there.
+/// The calibrated x. Nothing: x is outside of a spline that does not extrapolate, the result is no number, or a value
+/// is missing.
 std::optional<double> calibrated(const Calibrator &calibrator, double x, const Lookup &lookup);
 
 /// c0 + c1 x + c2 x^2 + ..., by Horner's rule, of at least one coefficient.

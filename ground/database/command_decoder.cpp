@@ -12,19 +12,21 @@ namespace {
 using Sort = Type::Sort;
 using Size = std::optional<std::size_t>; // [bits], if it is the same in all packets
 
-/// From a raw number to one in units, of an encoder's calibrator; one that gives none if it has no inverse.
-Calibrator inverse(const Calibrator &one)
+/// The calibrator that converts raw numbers back to units; without an inverse, a calibrator that has no result.
+Calibrator inverse(const Calibrator &calibrator)
 {
-    Calibrator made;
-    if (one.what == Calibrator::What::none) {
-        return made;
+    Calibrator result;
+    if (calibrator.kind == Calibrator::Kind::none) {
+        return result;
     }
-    made.what = Calibrator::What::polynomial; // without coefficients
-    if (one.what == Calibrator::What::polynomial && one.coefficients.size() == 2 && one.coefficients[1] != 0) {
-        made.coefficients = {-one.coefficients[0] / one.coefficients[1], 1 / one.coefficients[1]};
-    } else if (one.what == Calibrator::What::spline && one.order == 1) {
+    result.kind = Calibrator::Kind::polynomial; // without coefficients
+    if (calibrator.kind == Calibrator::Kind::polynomial && calibrator.coefficients.size() == 2 &&
+        calibrator.coefficients[1] != 0) {
+        result.coefficients = {-calibrator.coefficients[0] / calibrator.coefficients[1],
+                               1 / calibrator.coefficients[1]};
+    } else if (calibrator.kind == Calibrator::Kind::spline && calibrator.order == 1) {
         std::vector<Calibrator::Point> points;
-        for (const Calibrator::Point &point : one.points) {
+        for (const Calibrator::Point &point : calibrator.points) {
             points.push_back({point.calibrated, point.raw});
         }
         if (points.size() > 1 && points.front().raw > points.back().raw) {
@@ -32,22 +34,22 @@ Calibrator inverse(const Calibrator &one)
         }
         const auto falls = [](const Calibrator::Point &a, const Calibrator::Point &b) { return a.raw >= b.raw; };
         if (std::adjacent_find(points.begin(), points.end(), falls) == points.end()) {
-            made.what = one.what;
-            made.points = std::move(points);
-            made.extrapolate = one.extrapolate;
+            result.kind = calibrator.kind;
+            result.points = std::move(points);
+            result.extrapolate = calibrator.extrapolate;
         }
     }
-    return made;
+    return result;
 }
 
 Condition all_of(std::vector<Condition> parts)
 {
-    Condition made;
+    Condition result;
     if (!parts.empty()) {
-        made.what = Condition::What::all;
-        made.parts = std::move(parts);
+        result.kind = Condition::Kind::all;
+        result.parts = std::move(parts);
     }
-    return made;
+    return result;
 }
 
 } // namespace
@@ -79,13 +81,14 @@ public:
         root.path = root.name = "a command";
         root.is_abstract = true;
         built_.root = add(root, no_id);
-        for (Id i = 0; i < from.commands.size(); i++) { // first, so that a command that extends another one counts
+        for (Id i = 0; i < from.commands.size(); i++) { // before the commands, so that derived commands are tried first
             if (const Id container = container_of(i); container != no_id) {
                 node(container);
             }
         }
-        for (Container &one : db.containers) { // one that asks for nothing may be longer than the packet of another
-            std::stable_partition(one.heirs.begin(), one.heirs.end(), [&](Id heir) { return asking_.contains(heir); });
+        for (Container &container : db.containers) { // an unrestricted heir would fit others' packets, too
+            std::stable_partition(container.heirs.begin(), container.heirs.end(),
+                                  [&](Id heir) { return restricted_.contains(heir); });
         }
         for (Id i = 0; i < from.commands.size(); i++) {
             if (const Id container = container_of(i); container != no_id && !from.commands[i].is_abstract) {
@@ -97,11 +100,11 @@ public:
     Built take() { return std::move(built_); }
 
 private:
-    /// A command's container, with those that it extends.
+    /// A command's container with the containers that it extends.
     struct Node {
         Id container = no_id;            ///< in the new database
-        std::map<std::string, Id> names; ///< of its arguments, also of those that it extends
-        std::vector<Condition> fixed;    ///< what its own entries have in every packet
+        std::map<std::string, Id> names; ///< of its arguments, own and inherited
+        std::vector<Condition> fixed;    ///< values that its own entries have in every packet
         Size end;                        ///< [bits] behind its last entry
     };
 
@@ -133,41 +136,42 @@ private:
         if (const auto known = nodes_.find(id); known != nodes_.end()) {
             return known->second;
         }
-        const Container &one = from_.containers[id];
-        Node made;
-        made.end = 0;
-        if (one.base != no_id) {
-            made = node(one.base);
+        const Container &container = from_.containers[id];
+        Node result;
+        result.end = 0;
+        if (container.base != no_id) {
+            result = node(container.base);
         }
-        std::vector<Condition> parts = std::move(made.fixed);
-        made.fixed.clear();
+        std::vector<Condition> parts = std::move(result.fixed);
+        result.fixed.clear();
         const std::size_t inherited = parts.size();
         const auto owner = owners_.find(id);
-        if (one.restriction.what != Condition::What::always) {
-            parts.push_back(one.restriction);
+        if (container.restriction.kind != Condition::Kind::always) {
+            parts.push_back(container.restriction);
         }
         if (owner != owners_.end()) {
-            assignments(owner->second, made, parts);
+            assignments(owner->second, result, parts);
         }
-        const bool asks = parts.size() > inherited;
-        Container copy = one;
-        copy.path = copy.name = owner != owners_.end() ? from_.commands[owner->second].path : one.path;
+        const bool restricted = parts.size() > inherited;
+        Container copy = container;
+        copy.path = copy.name = owner != owners_.end() ? from_.commands[owner->second].path : container.path;
         copy.is_abstract = true;
         copy.restriction = all_of(std::move(parts));
         copy.entries.clear();
         const Id command = owner != owners_.end() ? owner->second : no_id;
-        std::vector<std::size_t> behind(one.entries.size() + 1); // [bits] each, as far as they are known
-        for (std::size_t i = one.entries.size(); i-- > 0;) {
-            behind[i] = behind[i + 1] + bits_of_entry(one.entries[i], command).value_or(0);
+        std::vector<std::size_t> behind(container.entries.size() + 1); // [bits] each, as far as they are known
+        for (std::size_t i = container.entries.size(); i-- > 0;) {
+            behind[i] = behind[i + 1] + bits_of_entry(container.entries[i], command).value_or(0);
         }
-        for (std::size_t i = 0; i < one.entries.size(); i++) {
-            entry(one.entries[i], behind[i + 1], command, made, copy.entries);
+        for (std::size_t i = 0; i < container.entries.size(); i++) {
+            entry(container.entries[i], behind[i + 1], command, result, copy.entries);
         }
-        made.container = add(std::move(copy), one.base != no_id ? nodes_.at(one.base).container : built_.root);
-        if (asks) {
-            asking_.insert(made.container);
+        result.container =
+            add(std::move(copy), container.base != no_id ? nodes_.at(container.base).container : built_.root);
+        if (restricted) {
+            restricted_.insert(result.container);
         }
-        return nodes_.emplace(id, std::move(made)).first->second;
+        return nodes_.emplace(id, std::move(result)).first->second;
     }
 
     void command(Id id, Id container)
@@ -175,15 +179,16 @@ private:
         const Node &at = nodes_.at(container);
         Container leaf;
         std::vector<Condition> parts = at.fixed;
-        for (Id one = id; one != no_id && from_.commands[one].container != container; one = from_.commands[one].base) {
-            assignments(one, at, parts);
+        for (Id ancestor = id; ancestor != no_id && from_.commands[ancestor].container != container;
+             ancestor = from_.commands[ancestor].base) {
+            assignments(ancestor, at, parts);
         }
         leaf.path = leaf.name = from_.commands[id].path;
         leaf.restriction = all_of(std::move(parts));
-        const Id made = add(std::move(leaf), at.container);
-        for (Id one = id; one != no_id; one = from_.commands[one].base) {
-            for (const auto &[name, value] : from_.commands[one].assignments) {
-                built_.assigned[made].insert(name);
+        const Id result = add(std::move(leaf), at.container);
+        for (Id ancestor = id; ancestor != no_id; ancestor = from_.commands[ancestor].base) {
+            for (const auto &[name, value] : from_.commands[ancestor].assignments) {
+                built_.assigned[result].insert(name);
             }
         }
     }
@@ -197,17 +202,17 @@ private:
         }
     }
 
-    /// A parameter has the value that the encoder makes of a text.
+    /// Require that a parameter has the value that the encoder makes of a text.
     void equals(Id parameter, std::string text, std::vector<Condition> &parts) const
     {
         const Type &type = built_.database.types[built_.database.parameters[parameter].type];
         const Encoding &encoding = type.encoding;
-        if (encoding.what == Encoding::What::none || encoding.what == Encoding::What::binary ||
-            encoding.calibrator.what != Calibrator::What::none || !encoding.contexts.empty()) {
+        if (encoding.kind == Encoding::Kind::none || encoding.kind == Encoding::Kind::binary ||
+            encoding.calibrator.kind != Calibrator::Kind::none || !encoding.contexts.empty()) {
             return;
         }
         if (std::none_of(type.enumerators.begin(), type.enumerators.end(),
-                         [&](const Enumerator &one) { return one.label == text; })) {
+                         [&](const Enumerator &enumerator) { return enumerator.label == text; })) {
             std::vector<std::string> endings;
             for (const Enumerator &enumerator : type.enumerators) {
                 if (enumerator.label.ends_with("_" + text)) {
@@ -216,55 +221,55 @@ private:
             }
             text = endings.size() == 1 ? endings.front() : text;
         }
-        Condition made;
-        made.what = Condition::What::compare;
-        made.left.of = Reference::Of::parameter;
-        made.left.parameter = parameter;
-        made.literal = literal_of(text);
-        if (type.sort == Sort::real && encoding.what == Encoding::What::real && made.literal.real) {
+        Condition result;
+        result.kind = Condition::Kind::compare;
+        result.left.of = Reference::Of::parameter;
+        result.left.parameter = parameter;
+        result.literal = literal_of(text);
+        if (type.sort == Sort::real && encoding.kind == Encoding::Kind::real && result.literal.real) {
             std::uint64_t rounded = 0;
-            const auto bits = bits_of(encoding, *made.literal.real);
+            const auto bits = bits_of(encoding, *result.literal.real);
             if (!bits || !number_of(encoding, *bits, rounded)) {
                 return;
             }
-            made.literal.real = std::bit_cast<double>(rounded);
+            result.literal.real = std::bit_cast<double>(rounded);
         }
-        made.text = built_.database.parameters[parameter].name + " == " + text;
-        parts.push_back(std::move(made));
+        result.text = built_.database.parameters[parameter].name + " == " + text;
+        parts.push_back(std::move(result));
     }
 
     // --- entries
 
     /// behind: [bits] of the entries that follow.
-    void entry(Entry one, std::size_t behind, Id owner, Node &at, std::vector<Entry> &made)
+    void entry(Entry entry, std::size_t behind, Id owner, Node &at, std::vector<Entry> &result)
     {
-        const bool plain = one.include.what == Condition::What::always && !one.repeats;
-        Size begin = plain && one.offset.is_fixed() && one.from == Entry::From::start ? Size(0) : at.end;
-        begin = begin && plain && one.offset.is_fixed() && one.from != Entry::From::end
-                    ? Size(*begin + static_cast<std::size_t>(one.offset.fixed))
+        const bool plain = entry.include.kind == Condition::Kind::always && !entry.repeats;
+        Size begin = plain && entry.offset.is_fixed() && entry.from == Entry::From::start ? Size(0) : at.end;
+        begin = begin && plain && entry.offset.is_fixed() && entry.from != Entry::From::end
+                    ? Size(*begin + static_cast<std::size_t>(entry.offset.fixed))
                     : std::nullopt;
-        const Size bits = bits_of_entry(one, owner);
-        if (one.from != Entry::From::end) {
+        const Size bits = bits_of_entry(entry, owner);
+        if (entry.from != Entry::From::end) {
             at.end = begin && bits ? Size(*begin + *bits) : std::nullopt;
         }
-        if (one.what == Entry::What::fixed && plain && (one.from != Entry::From::end || one.bits <= 64)) {
-            fixed(one, at, made);
+        if (entry.kind == Entry::Kind::fixed && plain && (entry.from != Entry::From::end || entry.bits <= 64)) {
+            fixed(entry, at, result);
             return;
         }
-        if (one.what == Entry::What::argument) {
-            if (const Id type = type_of(one.name, owner); type != no_id) {
-                one.what = Entry::What::parameter;
-                one.id = argument(one.name, type, behind, at);
-                at.names[one.name] = one.id;
+        if (entry.kind == Entry::Kind::argument) {
+            if (const Id type = type_of(entry.name, owner); type != no_id) {
+                entry.kind = Entry::Kind::parameter;
+                entry.id = argument(entry.name, type, behind, at);
+                at.names[entry.name] = entry.id;
             }
-        } else if (one.what == Entry::What::parameter && plain) {
-            const Parameter &parameter = from_.parameters[one.id];
+        } else if (entry.kind == Entry::Kind::parameter && plain) {
+            const Parameter &parameter = from_.parameters[entry.id];
             const auto &initial = parameter.initial ? parameter.initial : from_.types[parameter.type].initial;
             if (parameter.source == "constant" && initial && !is_set_by_the_sender(begin, bits)) {
-                equals(one.id, *initial, at.fixed);
+                equals(entry.id, *initial, at.fixed);
             }
         }
-        made.push_back(std::move(one));
+        result.push_back(std::move(entry));
     }
 
     bool is_set_by_the_sender(Size begin, Size bits) const
@@ -276,27 +281,27 @@ private:
                (header_ == Header::cfs && within(56, 64));
     }
 
-    /// A fixed value becomes numbers of up to 64 bits without names.
-    void fixed(const Entry &whole, Node &at, std::vector<Entry> &made)
+    /// Replace a fixed value by unnamed numbers of up to 64 bits.
+    void fixed(const Entry &whole, Node &at, std::vector<Entry> &result)
     {
         std::vector<std::uint8_t> bytes = whole.bytes;
         const std::size_t skip = 8 * bytes.size() - whole.bits;
         bytes.resize(bytes.size() + 16);
         for (std::size_t done = 0; done < whole.bits || done == 0;) {
             const auto n = static_cast<unsigned>(std::min<std::size_t>(64, whole.bits - done));
-            Entry one = done == 0 ? whole : Entry();
+            Entry entry = done == 0 ? whole : Entry();
             if (n > 0) {
                 Type type;
                 type.is_signed = false;
-                type.encoding.what = Encoding::What::integer;
+                type.encoding.kind = Encoding::Kind::integer;
                 type.encoding.bits = n;
-                one.what = Entry::What::parameter;
-                one.id = parameter("", add_type(std::move(type)));
-                one.place = whole.place;
-                equals(one.id, std::to_string(load_bits(bytes.data(), skip + done, n)), at.fixed);
+                entry.kind = Entry::Kind::parameter;
+                entry.id = parameter("", add_type(std::move(type)));
+                entry.place = whole.place;
+                equals(entry.id, std::to_string(load_bits(bytes.data(), skip + done, n)), at.fixed);
                 at.fixed.back().text = "a fixed value of " + std::to_string(n) + " bits";
             }
-            made.push_back(std::move(one));
+            result.push_back(std::move(entry));
             done += std::max(n, 1u);
         }
     }
@@ -314,19 +319,19 @@ private:
         type.encoding.size = Quantity();
         type.encoding.size.from.of = Reference::Of::rest;
         type.encoding.size.intercept = -static_cast<double>(behind);
-        const Id made = parameter(name, add_type(std::move(type)));
+        const Id result = parameter(name, add_type(std::move(type)));
         if (counted && size.slope != 0) {
-            built_.counters[made] = {size.from.name, size.slope, size.intercept};
+            built_.counters[result] = {size.from.name, size.slope, size.intercept};
         }
-        return made;
+        return result;
     }
 
     Id parameter(const std::string &name, Id type)
     {
-        Parameter made;
-        made.name = made.path = name;
-        made.type = type;
-        built_.database.parameters.push_back(std::move(made));
+        Parameter result;
+        result.name = result.path = name;
+        result.type = type;
+        built_.database.parameters.push_back(std::move(result));
         return static_cast<Id>(built_.database.parameters.size() - 1);
     }
 
@@ -336,38 +341,38 @@ private:
         return static_cast<Id>(built_.database.types.size() - 1);
     }
 
-    /// Of an argument of a command, or of one that it extends.
+    /// The type of an argument of a command or of a command that it extends.
     Id type_of(const std::string &name, Id command)
     {
-        Id found = no_id;
+        Id type_id = no_id;
         for (; command != no_id; command = from_.commands[command].base) {
             auto [own, fresh] = types_.try_emplace(command);
-            for (const Argument &one : fresh ? from_.commands[command].arguments : std::vector<Argument>()) {
-                own->second[one.name] = one.type;
+            for (const Argument &argument : fresh ? from_.commands[command].arguments : std::vector<Argument>()) {
+                own->second[argument.name] = argument.type;
             }
             const auto type = own->second.find(name);
-            found = type != own->second.end() ? type->second : found;
+            type_id = type != own->second.end() ? type->second : type_id;
         }
-        return found;
+        return type_id;
     }
 
-    Size bits_of_entry(const Entry &one, Id owner)
+    Size bits_of_entry(const Entry &entry, Id owner)
     {
-        if (one.include.what != Condition::What::always || one.repeats) {
+        if (entry.include.kind != Condition::Kind::always || entry.repeats) {
             return std::nullopt;
         }
-        switch (one.what) {
-        case Entry::What::fixed: return one.bits;
-        case Entry::What::parameter: return bits_of_type(from_.parameters[one.id].type, &one.dimensions);
-        case Entry::What::argument: {
-            const Id type = type_of(one.name, owner);
-            return type != no_id ? bits_of_type(type, &one.dimensions) : std::nullopt;
+        switch (entry.kind) {
+        case Entry::Kind::fixed: return entry.bits;
+        case Entry::Kind::parameter: return bits_of_type(from_.parameters[entry.id].type, &entry.dimensions);
+        case Entry::Kind::argument: {
+            const Id type = type_of(entry.name, owner);
+            return type != no_id ? bits_of_type(type, &entry.dimensions) : std::nullopt;
         }
         default: return std::nullopt;
         }
     }
 
-    /// Of one that is another's part, known once: parts may be shared.
+    /// The bits of a type that is a part of others, which is computed once.
     Size bits_of_part(Id id)
     {
         const auto [known, fresh] = sizes_.try_emplace(id);
@@ -383,8 +388,8 @@ private:
         if (type.sort == Sort::aggregate) {
             Size all = 0;
             for (const Member &member : type.members) {
-                const Size one = bits_of_part(member.type);
-                all = all && one ? Size(*all + *one) : std::nullopt;
+                const Size bits = bits_of_part(member.type);
+                all = all && bits ? Size(*all + *bits) : std::nullopt;
             }
             return all;
         }
@@ -413,7 +418,7 @@ private:
     std::map<Id, Node> nodes_;
     std::map<Id, Size> sizes_;                      ///< of types
     std::map<Id, std::map<std::string, Id>> types_; ///< of the arguments of each command
-    std::set<Id> asking_; ///< containers that ask for more than constants of those that they extend
+    std::set<Id> restricted_; ///< containers with own restrictions, beyond the constants that they inherit
 };
 
 CommandDecoder::CommandDecoder(const Database &database, Header header)

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets of commands back to what they command: the inverse of the encoder.
+// Decodes packets of commands: the inverse of the encoder.
 //
-// The commands of a database become containers, their arguments parameters, and what a command fixes restrictions: the
-// arguments that it assigns, its fixed values, and the constants of its header. So the decoder of telemetry finds the
-// most derived command that a packet is, and the values of its arguments.
+// The commands of a database become containers, their arguments become parameters, and the values that a command fixes
+// become restrictions: assigned arguments, fixed values, and the constants of its header. So the decoder of telemetry
+// finds the most derived command of a packet, and the values of its arguments.
 //
-// What is not compared: assigned values that a calibrator makes, and assigned bytes. A calibrator without an inverse
-// leaves an argument uncalibrated. An argument's size that stands nowhere in the packet is what the packet has left.
+// Assigned values with a calibrator and assigned bytes are not compared. A calibrator without an inverse leaves an
+// argument uncalibrated. If an argument's size is not in the packet, the argument has the rest of the packet.
 #pragma once
 
 #include "ground/database/decoder.h"
@@ -16,7 +16,7 @@
 
 namespace fledge::ground {
 
-/// What a sender sets in each packet, which therefore no command fixes.
+/// The fields that a sender sets in each packet; commands do not fix them.
 enum class Header : std::uint8_t {
     none,
     ccsds, ///< the sequence and the length of a space packet
@@ -25,21 +25,21 @@ enum class Header : std::uint8_t {
 
 class CommandDecoder {
 public:
-    /// Takes a copy of what it needs of the database.
+    /// Copies what it needs of the database.
     CommandDecoder(const Database &database, Header header);
 
-    /// The container of a packet that is a command has the command's path. `bits` of the packet beyond the last entry
-    /// belong to no argument.
+    /// If the packet is a command, its container has the command's path. Bits beyond `Decoded::bits` belong to no
+    /// argument.
     const Decoded &decode(std::span<const std::uint8_t> packet) { return decoder_.decode(packet, built_.root); }
 
     const Decoder &decoder() const { return decoder_; }
     const Database &database() const { return built_.database; }
 
-    /// What a field is of the command that was decoded.
+    /// The role of a field in the command.
     enum class Role : std::uint8_t { header, assigned, given };
     Role role(const Decoded &packet, std::size_t field) const;
 
-    /// The argument that only says the size of this one, and its value.
+    /// The argument that only has the size of this argument, and its value.
     std::optional<std::pair<std::string, double>> counter(const Decoded &packet, std::size_t field) const;
 
 private:

@@ -118,7 +118,7 @@ std::string decoded(const Database &database, const Bytes &packet)
     return decoded(decoder, packet);
 }
 
-TEST(CommandDecoder, FindsTheCommandThatAssignsWhatThePacketHas)
+TEST(CommandDecoder, FindsTheCommandThatAssignsTheValuesOfThePacket)
 {
     const Database database = database_of(command("A", "Base", "opcode=1", "x:u8", "x") +
                                           command("B", "Base", "opcode=2", "g:gain m:mode", "g m"));
@@ -148,7 +148,7 @@ TEST(CommandDecoder, ComparesConstantsAndFixedValues)
     EXPECT_EQ(fixed, (std::vector<std::size_t>{0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
-TEST(CommandDecoder, TheMostDerivedCommandCountsAndOneThatAsksForNothingIsTriedLast)
+TEST(CommandDecoder, TheMostDerivedCommandCountsAndAnUnrestrictedCommandIsTriedLast)
 {
     const Database database =
         database_of(command("Versioned", "Base", "", "version:u8", "version", "abstract='true'") +
@@ -173,7 +173,7 @@ TEST(CommandDecoder, AnAssignedRealNumberIsRoundedAsItIsEncoded)
     EXPECT_NE(decoded(database, {90, 0, 1, 0, 0, 0, 0}).substr(0, 3), "/S/");
 }
 
-TEST(CommandDecoder, ASizeThatStandsNowhereIsWhatThePacketHasLeft)
+TEST(CommandDecoder, AnArgumentWithoutASizeHasTheRestOfThePacket)
 {
     const Database database = database_of(command("A", "Base", "opcode=1", "n:u8 d:data", "d") +
                                           command("B", "Base", "opcode=2", "n:u8 d:data e:u8", "d e") +
@@ -187,7 +187,7 @@ TEST(CommandDecoder, ASizeThatStandsNowhereIsWhatThePacketHasLeft)
               "the packet ends within data, a binary value of 72 bits");
 }
 
-TEST(CommandDecoder, WhatASenderSetsInTheHeaderOfASpacePacketIsNotCompared)
+TEST(CommandDecoder, FieldsThatTheSenderSetsInASpacePacketAreNotCompared)
 {
     const char *const text =
         "<SpaceSystem name='S'><CommandMetaData><ParameterTypeSet><IntegerParameterType name='u16' initialValue='6144'>"
@@ -205,15 +205,15 @@ TEST(CommandDecoder, WhatASenderSetsInTheHeaderOfASpacePacketIsNotCompared)
     const Database database = read_xtce_text(text, "s.xml");
     const Bytes plain = {0x18, 0, 0, 0, 0, 0, 0, 0}, length = {0x18, 0, 9, 9, 9, 9, 0, 0},
                 checksum = {0x18, 0, 9, 9, 9, 9, 0, 9}, other = {0x19, 0, 0, 0, 0, 0, 0, 0};
-    std::string found;
+    std::string matches;
     for (const Header header : {Header::none, Header::ccsds, Header::cfs}) {
         CommandDecoder decoder(database, header);
         for (const Bytes &packet : {plain, length, checksum, other}) {
-            found += decoded(decoder, packet) == "/S/C" ? "+" : "-";
+            matches += decoded(decoder, packet) == "/S/C" ? "+" : "-";
         }
-        found += " ";
+        matches += " ";
     }
-    EXPECT_EQ(found, "+--- ++-- +++- ");
+    EXPECT_EQ(matches, "+--- ++-- +++- ");
 }
 
 } // namespace command_decoder_test

@@ -8,7 +8,7 @@ namespace fledge::ground {
 namespace {
 
 constexpr std::size_t most_bytes = 1 << 26; // of a packet and its texts
-constexpr std::size_t most_said = 1000;     // characters of what was not fulfilled
+constexpr std::size_t most_reasons = 1000;  // characters about conditions that do not hold
 constexpr std::size_t padding = 16;         // so that every word can be read
 
 using Sort = Type::Sort;
@@ -28,7 +28,7 @@ Decoder::Decoder(const Database &database, bool plans)
     }
 }
 
-/// Those whose last values are kept over packets.
+/// Find the references whose last values must outlive their packets.
 void Decoder::hold_references()
 {
     for (const Container &container : db_.containers) {
@@ -70,7 +70,7 @@ void Decoder::find_roots()
     std::vector<bool> contained(db_.containers.size());
     for (const Container &container : db_.containers) {
         for (const Entry &entry : container.entries) {
-            if (entry.what == Entry::What::container) {
+            if (entry.kind == Entry::Kind::container) {
                 contained[entry.id] = true;
             }
         }
@@ -92,22 +92,22 @@ void Decoder::find_roots()
 /// The places of a type's enumerators, for the search of a raw value.
 Decoder::Labels Decoder::labels_of(const Type &type)
 {
-    Labels made;
+    Labels result;
     for (std::uint32_t j = 0; j < type.enumerators.size(); j++) {
-        made.sorted.emplace_back(type.enumerators[j].low, j);
+        result.sorted.emplace_back(type.enumerators[j].low, j);
     }
-    std::sort(made.sorted.begin(), made.sorted.end());
-    made.low = made.sorted.front().first;
-    const Wide span = Wide(type.enumerators[made.sorted.back().second].high) - made.low;
+    std::sort(result.sorted.begin(), result.sorted.end());
+    result.low = result.sorted.front().first;
+    const Wide span = Wide(type.enumerators[result.sorted.back().second].high) - result.low;
     if (span < 1024) {
-        made.table.assign(static_cast<std::size_t>(span) + 1, no_id);
-        for (const auto &[low, place] : made.sorted) {
+        result.table.assign(static_cast<std::size_t>(span) + 1, no_id);
+        for (const auto &[low, place] : result.sorted) {
             for (std::int64_t value = low; value <= type.enumerators[place].high; value++) {
-                made.table[static_cast<std::size_t>(value - made.low)] = place;
+                result.table[static_cast<std::size_t>(value - result.low)] = place;
             }
         }
     }
-    return made;
+    return result;
 }
 
 Decoder::~Decoder() = default;
@@ -131,7 +131,7 @@ bool Decoder::spend(std::size_t effort)
                : broken("the packet has more values or repetitions than a decoder takes");
 }
 
-/// Bits that begin within a byte, to whole bytes behind the packet; the last one ends a byte.
+/// Copy bits that begin within a byte to whole bytes behind the packet; the last bit ends a byte.
 std::uint64_t Decoder::copy(std::size_t bit, std::size_t bits)
 {
     const std::size_t n = (bits + 7) / 8, to = used_;
@@ -226,7 +226,7 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
     return spend(content / 16);
 }
 
-/// How many elements an array has; beyond 2^20, some number beyond.
+/// How many elements an array has; beyond 2^20 the number is not exact.
 std::optional<std::size_t> Decoder::elements(const std::vector<Dimension> &dimensions)
 {
     std::size_t n = 1;
@@ -251,13 +251,13 @@ std::optional<std::int64_t> Decoder::size(Id id, const std::vector<Dimension> &d
     if (type.sort == Sort::aggregate) {
         bits = 0;
         for (const Member &member : type.members) {
-            const auto one = size(member.type, {});
-            bits = bits && one ? std::optional(*bits + *one) : std::nullopt;
+            const auto element_bits = size(member.type, {});
+            bits = bits && element_bits ? std::optional(*bits + *element_bits) : std::nullopt;
         }
     } else if (type.sort == Sort::array) {
         const auto n = elements(dimensions.empty() ? type.dimensions : dimensions);
-        const auto one = size(type.element, {});
-        bits = n && one ? std::optional(static_cast<std::int64_t>(*n) * *one) : std::nullopt;
+        const auto element_bits = size(type.element, {});
+        bits = n && element_bits ? std::optional(static_cast<std::int64_t>(*n) * *element_bits) : std::nullopt;
     } else if (type.encoding.bits != 0) {
         bits = type.encoding.bits;
     } else if (type.encoding.sized) {
@@ -287,7 +287,7 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
             return broken("the " + std::string(n ? "" : "size of the ") + "array " + db_.parameters[parameter].name +
                           (n ? " has more than 2^20 elements" : " is not known"));
         }
-        for (std::uint32_t i = 0; i < *n; i++) { // of several dimensions, the last one counts fastest
+        for (std::uint32_t i = 0; i < *n; i++) { // of several dimensions, the last counts fastest
             nodes_.push_back({node, i, id});
             if (!take(parameter, type.element, static_cast<std::uint32_t>(nodes_.size() - 1), walk, nullptr)) {
                 return false;
@@ -305,8 +305,8 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
             return false;
         }
         if (type.sort != Sort::text) {
-            const Status made = convert(type, kind, value, value);
-            status = status == Status::good ? made : status;
+            const Status result = convert(type, kind, value, value);
+            status = status == Status::good ? result : status;
         }
     } else if (kind == Kind::binary) {
         if (!take_binary(type, walk, raw)) {
@@ -339,11 +339,11 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
 
 bool Decoder::once(const Entry &entry, Walk &walk)
 {
-    if (entry.what == Entry::What::container) {
+    if (entry.kind == Entry::Kind::container) {
         if (++depth_ > 256) {
             return broken("containers are nested deeper than 256");
         }
-        std::vector<Id> chain; // up to the one that extends nothing
+        std::vector<Id> chain; // up to the container that extends none
         for (Id at = entry.id; at != no_id; at = db_.containers[at].base) {
             chain.push_back(at);
         }
@@ -358,17 +358,17 @@ bool Decoder::once(const Entry &entry, Walk &walk)
         walk.at = end_;
         return outcome == Outcome::matched;
     }
-    if (entry.what == Entry::What::parameter) {
+    if (entry.kind == Entry::Kind::parameter) {
         return take(entry.id, db_.parameters[entry.id].type, 0, walk, &entry.dimensions);
     }
-    if (entry.what == Entry::What::indirect) {
+    if (entry.kind == Entry::Kind::indirect) {
         const auto found = find(entry.selector, true);
         const std::string wanted = found ? shown(*found) : "";
         for (Id i = 0; i < db_.parameters.size(); i++) {
             for (const auto &[space, alias] : db_.parameters[i].aliases) {
                 if (space == entry.name && alias == wanted) {
                     const Id type = db_.parameters[i].type;
-                    return db_.types[type].encoding.what != Encoding::What::none
+                    return db_.types[type].encoding.kind != Encoding::Kind::none
                                ? spend(i) && take(i, type, 0, walk, nullptr)
                                : broken(db_.parameters[i].path + " has no encoding");
                 }
@@ -376,7 +376,7 @@ bool Decoder::once(const Entry &entry, Walk &walk)
         }
         return broken("no parameter has the alias " + wanted + " in the name space " + entry.name);
     }
-    if (entry.what == Entry::What::fixed) {
+    if (entry.kind == Entry::Kind::fixed) {
         walk.at += entry.bits;
         return walk.at <= n_bits_ || broken("the packet ends within a fixed value");
     }
@@ -394,9 +394,9 @@ bool Decoder::entry(const Entry &entry, Walk &walk)
         return broken("the place or the number of an entry is not known (" + db_.where(entry.place) + ")");
     }
     std::int64_t at = *offset + static_cast<std::int64_t>(entry.from == Entry::From::start ? walk.start : walk.at);
-    if (entry.from == Entry::From::end) { // the entry's end is so far in front of the packet's
-        const auto bits = entry.what == Entry::What::fixed       ? std::optional<std::int64_t>(entry.bits)
-                          : entry.what == Entry::What::parameter ? size(db_.parameters[entry.id].type, entry.dimensions)
+    if (entry.from == Entry::From::end) { // the offset is from the entry's end to the packet's end
+        const auto bits = entry.kind == Entry::Kind::fixed       ? std::optional<std::int64_t>(entry.bits)
+                          : entry.kind == Entry::Kind::parameter ? size(db_.parameters[entry.id].type, entry.dimensions)
                                                                  : std::nullopt;
         if (walk.included || !bits) {
             return broken((walk.included ? "an entry at the end of a container that is in another is not decoded ("
@@ -425,11 +425,11 @@ bool Decoder::entry(const Entry &entry, Walk &walk)
     return true;
 }
 
-/// Those that are placed from the end lie behind what heirs add: these go on in front of them.
+/// Entries that are placed from the end lie behind the entries of heirs, which begin before them.
 bool Decoder::entries(Id container, Walk &walk)
 {
     const auto &all = db_.containers[container].entries;
-    const bool whole = std::all_of(all.begin(), all.end(), [&](const Entry &one) { return entry(one, walk); });
+    const bool whole = std::all_of(all.begin(), all.end(), [&](const Entry &next) { return entry(next, walk); });
     if (!whole && !packet_.stopped) {
         packet_.stopped = walk.at;
     }
@@ -444,7 +444,7 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
     const std::size_t fields = fields_.size(), nodes = nodes_.size();
     const bool whole = entries(id, walk);
     if (!included) {
-        found_ = id; // as far as the packet goes
+        found_ = id; // even if the packet ends within it
     }
     if (!whole) {
         return Outcome::broken;
@@ -473,7 +473,7 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
         }
         return Outcome::matched;
     }
-    say_why_not(id, depth);
+    explain(id, depth);
     found_ = no_id;
     fields_.resize(fields);
     nodes_.resize(nodes);
@@ -484,7 +484,7 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
     return Outcome::unmatched;
 }
 
-// --- why not
+// --- reasons
 
 std::string Decoder::shown(const Operand &operand) const
 {
@@ -493,7 +493,7 @@ std::string Decoder::shown(const Operand &operand) const
     case Kind::label:
         return operand.word != no_id ? operand.type->enumerators[operand.word].label
                                      : std::to_string(static_cast<std::int64_t>(operand.raw));
-    case Kind::boolean: return operand.word ? operand.type->one : operand.type->zero;
+    case Kind::boolean: return operand.word ? operand.type->one_label : operand.type->zero_label;
     case Kind::natural: return std::to_string(operand.word);
     case Kind::integer:
     case Kind::time: return std::to_string(static_cast<std::int64_t>(operand.word));
@@ -502,24 +502,27 @@ std::string Decoder::shown(const Operand &operand) const
     }
 }
 
-/// The comparisons of a condition that do not hold, with what was found instead; at: of the first one, in the packet.
+/// The comparisons of a condition that do not hold, with the actual values; at: place of the first value in the packet.
 std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at)
 {
     if (holds(condition, false)) {
         return "";
     }
-    if (condition.what == Condition::What::compare) {
+    if (condition.kind == Condition::Kind::compare) {
         const auto found = find(condition.left, false);
         at = at || !found ? at : found->at;
         return condition.text + (found ? " (found " + shown(*found) + ")" : " (not in this packet)");
     }
     std::string all;
     for (const Condition &part : condition.parts) {
-        if (all.size() > most_said) {
-            return all + (condition.what == Condition::What::any ? " or more" : " and more");
+        if (all.size() > most_reasons) {
+            return all + (condition.kind == Condition::Kind::any ? " or more" : " and more");
         }
-        const std::string one = failing(part, at);
-        all += (all.empty() || one.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + one;
+        const std::string reason = failing(part, at);
+        all += (all.empty() || reason.empty()            ? ""
+                : condition.kind == Condition::Kind::any ? " or "
+                                                         : " and ") +
+               reason;
     }
     return all;
 }
@@ -536,10 +539,10 @@ std::string Decoder::words(const Reference &reference)
     return found ? shown(*found) : "";
 }
 
-void Decoder::say_why_not(Id id, std::size_t depth)
+void Decoder::explain(Id id, std::size_t depth)
 {
     if (depth < best_) {
-        return; // another one came nearer
+        return; // another container came nearer
     }
     best_ = depth + 1;
     const Container &container = db_.containers[id];
@@ -563,7 +566,7 @@ void Decoder::say_why_not(Id id, std::size_t depth)
 
 // --- a packet
 
-/// Of the packet's values, keep those that later packets refer to.
+/// Keep the values to which later packets refer.
 void Decoder::keep_held()
 {
     for (std::size_t i = 0; i < fields_.size() && !slots_.empty(); i++) {
@@ -583,7 +586,7 @@ std::size_t Decoder::decode_planned(const Plan &plan)
     run(plan);
     packet_.planned = true;
     packet_.nearest = no_id;
-    packet_.reason.clear(); // of roots before
+    packet_.reason.clear(); // of earlier roots
     packet_.stopped.reset();
     packet_.fields = plan.fields;
     packet_.nodes = plan.nodes;
@@ -631,7 +634,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
         packet_.nodes = nodes_;
         n = fields_.size();
         if (outcome == Outcome::matched) {
-            packet_.reason.clear(); // of roots before
+            packet_.reason.clear(); // of earlier roots
             packet_.stopped.reset();
         }
         packet_.nearest = no_id;

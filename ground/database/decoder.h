@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packets to values, by a database: one decoder for live telemetry, archives, replays and exports.
 //
-// A packet is of the last container, from a root on, whose restrictions hold, the heirs of each in the order of their
-// declaration; an abstract one needs an heir that fits. A container whose places are all fixed has a plan: a few loops
-// over its bytes. Others are decoded entry by entry. Both give the same values, in the order of the entries.
+// A packet has the most derived container whose restrictions hold: the search begins at a root and tries the heirs of
+// each container in the order of their declaration; an abstract container needs an heir that fits. A container whose
+// places are all fixed has a plan, a few loops over its bytes; others are decoded entry by entry. Both give the same
+// values, in the order of the entries.
 //
-// A reference means the value in this packet; elsewhere than in a restriction, else the last value of an earlier
-// packet, else the parameter's initial value.
+// A reference means the value in this packet. If there is none, and it does not stand in a restriction, it means the
+// last value of an earlier packet, or else the parameter's initial value.
 #pragma once
 
 #include "ground/database/calibrate.h"
@@ -26,7 +27,7 @@ struct PathNode {
     Id type;             ///< of the aggregate or array
 };
 
-/// What a value is.
+/// A value's parameter, type and kinds.
 struct Field {
     Id parameter;
     Id type;
@@ -36,9 +37,9 @@ struct Field {
 
 enum class Status : std::uint8_t {
     good,
-    uncalibrated, ///< the raw value is outside of what its calibrator, epoch or number covers: there is no other
-    unlabelled,   ///< no enumerator has it: the raw value is there
-    malformed     ///< the bits are none of its encoding, as a BCD digit beyond 9
+    uncalibrated, ///< there is only a raw value, outside of what its calibrator, epoch or number covers
+    unlabelled,   ///< there is only a raw value, which no enumerator has
+    malformed     ///< its encoding does not have such bits, as a BCD digit beyond 9
 };
 
 /// The kind of a type's values.
@@ -57,20 +58,20 @@ struct Bits {
     std::size_t at, n;
 };
 
-/// A packet that was decoded, until the decoder takes the next one.
+/// A packet that was decoded; valid until the decoder decodes the next.
 struct Decoded {
     Id container = no_id; ///< no_id: none fits
-    Id nearest = no_id;   ///< then: the one that came nearest
+    Id nearest = no_id;   ///< then: the container that came nearest
     std::string reason;   ///< why values are missing; empty: the packet is whole
     std::span<const Field> fields;
     std::span<const PathNode> nodes;
     std::span<const std::uint64_t> raw, values; ///< of each field, by its kinds; real: std::bit_cast<double>
     std::span<const Status> status;
     std::span<const std::uint8_t> bytes; ///< of texts and binary values
-    std::size_t bits = 0;                ///< of the packet up to the last entry
+    std::size_t bits = 0;                ///< of the packet, up to the end of the last entry
     bool planned = false;                ///< fields and nodes are the same in every planned packet of this container
     std::span<const Bits> places;        ///< of each field; empty if the decoder has plans
-    std::optional<std::size_t> stopped;  ///< [bits] of the entry that ended it or of the comparison; not with plans
+    std::optional<std::size_t> stopped;  ///< [bits] where the entry or comparison is that failed; not with plans
 
     /// The bytes of a text or a binary value.
     std::string_view text(std::uint64_t slice) const
@@ -79,17 +80,17 @@ struct Decoded {
     }
 };
 
-/// What follows the parameter's name: "", ".member[3]".
+/// The name of a field behind its parameter's name: "", ".member[3]".
 std::string suffix(const Database &database, const Decoded &packet, std::size_t field);
 
 class Decoder {
 public:
-    /// The database must outlive the decoder. plans: false decodes all entry by entry, and says where values lie.
+    /// The database must outlive the decoder. plans: false decodes all entry by entry, and fills in Decoded::places.
     explicit Decoder(const Database &database, bool plans = true);
     ~Decoder();
 
-    /// Decode a packet. root: the container of all packets; no_id: those that extend nothing, that others extend, or,
-    /// if there are none, that no other contains.
+    /// Decode a packet. root: the container of all packets; no_id: each container that extends none but is extended, or,
+    /// if there are none, each that no other contains.
     const Decoded &decode(std::span<const std::uint8_t> packet, Id root = no_id);
 
     /// "parameter", "parameter.member[3]".
@@ -98,14 +99,14 @@ public:
         return db_.parameters[packet.fields[field].parameter].name + suffix(db_, packet, field);
     }
 
-    /// Whether a condition of the database holds for the newest values, as that of an alarm.
+    /// Whether a condition of the database, as of an alarm, holds for the newest values.
     bool applies(const Condition &condition) { return holds(condition, true); }
 
-    /// The newest value of a reference as a number, none if it is not there or none, and in words.
+    /// The newest value of a reference as a number, if it is one, and as text.
     std::optional<double> real(const Reference &reference);
     std::string words(const Reference &reference);
 
-    /// Know the earlier values that another decoder of the same database knows.
+    /// Copy the values of earlier packets from another decoder of the same database.
     void remember(const Decoder &other);
 
     std::span<const Id> roots() const { return roots_; }
@@ -123,7 +124,7 @@ private:
     static Labels labels_of(const Type &type);
     void keep_held();
 
-    const Plan &plan(Id container);
+    const Plan &plan_of(Id container);
     void make_plan(Plan &plan, Id container);
     bool lay_entries(Plan &plan, Id container, std::size_t &at, std::size_t start);
     bool lay(Plan &plan, Id parameter, Id type, std::uint32_t node, std::size_t &at,
@@ -147,7 +148,7 @@ private:
     bool take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value, Status &status);
     bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
     bool broken(std::string reason);
-    void say_why_not(Id container, std::size_t depth);
+    void explain(Id container, std::size_t depth);
     std::string failing(const Condition &condition, std::optional<std::size_t> &at);
     bool spend(std::size_t effort);
     std::uint64_t copy(std::size_t bit, std::size_t bits);
@@ -178,7 +179,7 @@ private:
     std::vector<std::unique_ptr<Plan>> plans_;
     std::vector<std::unique_ptr<Labels>> labels_; ///< of each type with enumerators
     std::size_t planned_fields_ = 0, laid_ = 0;
-    std::vector<Held> held_;                                   ///< values of earlier packets that something refers to
+    std::vector<Held> held_;                                   ///< values of earlier packets that others refer to
     std::unordered_map<Id, std::vector<std::uint32_t>> slots_; ///< of each parameter, in held_
 
     Decoded packet_;
@@ -189,7 +190,7 @@ private:
     std::vector<Bits> places_;
     std::vector<std::uint64_t> raw_, values_;
     std::vector<Status> status_;
-    bool broken_ = false; ///< the packet's reason is that of a packet that ends early or cannot be followed
+    bool broken_ = false; ///< the packet's reason says where it ends early or cannot be decoded further
     Id found_ = no_id;
     std::size_t end_ = 0;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the files of the decoder share; callers include decoder.h.
+// Definitions that the files of the decoder share; users include decoder.h.
 //
-//     decoder.cpp             a packet, entry by entry
+//     decoder.cpp             packets, entry by entry
 //     decoder_plans.cpp       containers whose places are fixed, in loops
 //     decoder_values.cpp      references, conditions and calibration
 #pragma once
@@ -65,13 +65,13 @@ struct Decoder::Walk {
     std::size_t start;                  ///< [bits] of the container
     bool included = false;              ///< in another container
     bool back = false;                  ///< `at` is behind an entry that is placed from the packet's end
-    std::size_t front = 0;              ///< [bits] then: where those of heirs go on
-    std::size_t most = 0;               ///< [bits] behind the furthest of the others
-    std::size_t tail = ~std::size_t(0); ///< [bits] of the first of those that are placed from the end
-    std::size_t end = 0;                ///< [bits] behind the furthest of them
+    std::size_t front = 0;              ///< [bits] then: where the entries of heirs begin
+    std::size_t most = 0;               ///< [bits] behind the furthest entry that is placed from the start
+    std::size_t tail = ~std::size_t(0); ///< [bits] of the first entry that is placed from the end
+    std::size_t end = 0;                ///< [bits] behind the furthest of these
 };
 
-/// What a container with fixed places needs, in loops.
+/// Decodes a container whose places are fixed, as loops.
 struct Decoder::Plan {
     enum class Load : std::uint8_t { u8, u16, u32, u64, i8, i16, i32, f32, f64, bits, other };
     enum class Make : std::uint8_t { same, from_natural, from_integer, line, other };
@@ -81,9 +81,9 @@ struct Decoder::Plan {
         std::uint32_t first, n; ///< fields
         std::uint32_t bits;     ///< of each
         std::size_t at;         ///< [bits] of the first
-        const Type *type;       ///< of each, or of the one
+        const Type *type;       ///< of the first, and of all unless `make` needs no type
     };
-    /// The restriction of heirs by one value: those that may fit each value, and those that do not ask for it.
+    /// Finds the heirs by a value that restrictions compare: those that may fit each value, and those without it.
     struct Dispatch {
         std::size_t at = 0;
         const Encoding *encoding = nullptr; ///< nullptr: there is none
@@ -91,7 +91,7 @@ struct Decoder::Plan {
         std::vector<Id> others;
     };
     bool fixed = false;
-    bool searches = false;         ///< for heirs, entry by entry
+    bool searches = false;         ///< its heirs are searched entry by entry
     std::size_t end = 0, most = 0; ///< [bits] behind the last entry, and behind the furthest
     std::vector<Field> fields;
     std::vector<std::size_t> places; ///< [bits] of each field

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans: containers whose places are all fixed.
+// Plans for containers whose places are all fixed.
 #include "ground/database/decoder_parts.h"
 
 #include <algorithm>
@@ -10,8 +10,8 @@ namespace fledge::ground {
 namespace {
 
 constexpr std::size_t most_planned = 1 << 22;  // of all plans
-constexpr std::size_t most_laid = 1 << 25;     // entries and values of all plans, also of those that are given up
-constexpr std::size_t most_compared = 1 << 27; // fields that the comparisons of a plan's heirs look at
+constexpr std::size_t most_laid = 1 << 25;     // entries and values of all plans, also of those that are abandoned
+constexpr std::size_t most_compared = 1 << 27; // fields that the comparisons of a plan's heirs search
 
 using Sort = Type::Sort;
 using std::bit_cast;
@@ -27,11 +27,11 @@ std::size_t comparisons(const Condition &condition)
 
 } // namespace
 
-const Decoder::Plan &Decoder::plan(Id container)
+const Decoder::Plan &Decoder::plan_of(Id container)
 {
     if (!plans_[container]) {
         plans_[container] = std::make_unique<Plan>();
-        const std::size_t effort = effort_; // of the packet, which did not ask for this
+        const std::size_t effort = effort_; // of the packet; a plan does not count as its effort
         effort_ = 0;
         if (laid_ < most_laid && planned_fields_ < most_planned) {
             make_plan(*plans_[container], container);
@@ -42,16 +42,16 @@ const Decoder::Plan &Decoder::plan(Id container)
     return *plans_[container];
 }
 
-/// The field and the raw number for which a restriction asks, if it asks for one.
-std::optional<std::pair<std::size_t, std::uint64_t>> Decoder::key(const Plan &made, const Condition &condition) const
+/// The field and the raw number that a restriction requires, if it is such a comparison.
+std::optional<std::pair<std::size_t, std::uint64_t>> Decoder::key(const Plan &plan, const Condition &condition) const
 {
-    if (condition.what != Condition::What::compare || condition.op != Operator::equal || !condition.literal.integer ||
+    if (condition.kind != Condition::Kind::compare || condition.op != Operator::equal || !condition.literal.integer ||
         condition.right.of != Reference::Of::nothing || condition.left.of != Reference::Of::parameter) {
         return std::nullopt;
     }
-    for (std::size_t i = made.fields.size(); i-- > 0;) {
-        const Field &field = made.fields[i];
-        if (field.parameter == condition.left.parameter && leads(condition.left, made.nodes, field.node)) {
+    for (std::size_t i = plan.fields.size(); i-- > 0;) {
+        const Field &field = plan.fields[i];
+        if (field.parameter == condition.left.parameter && leads(condition.left, plan.nodes, field.node)) {
             const bool raw = field.raw == Kind::natural && (!condition.left.calibrated || field.value == Kind::natural);
             return raw && wide(condition.literal) >= 0
                        ? std::optional(std::pair(i, static_cast<std::uint64_t>(*condition.literal.integer)))
@@ -61,16 +61,16 @@ std::optional<std::pair<std::size_t, std::uint64_t>> Decoder::key(const Plan &ma
     return std::nullopt;
 }
 
-/// By the raw number for which most heirs ask.
-void Decoder::dispatch(Plan &made, const Container &container) const
+/// Choose the field whose raw number most heirs compare.
+void Decoder::dispatch(Plan &plan, const Container &container) const
 {
     std::unordered_map<std::size_t, std::size_t> counts;
     std::vector<std::unordered_map<std::size_t, std::uint64_t>> keys;
     for (const Id heir : container.heirs) {
         const Condition &all = db_.containers[heir].restriction;
         auto &mine = keys.emplace_back();
-        for (const Condition &part : all.what == Condition::What::all ? all.parts : std::vector{all}) {
-            if (const auto found = key(made, part); found && mine.insert(*found).second) {
+        for (const Condition &part : all.kind == Condition::Kind::all ? all.parts : std::vector{all}) {
+            if (const auto found = key(plan, part); found && mine.insert(*found).second) {
                 counts[found->first]++;
             }
         }
@@ -81,91 +81,92 @@ void Decoder::dispatch(Plan &made, const Container &container) const
     const auto affordable = [&](std::size_t keyed) { return keyed * (keys.size() - keyed) <= most_planned; };
     if (chosen != counts.end() && chosen->second > 1 && affordable(chosen->second)) {
         const std::size_t field = chosen->first;
-        made.dispatch.at = made.places[field];
-        made.dispatch.encoding = &db_.types[made.fields[field].type].encoding;
+        plan.dispatch.at = plan.places[field];
+        plan.dispatch.encoding = &db_.types[plan.fields[field].type].encoding;
         for (const auto &mine : keys) {
             if (const auto key = mine.find(field); key != mine.end()) {
-                made.dispatch.heirs[key->second];
+                plan.dispatch.heirs[key->second];
             }
         }
         for (std::size_t i = 0; i < keys.size(); i++) {
             if (const auto key = keys[i].find(field); key != keys[i].end()) {
-                made.dispatch.heirs[key->second].push_back(container.heirs[i]);
+                plan.dispatch.heirs[key->second].push_back(container.heirs[i]);
                 continue;
             }
-            made.dispatch.others.push_back(container.heirs[i]);
-            for (auto &[value, heirs] : made.dispatch.heirs) {
+            plan.dispatch.others.push_back(container.heirs[i]);
+            for (auto &[value, heirs] : plan.dispatch.heirs) {
                 heirs.push_back(container.heirs[i]);
             }
         }
     }
 }
 
-void Decoder::make_plan(Plan &made, Id id)
+void Decoder::make_plan(Plan &plan, Id id)
 {
     const Container &container = db_.containers[id];
     std::size_t at = 0;
     if (container.base != no_id) {
-        const Plan &base = plan(container.base);
+        const Plan &base = plan_of(container.base);
         if (!base.fixed) {
             return;
         }
-        made.fields = base.fields;
-        made.places = base.places;
-        made.nodes = base.nodes;
-        made.most = base.most;
+        plan.fields = base.fields;
+        plan.places = base.places;
+        plan.nodes = base.nodes;
+        plan.most = base.most;
         at = base.end;
         effort_ += base.fields.size();
     }
-    made.fixed = lay_entries(made, id, at, 0);
-    planned_fields_ += made.fields.size();
-    if (!made.fixed || planned_fields_ > most_planned) {
-        made = Plan();
+    plan.fixed = lay_entries(plan, id, at, 0);
+    planned_fields_ += plan.fields.size();
+    if (!plan.fixed || planned_fields_ > most_planned) {
+        plan = Plan();
         return;
     }
-    made.end = at;
-    join_steps(made);
-    for (std::uint32_t i = 0; i < made.fields.size(); i++) {
-        if (const auto slots = slots_.find(made.fields[i].parameter); slots != slots_.end()) {
+    plan.end = at;
+    join_steps(plan);
+    for (std::uint32_t i = 0; i < plan.fields.size(); i++) {
+        if (const auto slots = slots_.find(plan.fields[i].parameter); slots != slots_.end()) {
             for (const std::uint32_t slot : slots->second) {
-                if (leads(held_[slot].reference, made.nodes, made.fields[i].node)) {
-                    made.held.emplace_back(i, slot);
+                if (leads(held_[slot].reference, plan.nodes, plan.fields[i].node)) {
+                    plan.held.emplace_back(i, slot);
                 }
             }
         }
     }
 
-    dispatch(made, container);
+    dispatch(plan, container);
     std::size_t n = 0;
-    made.searches = std::any_of(container.heirs.begin(), container.heirs.end(), [&](Id heir) {
-        n += comparisons(db_.containers[heir].restriction) * made.fields.size();
-        return n > most_compared || by_more_than_numbers(made, db_.containers[heir].restriction);
+    plan.searches = std::any_of(container.heirs.begin(), container.heirs.end(), [&](Id heir) {
+        n += comparisons(db_.containers[heir].restriction) * plan.fields.size();
+        return n > most_compared || by_more_than_numbers(plan, db_.containers[heir].restriction);
     });
 }
 
-/// Whether a restriction asks for texts, bytes, or members without their parameter.
-bool Decoder::by_more_than_numbers(const Plan &made, const Condition &condition) const
+/// Whether a restriction compares texts, bytes, or members without their parameter.
+bool Decoder::by_more_than_numbers(const Plan &plan, const Condition &condition) const
 {
-    for (const Reference *one : {&condition.left, &condition.right}) {
-        if (one->of == Reference::Of::argument ||
-            std::any_of(made.fields.begin(), made.fields.end(), [&](const Field &field) {
-                return field.parameter == one->parameter && (field.raw == Kind::text || field.raw == Kind::binary);
+    for (const Reference *reference : {&condition.left, &condition.right}) {
+        if (reference->of == Reference::Of::argument ||
+            std::any_of(plan.fields.begin(), plan.fields.end(), [&](const Field &field) {
+                return field.parameter == reference->parameter &&
+                       (field.raw == Kind::text || field.raw == Kind::binary);
             })) {
             return true;
         }
     }
     return std::any_of(condition.parts.begin(), condition.parts.end(),
-                       [&](const Condition &part) { return by_more_than_numbers(made, part); });
+                       [&](const Condition &part) { return by_more_than_numbers(plan, part); });
 }
 
-bool Decoder::lay_entries(Plan &made, Id id, std::size_t &at, std::size_t start)
+bool Decoder::lay_entries(Plan &plan, Id id, std::size_t &at, std::size_t start)
 {
     for (const Entry &entry : db_.containers[id].entries) {
-        const bool container = entry.what == Entry::What::container;
-        if (entry.include.what != Condition::What::always || entry.from == Entry::From::end ||
+        const bool container = entry.kind == Entry::Kind::container;
+        if (entry.include.kind != Condition::Kind::always || entry.from == Entry::From::end ||
             !entry.offset.is_fixed() || !entry.count.is_fixed() || !entry.gap.is_fixed() ||
             (container ? !db_.containers[entry.id].heirs.empty() || db_.containers[entry.id].base != no_id
-                       : entry.what != Entry::What::parameter)) {
+                       : entry.kind != Entry::Kind::parameter)) {
             return false;
         }
         const std::int64_t n = entry.repeats ? entry.count.fixed : 1, gap = entry.repeats ? entry.gap.fixed : 0;
@@ -179,13 +180,13 @@ bool Decoder::lay_entries(Plan &made, Id id, std::size_t &at, std::size_t start)
                 return false;
             }
             at = static_cast<std::size_t>(from);
-            made.most = std::max(made.most, at); // a place beyond the end is a fault, even without bits
-            if (!(container ? lay_entries(made, entry.id, at, at)
-                            : lay(made, entry.id, db_.parameters[entry.id].type, 0, at, &entry.dimensions))) {
+            plan.most = std::max(plan.most, at); // a place beyond the packet's end is a fault, even of no bits
+            if (!(container ? lay_entries(plan, entry.id, at, at)
+                            : lay(plan, entry.id, db_.parameters[entry.id].type, 0, at, &entry.dimensions))) {
                 return false;
             }
             from = static_cast<std::int64_t>(at) + gap;
-            if (made.fields.size() > 1 << 16 || ++effort_ > most_effort) {
+            if (plan.fields.size() > 1 << 16 || ++effort_ > most_effort) {
                 return false;
             }
         }
@@ -193,12 +194,12 @@ bool Decoder::lay_entries(Plan &made, Id id, std::size_t &at, std::size_t start)
     return true;
 }
 
-bool Decoder::lay(Plan &made, Id parameter, Id id, std::uint32_t node, std::size_t &at,
+bool Decoder::lay(Plan &plan, Id parameter, Id id, std::uint32_t node, std::size_t &at,
                   const std::vector<Dimension> *dimensions)
 {
     const Type &type = db_.types[id];
     const Encoding &encoding = type.encoding;
-    if (made.fields.size() > 1 << 16 || ++effort_ > most_effort) {
+    if (plan.fields.size() > 1 << 16 || ++effort_ > most_effort) {
         return false;
     }
     if (type.sort == Sort::aggregate || type.sort == Sort::array) {
@@ -214,37 +215,37 @@ bool Decoder::lay(Plan &made, Id parameter, Id id, std::uint32_t node, std::size
             }
         }
         for (std::uint32_t i = 0; i < n; i++) {
-            made.nodes.push_back({node, i, id});
-            if (!lay(made, parameter, type.sort == Sort::array ? type.element : type.members[i].type,
-                     static_cast<std::uint32_t>(made.nodes.size() - 1), at, nullptr)) {
+            plan.nodes.push_back({node, i, id});
+            if (!lay(plan, parameter, type.sort == Sort::array ? type.element : type.members[i].type,
+                     static_cast<std::uint32_t>(plan.nodes.size() - 1), at, nullptr)) {
                 return false;
             }
         }
         return true;
     }
-    if (refers(type) || !encoding.algorithm.empty() || encoding.what == Encoding::What::none ||
+    if (refers(type) || !encoding.algorithm.empty() || encoding.kind == Encoding::Kind::none ||
         (encoding.bits == 0 && (!encoding.sized || !encoding.size.is_fixed() ||
                                 encoding.size.fixed < static_cast<std::int64_t>(encoding.size_tag)))) {
         return false;
     }
-    made.fields.push_back({parameter, id, node, raw_kind(encoding), value_kind(type)});
-    made.places.push_back(at);
+    plan.fields.push_back({parameter, id, node, raw_kind(encoding), value_kind(type)});
+    plan.places.push_back(at);
     at += encoding.bits != 0 ? encoding.bits : static_cast<std::size_t>(encoding.size.fixed);
-    made.most = std::max(made.most, at);
+    plan.most = std::max(plan.most, at);
     return true;
 }
 
-void Decoder::join_steps(Plan &made) const
+void Decoder::join_steps(Plan &plan) const
 {
     using Load = Plan::Load;
     using Make = Plan::Make;
-    for (std::uint32_t i = 0; i < made.fields.size(); i++) {
-        const Field &field = made.fields[i];
+    for (std::uint32_t i = 0; i < plan.fields.size(); i++) {
+        const Field &field = plan.fields[i];
         const Type &type = db_.types[field.type];
         const Encoding &encoding = type.encoding;
-        const bool whole = made.places[i] % 8 == 0 && encoding.byte_order.empty() && !encoding.bits_reversed;
+        const bool whole = plan.places[i] % 8 == 0 && encoding.byte_order.empty() && !encoding.bits_reversed;
         const unsigned bits = encoding.bits;
-        Plan::Step step{Load::other, Make::other, i, 1, bits, made.places[i], &type};
+        Plan::Step step{Load::other, Make::other, i, 1, bits, plan.places[i], &type};
         const Calibrator &calibrator = encoding.calibrator;
         if (encoding.form == NumberForm::ieee754 && whole && (bits == 32 || bits == 64)) {
             step.load = bits == 32 ? Load::f32 : Load::f64;
@@ -260,7 +261,7 @@ void Decoder::join_steps(Plan &made) const
             step.load = bits == 8 ? Load::i8 : bits == 16 ? Load::i16 : Load::i32;
         }
         if (step.load != Load::other) {
-            const bool plain = calibrator.what == Calibrator::What::none;
+            const bool plain = calibrator.kind == Calibrator::Kind::none;
             if (plain && (field.raw == field.value)) {
                 step.make = Make::same;
             } else if (plain && field.value == Kind::real) {
@@ -269,33 +270,33 @@ void Decoder::join_steps(Plan &made) const
                 step.make = Make::line;
             }
         }
-        Plan::Step *last = made.steps.empty() ? nullptr : &made.steps.back();
+        Plan::Step *last = plan.steps.empty() ? nullptr : &plan.steps.back();
         if (last != nullptr && step.load != Load::other && last->load == step.load && last->make == step.make &&
             last->bits == bits && last->at + last->n * bits == step.at &&
             (step.make == Make::same || step.make == Make::from_natural || step.make == Make::from_integer ||
              last->type == &type)) {
             last->n++;
         } else {
-            made.steps.push_back(step);
+            plan.steps.push_back(step);
         }
     }
 }
 
-bool Decoder::holds_planned(const Plan &made, const Condition &condition) const
+bool Decoder::holds_planned(const Plan &plan, const Condition &condition) const
 {
     const auto operand = [&](const Reference &reference) -> std::optional<Operand> {
-        for (std::size_t i = made.fields.size(); i-- > 0;) {
-            const Field &field = made.fields[i];
-            if (field.parameter == reference.parameter && leads(reference, made.nodes, field.node)) {
+        for (std::size_t i = plan.fields.size(); i-- > 0;) {
+            const Field &field = plan.fields[i];
+            if (field.parameter == reference.parameter && leads(reference, plan.nodes, field.node)) {
                 const Type &type = db_.types[field.type];
                 std::uint64_t raw = 0, value = 0;
-                if (!number_of(type.encoding, load_bits(bytes_.data(), made.places[i], type.encoding.bits), raw)) {
+                if (!number_of(type.encoding, load_bits(bytes_.data(), plan.places[i], type.encoding.bits), raw)) {
                     return std::nullopt;
                 }
                 if (!reference.calibrated) {
                     return Operand{field.raw, raw, &type, raw};
                 }
-                // Nothing that `convert` changes: a planned type refers to no other value.
+                // `convert` changes nothing here: a planned type refers to no other value.
                 const Status status = const_cast<Decoder *>(this)->convert(type, field.raw, raw, value);
                 return status == Status::uncalibrated ? std::nullopt
                                                       : std::optional(Operand{field.value, value, &type, raw});
@@ -303,15 +304,15 @@ bool Decoder::holds_planned(const Plan &made, const Condition &condition) const
         }
         return std::nullopt;
     };
-    switch (condition.what) {
-    case Condition::What::always: return true;
-    case Condition::What::all:
+    switch (condition.kind) {
+    case Condition::Kind::always: return true;
+    case Condition::Kind::all:
         return std::all_of(condition.parts.begin(), condition.parts.end(),
-                           [&](const Condition &one) { return holds_planned(made, one); });
-    case Condition::What::any:
+                           [&](const Condition &part) { return holds_planned(plan, part); });
+    case Condition::Kind::any:
         return std::any_of(condition.parts.begin(), condition.parts.end(),
-                           [&](const Condition &one) { return holds_planned(made, one); });
-    case Condition::What::compare: break;
+                           [&](const Condition &part) { return holds_planned(plan, part); });
+    case Condition::Kind::compare: break;
     }
     const auto left = operand(condition.left);
     if (!left || condition.right.of == Reference::Of::nothing) {
@@ -324,22 +325,22 @@ bool Decoder::holds_planned(const Plan &made, const Condition &condition) const
 /// The container of the packet, if plans lead to it and it is long enough; else no_id.
 Id Decoder::planned(Id id, std::size_t bits)
 {
-    const Plan &made = plan(id);
-    if (!made.fixed || made.searches || made.most > bits) {
+    const Plan &plan = plan_of(id);
+    if (!plan.fixed || plan.searches || plan.most > bits) {
         return no_id;
     }
     const Container &container = db_.containers[id];
     std::span<const Id> heirs = container.heirs;
-    if (made.dispatch.encoding != nullptr) {
+    if (plan.dispatch.encoding != nullptr) {
         std::uint64_t key = 0;
-        number_of(*made.dispatch.encoding, load_bits(bytes_.data(), made.dispatch.at, made.dispatch.encoding->bits),
+        number_of(*plan.dispatch.encoding, load_bits(bytes_.data(), plan.dispatch.at, plan.dispatch.encoding->bits),
                   key);
-        const auto found = made.dispatch.heirs.find(key);
-        heirs = found != made.dispatch.heirs.end() ? found->second : made.dispatch.others;
+        const auto found = plan.dispatch.heirs.find(key);
+        heirs = found != plan.dispatch.heirs.end() ? found->second : plan.dispatch.others;
     }
     for (const Id heir : heirs) {
-        if (holds_planned(made, db_.containers[heir].restriction)) {
-            return planned(heir, bits); // one that turns out not to fit is left to the search entry by entry
+        if (holds_planned(plan, db_.containers[heir].restriction)) {
+            return planned(heir, bits); // if no container fits, the search entry by entry decides
         }
     }
     return container.is_abstract ? no_id : id;
@@ -351,41 +352,41 @@ template <class Unsigned, class Signed = Unsigned>
 void load_all(const std::uint8_t *p, std::size_t n, std::uint64_t *raw)
 {
     for (std::size_t i = 0; i < n; i++) {
-        Unsigned one;
-        std::memcpy(&one, p + i * sizeof one, sizeof one);
+        Unsigned loaded;
+        std::memcpy(&loaded, p + i * sizeof loaded, sizeof loaded);
         if constexpr (std::endian::native == std::endian::little) {
-            if constexpr (sizeof one == 2) {
-                one = __builtin_bswap16(one);
-            } else if constexpr (sizeof one == 4) {
-                one = __builtin_bswap32(one);
-            } else if constexpr (sizeof one == 8) {
-                one = __builtin_bswap64(one);
+            if constexpr (sizeof loaded == 2) {
+                loaded = __builtin_bswap16(loaded);
+            } else if constexpr (sizeof loaded == 4) {
+                loaded = __builtin_bswap32(loaded);
+            } else if constexpr (sizeof loaded == 8) {
+                loaded = __builtin_bswap64(loaded);
             }
         }
         if constexpr (std::is_same_v<Signed, float>) {
-            raw[i] = word(static_cast<double>(bit_cast<float>(one)));
+            raw[i] = word(static_cast<double>(bit_cast<float>(loaded)));
         } else if constexpr (std::is_signed_v<Signed>) {
-            raw[i] = static_cast<std::uint64_t>(static_cast<std::int64_t>(static_cast<Signed>(one)));
+            raw[i] = static_cast<std::uint64_t>(static_cast<std::int64_t>(static_cast<Signed>(loaded)));
         } else {
-            raw[i] = one;
+            raw[i] = loaded;
         }
     }
 }
 
 } // namespace
 
-void Decoder::run(const Plan &made)
+void Decoder::run(const Plan &plan)
 {
     using Load = Plan::Load;
     using Make = Plan::Make;
-    const std::size_t n_fields = made.fields.size();
+    const std::size_t n_fields = plan.fields.size();
     if (raw_.size() < n_fields) {
         raw_.resize(n_fields);
         values_.resize(n_fields);
         status_.resize(n_fields);
     }
     std::memset(status_.data(), 0, n_fields);
-    for (const Plan::Step &step : made.steps) {
+    for (const Plan::Step &step : plan.steps) {
         const std::uint8_t *const p = bytes_.data() + step.at / 8;
         std::uint64_t *const raw = raw_.data() + step.first;
         std::uint64_t *const values = values_.data() + step.first;
@@ -443,7 +444,7 @@ void Decoder::run(const Plan &made)
         case Make::line:
             for (std::size_t i = 0; i < n; i++) {
                 const double y = polynomial(step.type->encoding.calibrator.coefficients,
-                                            *real_of(made.fields[step.first].raw, raw[i]));
+                                            *real_of(plan.fields[step.first].raw, raw[i]));
                 values[i] = word(y);
                 if (y != y) {
                     values[i] = word(std::nan(""));
@@ -453,7 +454,7 @@ void Decoder::run(const Plan &made)
             break;
         case Make::other:
             for (std::size_t i = 0; i < n; i++) {
-                status_[step.first + i] = convert(*step.type, made.fields[step.first].raw, raw[i], values[i]);
+                status_[step.first + i] = convert(*step.type, plan.fields[step.first].raw, raw[i], values[i]);
             }
             break;
         }

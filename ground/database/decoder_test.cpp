@@ -55,10 +55,10 @@ TEST(Decoder, PacketsOfJpss1HaveThePublishedValues)
                 std::getline(columns, text, ',');
                 for (std::size_t i = 0; i < packet.fields.size(); i++) {
                     if (decoder->name(packet, i) == wanted) {
-                        const double found = packet.fields[i].value == Kind::natural
+                        const double value = packet.fields[i].value == Kind::natural
                                                  ? static_cast<double>(packet.values[i])
                                                  : std::bit_cast<double>(packet.values[i]);
-                        EXPECT_EQ(found, std::stod(text)) << wanted << ", row " << rows;
+                        EXPECT_EQ(value, std::stod(text)) << wanted << ", row " << rows;
                     }
                 }
             }
@@ -165,9 +165,11 @@ TEST(Decoder, Calibrators)
     const auto math = [&](const std::string &steps) {
         std::string all;
         std::stringstream words(steps);
-        for (std::string one; words >> one;) {
-            const std::string tag = one == "x" ? "ThisParameterOperand" : isdigit(one[0]) ? "ValueOperand" : "Operator";
-            std::string escaped = one == "x" ? "" : one;
+        for (std::string word; words >> word;) {
+            const std::string tag = word == "x"        ? "ThisParameterOperand"
+                                    : isdigit(word[0]) ? "ValueOperand"
+                                                       : "Operator";
+            std::string escaped = word == "x" ? "" : word;
             for (std::size_t at = 0; (at = escaped.find('<', at)) != std::string::npos; at += 4) {
                 escaped.replace(at, 1, "&lt;");
             }
@@ -191,7 +193,7 @@ TEST(Decoder, Calibrators)
     EXPECT_EQ(value(math("x 2 <<"), {5}), "a=20");
     EXPECT_EQ(value(math("1 x over + +"), {5}), "a=7");
     EXPECT_EQ(value(math("x ln"), {0xFF}), "a=none");
-    EXPECT_EQ(value(math("+"), {1}), "a=none"); // noted when it is read
+    EXPECT_EQ(value(math("+"), {1}), "a=none"); // a note of the database when it is read
     const std::string whole = integer("t", 8, "",
                                       "<DefaultCalibrator><PolynomialCalibrator><Term exponent='1' "
                                       "coefficient='0.29'/></PolynomialCalibrator></DefaultCalibrator>");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values that others refer to: of this packet and of earlier ones; conditions of them; from raw to calibrated values.
+// Values to which others refer, of this packet and of earlier ones; conditions; conversion of raw to calibrated values.
 #include "ground/database/decoder_parts.h"
 
 #include <algorithm>
@@ -9,7 +9,7 @@ namespace fledge::ground {
 
 namespace {
 
-constexpr std::size_t most_held = 256; // members and elements of a parameter that something refers to
+constexpr std::size_t most_held = 256; // members and elements of a parameter to which others refer
 
 using Sort = Type::Sort;
 using std::bit_cast;
@@ -94,7 +94,7 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
         return Operand{calibrated ? field.value : field.raw, calibrated ? value : raw, &db_.types[field.type], raw,
                        text};
     };
-    const bool named = reference.of == Reference::Of::argument; // or a member beside the one that refers
+    const bool named = reference.of == Reference::Of::argument; // or a member of the same aggregate
     for (std::size_t i = fields_.size(); i-- > 0;) {
         const Field &field = fields_[i];
         const PathNode &node = nodes_[field.node];
@@ -135,7 +135,7 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
         }
     }
     if (type.sort == Sort::boolean) {
-        return Operand{Kind::boolean, *initial == type.one || *initial == "true" || *initial == "1", &type};
+        return Operand{Kind::boolean, *initial == type.one_label || *initial == "true" || *initial == "1", &type};
     }
     char *end = nullptr;
     const double number = std::strtod(initial->c_str(), &end);
@@ -174,7 +174,7 @@ std::optional<std::int64_t> Decoder::number(const Quantity &quantity)
     return nearest(*value * quantity.slope + quantity.intercept);
 }
 
-/// A size [bits] of what begins at a bit.
+/// The size [bits] of a value that begins at a bit.
 std::optional<std::int64_t> Decoder::size_at(const Quantity &quantity, std::size_t at)
 {
     return quantity.from.of == Reference::Of::rest
@@ -210,7 +210,7 @@ bool Decoder::compare(Operator op, const Operand &left, const Literal &literal) 
     if (left.kind == Kind::label) {
         const bool labelled = left.word != no_id;
         const bool known = std::any_of(type.enumerators.begin(), type.enumerators.end(),
-                                       [&](const Enumerator &one) { return one.label == literal.text; });
+                                       [&](const Enumerator &enumerator) { return enumerator.label == literal.text; });
         if (known || !literal.integer) {
             return ordered(op, std::string_view(labelled ? type.enumerators[left.word].label.c_str() : ""),
                            std::string_view(literal.text));
@@ -218,9 +218,9 @@ bool Decoder::compare(Operator op, const Operand &left, const Literal &literal) 
         return ordered(op, Wide(static_cast<std::int64_t>(left.raw)), wide(literal));
     }
     if (left.kind == Kind::boolean && !literal.integer) {
-        const bool one = literal.text == type.one || literal.text == "true" || literal.text == "True";
-        const bool zero = literal.text == type.zero || literal.text == "false" || literal.text == "False";
-        return (one || zero) && ordered(op, left.word != 0, one);
+        const bool is_true = literal.text == type.one_label || literal.text == "true" || literal.text == "True";
+        const bool zero = literal.text == type.zero_label || literal.text == "false" || literal.text == "False";
+        return (is_true || zero) && ordered(op, left.word != 0, is_true);
     }
     if (is_whole(left.kind) && literal.integer) {
         return ordered(op, wide(left.kind, left.word), wide(literal));
@@ -232,11 +232,12 @@ bool Decoder::compare(Operator op, const Operand &left, const Literal &literal) 
 bool Decoder::compare(Operator op, const Operand &left, const Operand &right) const
 {
     if (left.kind == Kind::text || right.kind == Kind::text || left.kind == Kind::label || right.kind == Kind::label) {
-        const auto text = [](const Operand &one) -> std::string_view {
-            if (one.kind != Kind::label) {
-                return one.text;
+        const auto text = [](const Operand &operand) -> std::string_view {
+            if (operand.kind != Kind::label) {
+                return operand.text;
             }
-            return one.word == no_id ? std::string_view() : std::string_view(one.type->enumerators[one.word].label);
+            return operand.word == no_id ? std::string_view()
+                                         : std::string_view(operand.type->enumerators[operand.word].label);
         };
         return (left.kind == Kind::text || left.kind == Kind::label) &&
                (right.kind == Kind::text || right.kind == Kind::label) && ordered(op, text(left), text(right));
@@ -251,17 +252,17 @@ bool Decoder::compare(Operator op, const Operand &left, const Operand &right) co
 bool Decoder::holds(const Condition &condition, bool earlier)
 {
     if (effort_ > most_effort) {
-        return false; // and the next entry says so
+        return false; // the next entry reports the reason
     }
-    switch (condition.what) {
-    case Condition::What::always: return true;
-    case Condition::What::all:
+    switch (condition.kind) {
+    case Condition::Kind::always: return true;
+    case Condition::Kind::all:
         return std::all_of(condition.parts.begin(), condition.parts.end(),
-                           [&](auto &one) { return holds(one, earlier); });
-    case Condition::What::any:
+                           [&](auto &part) { return holds(part, earlier); });
+    case Condition::Kind::any:
         return std::any_of(condition.parts.begin(), condition.parts.end(),
-                           [&](auto &one) { return holds(one, earlier); });
-    case Condition::What::compare: break;
+                           [&](auto &part) { return holds(part, earlier); });
+    case Condition::Kind::compare: break;
     }
     effort_ += 1 + fields_.size() / 16;
     const auto left = find(condition.left, earlier);
@@ -277,7 +278,7 @@ bool Decoder::holds(const Condition &condition, bool earlier)
 Kind value_kind(const Type &type)
 {
     const Kind raw = raw_kind(type.encoding);
-    const bool calibrates = type.encoding.calibrator.what != Calibrator::What::none || !type.encoding.contexts.empty();
+    const bool calibrates = type.encoding.calibrator.kind != Calibrator::Kind::none || !type.encoding.contexts.empty();
     if (!type.encoding.algorithm.empty() || raw == Kind::none) {
         return Kind::none;
     }
@@ -318,7 +319,7 @@ std::uint64_t Decoder::label(const Type &type, std::int64_t raw) const
     return type.enumerators[place].high >= raw ? place : no_id;
 }
 
-/// A text as the value of a type; nothing: it is a number, now in kind and raw.
+/// Convert a text to a type's value; returns nothing if it is a number, which is now in kind and raw.
 std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::uint64_t &raw,
                                             std::uint64_t &value) const
 {
@@ -340,7 +341,9 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
         }
         value = no_id;
         return Status::unlabelled;
-    case Sort::boolean: value = text == type.one; return value || text == type.zero ? Status::good : Status::malformed;
+    case Sort::boolean:
+        value = text == type.one_label;
+        return value || text == type.zero_label ? Status::good : Status::malformed;
     default: value = raw; return Status::good;
     }
     if (end == text.c_str() || *end != '\0') {
@@ -350,7 +353,7 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
     return std::nullopt;
 }
 
-/// A time, since the epoch or another value.
+/// Convert a time since the epoch or since another value.
 Status Decoder::convert_time(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
 {
     std::int64_t before = 0;
@@ -362,7 +365,7 @@ Status Decoder::convert_time(const Type &type, Kind kind, std::uint64_t raw, std
         }
         before = found->kind == Kind::time ? static_cast<std::int64_t>(found->word) : nearest(*seconds * 1e9);
     }
-    Wide sum = before; // exact, where a count of nanoseconds is
+    Wide sum = before; // exact for whole nanoseconds
     constexpr double exact = 9007199254740992.0;
     if (kind != Kind::real && type.scale == std::trunc(type.scale) && type.offset == std::trunc(type.offset) &&
         std::abs(type.scale) < exact && std::abs(type.offset) < exact) {
@@ -384,7 +387,7 @@ Status Decoder::convert_time(const Type &type, Kind kind, std::uint64_t raw, std
 Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
 {
     const Encoding &encoding = type.encoding;
-    const Calibrator *calibrator = encoding.calibrator.what != Calibrator::What::none ? &encoding.calibrator : nullptr;
+    const Calibrator *calibrator = encoding.calibrator.kind != Calibrator::Kind::none ? &encoding.calibrator : nullptr;
     for (const auto &[condition, other] : encoding.contexts) {
         if (holds(condition, true)) {
             calibrator = &other;
@@ -402,16 +405,16 @@ Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uin
         return Status::good;
     }
     if (calibrator != nullptr) {
-        const auto made = calibrated(*calibrator, *real_of(kind, raw), [&](const Reference &reference) {
+        const auto result = calibrated(*calibrator, *real_of(kind, raw), [&](const Reference &reference) {
             const auto found = find(reference, true);
             return found ? real_of(found->kind, found->word) : std::nullopt;
         });
-        if (!made) {
+        if (!result) {
             value = type.sort == Sort::real ? word(std::nan("")) : type.sort == Sort::enumerated ? no_id : 0;
             return Status::uncalibrated;
         }
         kind = Kind::real;
-        raw = word(*made);
+        raw = word(*result);
     }
     switch (type.sort) {
     case Sort::integer:

@@ -52,17 +52,17 @@ public:
             throw Refusal(command_.path +
                           (command_.is_abstract ? " is abstract: give a command that extends it" : " has no packet"));
         }
-        for (const Command *one : chain) {
-            for (const auto &[name, value] : one->assignments) {
+        for (const Command *step : chain) {
+            for (const auto &[name, value] : step->assignments) {
                 if (given_.contains(name)) {
-                    throw Refusal(one->path + " fixes the argument " + name + ": do not give it");
+                    throw Refusal(step->path + " fixes the argument " + name + ": do not give it");
                 }
                 values_.try_emplace(name, text(value));
             }
         }
         std::string missing;
-        for (const Command *one : chain) {
-            for (const Argument &argument : one->arguments) {
+        for (const Command *step : chain) {
+            for (const Argument &argument : step->arguments) {
                 const auto &initial = argument.initial ? argument.initial : db_.types[argument.type].initial;
                 types_[argument.name] = argument.type;
                 if (const auto value = given_.find(argument.name); value != given_.end()) {
@@ -71,7 +71,7 @@ public:
                 } else if (!values_.contains(argument.name) && initial) {
                     values_[argument.name] = text(*initial);
                 } else if (!values_.contains(argument.name) && db_.types[argument.type].sort == Sort::aggregate) {
-                    values_[argument.name].what = Given::What::members; // whose members may have initial values
+                    values_[argument.name].kind = Given::Kind::members; // whose members may have initial values
                 } else if (!values_.contains(argument.name)) {
                     missing += (missing.empty() ? "" : ", ") + argument.name;
                 }
@@ -95,21 +95,21 @@ public:
 private:
     static Given text(const std::string &value)
     {
-        Given made;
-        made.what = Given::What::text;
-        made.text = value;
-        return made;
+        Given result;
+        result.kind = Given::Kind::text;
+        result.text = value;
+        return result;
     }
 
     // --- the packet
 
-    /// Those that are placed from the end, each with those that follow it, lie behind all others: the packet is as long
-    /// as they need.
+    /// Write the entries of a container. Entries that are placed from the end, with those that follow them, lie behind
+    /// all others, and determine the length of the packet.
     void packet(Id container, std::size_t &at, bool included)
     {
         std::vector<const Container *> chain;
-        for (Id one = container; one != no_id; one = db_.containers[one].base) {
-            chain.push_back(&db_.containers[one]);
+        for (Id id = container; id != no_id; id = db_.containers[id].base) {
+            chain.push_back(&db_.containers[id]);
             fixed_by(chain.back()->restriction);
         }
         const std::size_t start = at;
@@ -117,16 +117,16 @@ private:
         std::vector<std::vector<const Entry *>> tails;
         for (std::size_t i = chain.size(); i-- > 0;) {
             bool back = false;
-            for (const Entry &one : chain[i]->entries) {
-                if (one.from == Entry::From::end && holds(one.include)) {
+            for (const Entry &next : chain[i]->entries) {
+                if (next.from == Entry::From::end && holds(next.include)) {
                     tails.emplace_back();
                 }
-                back = one.from == Entry::From::end ? back || holds(one.include)
-                                                    : back && one.from == Entry::From::previous;
+                back = next.from == Entry::From::end ? back || holds(next.include)
+                                                     : back && next.from == Entry::From::previous;
                 if (back) {
-                    tails.back().push_back(&one);
+                    tails.back().push_back(&next);
                 } else {
-                    entry(one, at, start);
+                    entry(next, at, start);
                     most = std::max(most, at);
                 }
             }
@@ -140,7 +140,7 @@ private:
         }
         const auto front = bytes;
         const auto placed = places;
-        std::vector<std::int64_t> behind; // where each begins, in front of the packet's end
+        std::vector<std::int64_t> behind; // how far before the packet's end each begins
         std::int64_t end = static_cast<std::int64_t>(most);
         for (const auto &tail : tails) {
             std::size_t to = most;
@@ -153,8 +153,8 @@ private:
         end = (end + 7) / 8 * 8;
         for (std::size_t i = 0; i < tails.size(); i++) {
             std::size_t to = static_cast<std::size_t>(end - behind[i]);
-            for (const Entry *one : tails[i]) {
-                entry(*one, to, start);
+            for (const Entry *next : tails[i]) {
+                entry(*next, to, start);
             }
             if (to > static_cast<std::size_t>(end)) {
                 throw Refusal(db_.where(tails[i][0]->place) + ": the entry ends behind the packet");
@@ -164,13 +164,13 @@ private:
         at = static_cast<std::size_t>(end);
     }
 
-    /// A restriction to a value gives a parameter this value; the one of an heir counts.
+    /// A restriction to a value sets the parameter to this value; the most derived container's has priority.
     void fixed_by(const Condition &condition)
     {
-        if (condition.what == Condition::What::compare && condition.op == Operator::equal &&
+        if (condition.kind == Condition::Kind::compare && condition.op == Operator::equal &&
             condition.right.of == Reference::Of::nothing && condition.left.of == Reference::Of::parameter) {
             restrictions_.try_emplace({condition.left.parameter, condition.left.steps}, text(condition.literal.text));
-        } else if (condition.what == Condition::What::all) {
+        } else if (condition.kind == Condition::Kind::all) {
             for (const Condition &part : condition.parts) {
                 fixed_by(part);
             }
@@ -184,7 +184,7 @@ private:
         }
         const std::int64_t n = entry.repeats ? number(entry.count) : 1, gap = entry.repeats ? number(entry.gap) : 0;
         std::int64_t from = static_cast<std::int64_t>(entry.from == Entry::From::start ? start : at) +
-                            (entry.from == Entry::From::end ? 0 : number(entry.offset)); // `at` is its place already
+                            (entry.from == Entry::From::end ? 0 : number(entry.offset)); // then `at` is its place
         for (std::int64_t i = 0; i < n; i++) {
             if (from < 0 || from > static_cast<std::int64_t>(most_bits) || ++entries_ > most_bits) {
                 throw Refusal(db_.where(entry.place) + ": the entry is outside of a packet");
@@ -197,15 +197,15 @@ private:
 
     void once(const Entry &entry, std::size_t &at)
     {
-        switch (entry.what) {
-        case Entry::What::container: packet(entry.id, at, true); break;
-        case Entry::What::fixed:
-            for (std::size_t i = 0; i < entry.bits; i++) { // the last bit of the value is its last byte's
+        switch (entry.kind) {
+        case Entry::Kind::container: packet(entry.id, at, true); break;
+        case Entry::Kind::fixed:
+            for (std::size_t i = 0; i < entry.bits; i++) { // the value ends with the last bit of its last byte
                 const std::size_t bit = 8 * entry.bytes.size() - entry.bits + i;
                 put(at, 1, entry.bytes[bit / 8] >> (7 - bit % 8) & 1u);
             }
             break;
-        case Entry::What::argument: {
+        case Entry::Kind::argument: {
             const auto type = types_.find(entry.name);
             if (type == types_.end()) {
                 throw Refusal(db_.where(entry.place) + ": " + command_.path + " has no argument " + entry.name);
@@ -215,13 +215,13 @@ private:
             places.push_back({entry.name, true, from, at - from});
             break;
         }
-        case Entry::What::parameter: {
+        case Entry::Kind::parameter: {
             const std::size_t from = at;
             parameter(entry, at);
             places.push_back({db_.parameters[entry.id].name, false, from, at - from});
             break;
         }
-        case Entry::What::indirect: throw Refusal(db_.where(entry.place) + ": a command has no indirect parameters");
+        case Entry::Kind::indirect: throw Refusal(db_.where(entry.place) + ": a command has no indirect parameters");
         }
     }
 
@@ -250,9 +250,9 @@ private:
             return &fixed->second;
         }
         if (initial || type.sort == Sort::aggregate) {
-            Given made = initial ? text(*initial) : Given();
-            made.what = initial ? made.what : Given::What::members;
-            return &initials_.insert_or_assign(&parameter - db_.parameters.data(), made).first->second;
+            Given result = initial ? text(*initial) : Given();
+            result.kind = initial ? result.kind : Given::Kind::members;
+            return &initials_.insert_or_assign(&parameter - db_.parameters.data(), result).first->second;
         }
         return nullptr;
     }
@@ -281,12 +281,12 @@ private:
             members(type, given, name, at);
         } else if (type.sort == Sort::array) {
             array(type, given, name, at, dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions);
-        } else if (type.encoding.what == Encoding::What::none || !type.encoding.algorithm.empty()) {
+        } else if (type.encoding.kind == Encoding::Kind::none || !type.encoding.algorithm.empty()) {
             throw Refusal(
                 name + (type.encoding.algorithm.empty()
                             ? " has no encoding"
                             : " is encoded by the algorithm " + type.encoding.algorithm + ", which is not computed"));
-        } else if (type.encoding.what == Encoding::What::text || type.encoding.what == Encoding::What::binary) {
+        } else if (type.encoding.kind == Encoding::Kind::text || type.encoding.kind == Encoding::Kind::binary) {
             bytes_of(type, given, name, at);
         } else {
             number(type, given, name, at);
@@ -295,7 +295,7 @@ private:
 
     void members(const Type &type, const Given &given, const std::string &name, std::size_t &at)
     {
-        if (given.what != Given::What::members) {
+        if (given.kind != Given::Kind::members) {
             throw Refusal(name + " has members: give a value for each");
         }
         std::size_t taken = 0;
@@ -331,9 +331,9 @@ private:
             n *= Wide(number(dimension.last)) - number(dimension.first) + 1;
             n = std::min(std::max(n, Wide(0)), Wide(most_bits));
         }
-        if (given.what != Given::What::list || given.list.size() != static_cast<std::size_t>(n)) {
+        if (given.kind != Given::Kind::list || given.list.size() != static_cast<std::size_t>(n)) {
             throw Refusal(name + " has " + std::to_string(static_cast<std::size_t>(n)) + " elements; found " +
-                          (given.what == Given::What::list ? std::to_string(given.list.size()) : "no list"));
+                          (given.kind == Given::Kind::list ? std::to_string(given.list.size()) : "no list"));
         }
         for (std::size_t i = 0; i < given.list.size(); i++) {
             steps_.push_back(static_cast<std::uint32_t>(i));
@@ -349,10 +349,10 @@ private:
 
     static std::optional<Number> plain(const Given &given)
     {
-        switch (given.what) {
-        case Given::What::integer: return Number{given.integer, static_cast<double>(given.integer)};
-        case Given::What::real: return Number{std::nullopt, given.real};
-        case Given::What::text:
+        switch (given.kind) {
+        case Given::Kind::integer: return Number{given.integer, static_cast<double>(given.integer)};
+        case Given::Kind::real: return Number{std::nullopt, given.real};
+        case Given::Kind::text:
             if (const auto whole = parsed<std::int64_t>(given.text)) {
                 return Number{*whole, static_cast<double>(*whole)};
             }
@@ -369,18 +369,18 @@ private:
 
     Number number_of(const Type &type, const Given &given, const std::string &name) const
     {
-        const auto found = plain(given);
+        const auto number = plain(given);
         if (type.sort == Sort::enumerated) {
             std::string all;
             std::vector<std::int64_t> endings; // of labels that end with the text, as FIELD_WMM with WMM
             for (const Enumerator &enumerator : type.enumerators) {
-                if (given.what == Given::What::text ? enumerator.label == given.text
-                                                    : found && found->whole && *found->whole >= enumerator.low &&
-                                                          *found->whole <= enumerator.high) {
-                    return given.what == Given::What::text ? Number{enumerator.low, static_cast<double>(enumerator.low)}
-                                                           : *found;
+                if (given.kind == Given::Kind::text ? enumerator.label == given.text
+                                                    : number && number->whole && *number->whole >= enumerator.low &&
+                                                          *number->whole <= enumerator.high) {
+                    return given.kind == Given::Kind::text ? Number{enumerator.low, static_cast<double>(enumerator.low)}
+                                                           : *number;
                 }
-                if (given.what == Given::What::text && enumerator.label.ends_with("_" + given.text)) {
+                if (given.kind == Given::Kind::text && enumerator.label.ends_with("_" + given.text)) {
                     endings.push_back(enumerator.low);
                 }
                 all += (all.empty() ? "" : ", ") + enumerator.label;
@@ -388,46 +388,46 @@ private:
             if (endings.size() == 1) {
                 return Number{endings.front(), static_cast<double>(endings.front())};
             }
-            if (!found || given.what != Given::What::text) { // restrictions may give a label's raw value as text
+            if (!number || given.kind != Given::Kind::text) { // restrictions may have a label's raw value as text
                 throw Refusal(name + " must be one of " + all);
             }
             Given raw;
-            raw.integer = found->whole.value_or(0);
+            raw.integer = number->whole.value_or(0);
             return number_of(type, raw, name);
         }
-        if (type.sort == Sort::boolean && given.what == Given::What::text) {
-            const bool one =
-                given.text == type.one || given.text == "true" || given.text == "True" || given.text == "1";
-            if (!one && given.text != type.zero && given.text != "false" && given.text != "False" &&
+        if (type.sort == Sort::boolean && given.kind == Given::Kind::text) {
+            const bool is_true =
+                given.text == type.one_label || given.text == "true" || given.text == "True" || given.text == "1";
+            if (!is_true && given.text != type.zero_label && given.text != "false" && given.text != "False" &&
                 given.text != "0") {
-                throw Refusal(name + " must be " + type.zero + " or " + type.one + "; found " + given.text);
+                throw Refusal(name + " must be " + type.zero_label + " or " + type.one_label + "; found " + given.text);
             }
-            return {one, one ? 1. : 0.};
+            return {is_true, is_true ? 1. : 0.};
         }
-        if (type.sort == Sort::boolean && found && (!found->whole || (*found->whole != 0 && *found->whole != 1))) {
-            throw Refusal(name + " must be 0 or 1; found " + shown(found->real));
+        if (type.sort == Sort::boolean && number && (!number->whole || (*number->whole != 0 && *number->whole != 1))) {
+            throw Refusal(name + " must be 0 or 1; found " + shown(number->real));
         }
-        if (!found || (found->real != found->real && type.encoding.what != Encoding::What::real)) {
+        if (!number || (number->real != number->real && type.encoding.kind != Encoding::Kind::real)) {
             throw Refusal(name + " must be a number");
         }
-        if (type.sort == Sort::integer && !found->whole) {
-            if (found->real != std::trunc(found->real)) {
-                throw Refusal(name + " must be a whole number; found " + shown(found->real));
+        if (type.sort == Sort::integer && !number->whole) {
+            if (number->real != std::trunc(number->real)) {
+                throw Refusal(name + " must be a whole number; found " + shown(number->real));
             }
         }
-        return *found;
+        return *number;
     }
 
     void in_range(const Type &type, const std::string &name, double x, bool calibrated) const
     {
         bool any = false, holds = false;
         std::string ranges;
-        for (const Range &one : type.valid) {
-            if (one.calibrated == calibrated) {
+        for (const Range &range : type.valid) {
+            if (range.calibrated == calibrated) {
                 any = true;
-                holds = holds || one.holds(x);
-                ranges += (ranges.empty() ? "" : " or ") + std::string(one.low_open ? "above " : "from ") +
-                          shown(one.low) + (one.high_open ? " to below " : " to ") + shown(one.high);
+                holds = holds || range.holds(x);
+                ranges += (ranges.empty() ? "" : " or ") + std::string(range.low_open ? "above " : "from ") +
+                          shown(range.low) + (range.high_open ? " to below " : " to ") + shown(range.high);
             }
         }
         if (any && !holds) {
@@ -461,15 +461,16 @@ private:
                     raw.whole = excess / by;
                 }
             }
-        } else if (calibrator->what != Calibrator::What::none) {
-            const auto made = calibrated(*calibrator, raw.real, [&](const Reference &one) { return real_of(one); });
-            if (!made) {
+        } else if (calibrator->kind != Calibrator::Kind::none) {
+            const auto result =
+                calibrated(*calibrator, raw.real, [&](const Reference &reference) { return real_of(reference); });
+            if (!result) {
                 throw Refusal(name + " has no raw number for " + shown(raw.real));
             }
-            raw = {std::nullopt, *made};
+            raw = {std::nullopt, *result};
         }
         in_range(type, name, raw.real, false);
-        const auto bits = raw.whole && encoding.what == Encoding::What::integer ? bits_of(encoding, *raw.whole)
+        const auto bits = raw.whole && encoding.kind == Encoding::Kind::integer ? bits_of(encoding, *raw.whole)
                                                                                 : bits_of(encoding, raw.real);
         if (!bits) {
             throw Refusal(name + " has " + std::to_string(encoding.bits) + " bits, too few for " + shown(raw.real));
@@ -480,9 +481,9 @@ private:
     void bytes_of(const Type &type, const Given &given, const std::string &name, std::size_t &at)
     {
         const Encoding &encoding = type.encoding;
-        const bool is_text = encoding.what == Encoding::What::text;
+        const bool is_text = encoding.kind == Encoding::Kind::text;
         std::vector<std::uint8_t> content = given.bytes;
-        if (given.what == Given::What::text && type.sort == Sort::binary) {
+        if (given.kind == Given::Kind::text && type.sort == Sort::binary) {
             for (std::size_t i = 0; i < given.text.size(); i += 2) {
                 const auto byte = parsed<std::uint8_t>(std::string_view(given.text).substr(i, 2), 16);
                 if (!byte || given.text.size() % 2 != 0) {
@@ -490,23 +491,23 @@ private:
                 }
                 content.push_back(*byte);
             }
-        } else if (given.what == Given::What::text || given.what == Given::What::integer ||
-                   given.what == Given::What::real) {
+        } else if (given.kind == Given::Kind::text || given.kind == Given::Kind::integer ||
+                   given.kind == Given::Kind::real) {
             if (type.sort != Sort::text) { // numbers as text
                 number_of(type, given, name);
             }
-            const std::string digits = given.what == Given::What::text ? given.text
-                                       : given.what == Given::What::integer
+            const std::string digits = given.kind == Given::Kind::text ? given.text
+                                       : given.kind == Given::Kind::integer
                                            ? std::to_string(static_cast<std::int64_t>(given.integer))
                                            : shown(given.real);
-            const auto made = type.sort == Sort::text && given.what != Given::What::text
-                                  ? std::nullopt
-                                  : characters(is_text ? encoding.charset : Charset::utf8, digits);
-            if (!made) {
+            const auto result = type.sort == Sort::text && given.kind != Given::Kind::text
+                                    ? std::nullopt
+                                    : characters(is_text ? encoding.charset : Charset::utf8, digits);
+            if (!result) {
                 throw Refusal(name + " must be text of its character set; found " + digits);
             }
-            content = *made;
-        } else if (given.what != Given::What::bytes) {
+            content = *result;
+        } else if (given.kind != Given::Kind::bytes) {
             throw Refusal(name + " must be text or bytes");
         }
         const std::size_t n = 8 * content.size();
@@ -525,7 +526,7 @@ private:
             if (n != (*room + 7) / 8 * 8) {
                 complain(std::to_string((*room + 7) / 8));
             }
-            for (std::size_t i = 0; i < content.size(); i++) { // the last bit is the last byte's
+            for (std::size_t i = 0; i < content.size(); i++) { // the value ends with its last byte
                 put(at, i == 0 && *room % 8 != 0 ? *room % 8 : 8, content[i]);
             }
             return;
@@ -564,7 +565,7 @@ private:
         }
     }
 
-    // --- what others refer to
+    // --- references and conditions
 
     const Given *find(const Reference &reference)
     {
@@ -576,7 +577,7 @@ private:
         const auto given = given_.find(parameter.name);
         const Given *at = given != given_.end() ? &given->second : known_value(parameter);
         for (const std::uint32_t step : reference.steps) {
-            if (at != nullptr && at->what == Given::What::list && step < at->list.size()) {
+            if (at != nullptr && at->kind == Given::Kind::list && step < at->list.size()) {
                 at = &at->list[step];
                 continue;
             }
@@ -588,14 +589,14 @@ private:
     std::optional<double> real_of(const Reference &reference)
     {
         if (reference.of == Reference::Of::argument) {
-            for (std::size_t i = known_.size(); i-- > 0;) { // a member beside it first
+            for (std::size_t i = known_.size(); i-- > 0;) { // the nearest member or argument first
                 if (known_[i].first == reference.name) {
                     return known_[i].second;
                 }
             }
         }
-        const Given *const found = find(reference);
-        const auto number = found != nullptr ? plain(*found) : std::nullopt;
+        const Given *const given = find(reference);
+        const auto number = given != nullptr ? plain(*given) : std::nullopt;
         return number ? std::optional(number->real) : std::nullopt;
     }
 
@@ -619,12 +620,12 @@ private:
 
     bool holds(const Condition &condition)
     {
-        const auto holds_one = [&](const Condition &one) { return holds(one); };
-        switch (condition.what) {
-        case Condition::What::always: return true;
-        case Condition::What::all: return std::all_of(condition.parts.begin(), condition.parts.end(), holds_one);
-        case Condition::What::any: return std::any_of(condition.parts.begin(), condition.parts.end(), holds_one);
-        case Condition::What::compare: break;
+        const auto part_holds = [&](const Condition &part) { return holds(part); };
+        switch (condition.kind) {
+        case Condition::Kind::always: return true;
+        case Condition::Kind::all: return std::all_of(condition.parts.begin(), condition.parts.end(), part_holds);
+        case Condition::Kind::any: return std::any_of(condition.parts.begin(), condition.parts.end(), part_holds);
+        case Condition::Kind::compare: break;
         }
         const Given *const left = find(condition.left);
         const Given literal = text(condition.literal.text);
@@ -653,7 +654,7 @@ private:
     std::map<std::pair<Id, std::vector<std::uint32_t>>, Given> restrictions_;
     std::map<std::ptrdiff_t, Given> initials_;
     std::vector<std::string> used_;
-    std::vector<std::pair<std::string, double>> known_; ///< numbers that were written, the last one last
+    std::vector<std::pair<std::string, double>> known_; ///< numbers that were written, in their order
     std::vector<std::uint32_t> steps_;                  ///< into the parameter that is being written
     Id parameter_ = no_id;
     std::size_t entries_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands to bytes, by a database.
+// Encodes commands by a database.
 #pragma once
 
 #include "ground/database/numbers.h"
@@ -8,29 +8,29 @@
 
 namespace fledge::ground {
 
-/// A value that a user gives.
+/// A value from the user.
 struct Given {
-    enum class What : std::uint8_t { integer, real, text, bytes, list, members };
-    What what = What::integer;
+    enum class Kind : std::uint8_t { integer, real, text, bytes, list, members };
+    Kind kind = Kind::integer;
     Wide integer = 0; ///< a time is in nanoseconds; a boolean is 0 or 1
     double real = 0;
-    std::string text; ///< or an enumerator; of a number or bytes: its digits, as databases write them
+    std::string text; ///< a text or an enumerator; for a number or bytes its digits, as databases write them
     std::vector<std::uint8_t> bytes;
     std::vector<Given> list;        ///< elements, or the values of members
     std::vector<std::string> names; ///< of members
 };
 
-/// Where an argument, or a parameter of the header, stands in a packet.
+/// The place of an argument or of a parameter of the header in a packet.
 struct Placed {
     std::string name;
     bool argument;
     std::size_t bit, bits;
 };
 
-/// The packet of a command. `given` has values of its arguments, and of parameters that stand in its packet, as those
-/// of headers. Missing ones are the initial values of the database. A calibrator of an argument makes the raw number of
-/// the value in units. Throws Refusal: what is missing, not known, out of range or without room.
-/// places: if given, what stands where, in the order of the entries.
+/// The packet of a command. `given` has values of its arguments and of parameters in its packet, as of headers; missing
+/// values are the initial values of the database. An argument's calibrator converts the value in units to the raw
+/// number. Throws Refusal if a value is missing, not known, out of range or too long. places: not nullptr: receives the
+/// place of each entry, in their order.
 std::vector<std::uint8_t> encode(const Database &database, Id command, const std::map<std::string, Given> &given,
                                  std::vector<Placed> *places = nullptr);
 

@@ -15,17 +15,17 @@ using namespace testing;
 
 Given number(std::int64_t value)
 {
-    Given made;
-    made.integer = value;
-    return made;
+    Given result;
+    result.integer = value;
+    return result;
 }
 
 Given text(const std::string &value)
 {
-    Given made;
-    made.what = Given::What::text;
-    made.text = value;
-    return made;
+    Given result;
+    result.kind = Given::Kind::text;
+    result.text = value;
+    return result;
 }
 
 /// A command C that extends B, whose container has a header of telemetry.
@@ -75,7 +75,7 @@ TEST(Encoder, ACommandHasItsHeaderItsFixedAndItsGivenValues)
               (Bytes{42, 3, 7, 0, 43, 0x51}));
 }
 
-TEST(Encoder, ALabelIsGivenWholeOrByAnEndingThatIsItsAlone)
+TEST(Encoder, ALabelMayBeShortenedToAnEndingThatIsUnique)
 {
     const Database database = read_xtce_text(commands, "s.xml");
     const auto mode = [&](const char *label) {
@@ -90,32 +90,32 @@ TEST(Encoder, ALabelIsGivenWholeOrByAnEndingThatIsItsAlone)
               "mode must be one of SAFE, NOMINAL, FREE_SPIN, SLOW_SPIN");
 }
 
-TEST(Encoder, PlacesSayWhereWhatStands)
+TEST(Encoder, PlacesHaveTheBitsOfEachEntry)
 {
     const Database database = read_xtce_text(commands, "s.xml");
     std::vector<Placed> places;
     encode(database, database.command("C"), {{"gain", number(-2)}, {"sequence", number(3)}}, &places);
-    std::string found;
+    std::string text;
     for (const Placed &place : places) {
-        found += place.name + (place.argument ? "*" : "") + " " + std::to_string(place.bit) + "+" +
-                 std::to_string(place.bits) + ", ";
+        text += place.name + (place.argument ? "*" : "") + " " + std::to_string(place.bit) + "+" +
+                std::to_string(place.bits) + ", ";
     }
-    EXPECT_EQ(found, "apid 0+8, sequence 8+8, opcode* 16+8, gain* 24+16, mode* 44+4, ");
+    EXPECT_EQ(text, "apid 0+8, sequence 8+8, opcode* 16+8, gain* 24+16, mode* 44+4, ");
 }
 
-TEST(Encoder, WhatIsMissingUnknownOrOutOfRangeIsRefused)
+TEST(Encoder, MissingUnknownOrWrongValuesAreRefused)
 {
-    const Given one = number(1);
-    EXPECT_EQ(refusal({{"sequence", one}}), "/S/C needs gain");
-    EXPECT_EQ(refusal({{"gain", one}}), "/S/C needs sequence, which has no initial value");
-    EXPECT_EQ(refusal({{"gain", one}, {"sequence", one}, {"speed", one}}), "/S/C has no argument speed");
-    EXPECT_EQ(refusal({{"gain", one}, {"sequence", one}, {"opcode", one}}),
+    const Given value = number(1);
+    EXPECT_EQ(refusal({{"sequence", value}}), "/S/C needs gain");
+    EXPECT_EQ(refusal({{"gain", value}}), "/S/C needs sequence, which has no initial value");
+    EXPECT_EQ(refusal({{"gain", value}, {"sequence", value}, {"speed", value}}), "/S/C has no argument speed");
+    EXPECT_EQ(refusal({{"gain", value}, {"sequence", value}, {"opcode", value}}),
               "/S/C fixes the argument opcode: do not give it");
-    EXPECT_EQ(refusal({{"gain", number(5)}, {"sequence", one}}), "gain must be from -5 to below 5; found 5");
-    EXPECT_EQ(refusal({{"gain", one}, {"sequence", number(256)}}), "sequence has 8 bits, too few for 256");
-    EXPECT_EQ(refusal({{"gain", one}, {"sequence", one}, {"mode", text("OFF")}}),
+    EXPECT_EQ(refusal({{"gain", number(5)}, {"sequence", value}}), "gain must be from -5 to below 5; found 5");
+    EXPECT_EQ(refusal({{"gain", value}, {"sequence", number(256)}}), "sequence has 8 bits, too few for 256");
+    EXPECT_EQ(refusal({{"gain", value}, {"sequence", value}, {"mode", text("OFF")}}),
               "mode must be one of SAFE, NOMINAL, FREE_SPIN, SLOW_SPIN");
-    EXPECT_EQ(refusal({{"gain", text("fast")}, {"sequence", one}}), "gain must be a number");
+    EXPECT_EQ(refusal({{"gain", text("fast")}, {"sequence", value}}), "gain must be a number");
     EXPECT_EQ(refusal({}, "B"), "/S/B is abstract: give a command that extends it");
     EXPECT_EQ(refusal({}, "D"), "the database has no command D");
 }
@@ -123,7 +123,7 @@ TEST(Encoder, WhatIsMissingUnknownOrOutOfRangeIsRefused)
 TEST(Encoder, NumbersComeBackFromTheirBits)
 {
     Encoding encoding;
-    encoding.what = Encoding::What::integer;
+    encoding.kind = Encoding::Kind::integer;
     for (const NumberForm form : {NumberForm::plain, NumberForm::twos_complement, NumberForm::ones_complement,
                                   NumberForm::sign_magnitude, NumberForm::bcd, NumberForm::packed_bcd}) {
         for (const std::vector<std::uint8_t> &order : std::vector<std::vector<std::uint8_t>>{{}, {0, 1}}) {
@@ -145,7 +145,7 @@ TEST(Encoder, NumbersComeBackFromTheirBits)
                                                                   : signless);
         }
     }
-    encoding.what = Encoding::What::real;
+    encoding.kind = Encoding::Kind::real;
     encoding.byte_order.clear();
     for (const auto &[form, n] : {std::pair(NumberForm::ieee754, 16u),
                                   {NumberForm::ieee754, 32u},

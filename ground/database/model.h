@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The database of a spacecraft in memory: space systems with their parameters, containers, commands and types. A reader
-// fills it (xtce.h); the decoder and the encoder are compiled from it. Things refer to others by their place in a list.
+// fills it (xtce.h); decoder and encoder work by it. Items refer to others by their place in a list.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace fledge::ground {
 using Id = std::uint32_t;
 inline constexpr Id no_id = std::numeric_limits<Id>::max();
 
-/// What is wrong with a database, a packet's root or a command: "file:line: reason" or a sentence.
+/// A fault in a database, a packet's root or a command: "file:line: reason" or a sentence.
 struct Refusal : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
@@ -26,7 +26,7 @@ struct Place {
     std::uint32_t line = 0;
 };
 
-/// What all named things have.
+/// The properties of all named items.
 struct Named {
     std::string name;
     std::string path; ///< "/System/Subsystem/name"
@@ -41,13 +41,13 @@ struct Reference {
         nothing,
         parameter,
         argument,
-        rest ///< of a size: the bits that the packet has left
+        rest ///< a size: the bits up to the packet's end
     };
     Of of = Of::nothing;
     bool calibrated = true;
     Id parameter = no_id;
     std::vector<std::uint32_t> steps; ///< into it: places of members and of elements
-    std::string name;                 ///< of an argument, or of a member beside the one that refers
+    std::string name;                 ///< of an argument, or of a member of the same aggregate
 };
 
 /// A constant of a comparison, as it is written, and as a number if it is one.
@@ -59,44 +59,44 @@ struct Literal {
 
 enum class Operator : std::uint8_t { equal, unequal, less, at_most, more, at_least };
 
-/// What must hold of values.
+/// A condition of values.
 struct Condition {
-    enum class What : std::uint8_t { always, compare, all, any };
-    What what = What::always;
+    enum class Kind : std::uint8_t { always, compare, all, any };
+    Kind kind = Kind::always;
     Operator op = Operator::equal;
-    Reference left, right; ///< right: of nothing if the literal counts
+    Reference left, right; ///< right: of nothing if `literal` is compared
     Literal literal;
-    std::vector<Condition> parts; ///< of all and any
+    std::vector<Condition> parts; ///< of `all` and `any`
     std::string text;             ///< of a comparison, for messages
 };
 
-/// A number that a description fixes or finds in a value: a size, a count, a place.
+/// A size, a count or a place that is constant or follows from a value.
 struct Quantity {
     std::int64_t fixed = 0;
     bool looked_up = false;
     Reference from; ///< of nothing: fixed
     double slope = 1, intercept = 0;
-    std::vector<std::pair<Condition, std::int64_t>> cases; ///< of a lookup: the first that holds
+    std::vector<std::pair<Condition, std::int64_t>> cases; ///< of a lookup: the first that holds applies
 
     bool is_fixed() const { return !looked_up && from.of == Reference::Of::nothing; }
 };
 
 /// A step of a calculation on a stack.
 struct MathStep {
-    enum class What : std::uint8_t { number, this_value, value, function };
-    What what = What::number;
+    enum class Kind : std::uint8_t { number, this_value, value, function };
+    Kind kind = Kind::number;
     double number = 0;
     Reference value;
     std::uint8_t function = 0; ///< place in math_functions
 };
 
-/// From a raw number. One without coefficients, points and steps gives none.
+/// Converts a raw number. Without coefficients, points and steps there is no result.
 struct Calibrator {
-    enum class What : std::uint8_t { none, polynomial, spline, math };
+    enum class Kind : std::uint8_t { none, polynomial, spline, math };
     struct Point {
         double raw, calibrated;
     };
-    What what = What::none;
+    Kind kind = Kind::none;
     std::vector<double> coefficients; ///< of a polynomial, from the constant on
     std::vector<Point> points;        ///< of a spline, ascending
     std::uint32_t order = 1;
@@ -131,27 +131,27 @@ enum class Charset : std::uint8_t {
 
 /// How a value lies in a packet.
 struct Encoding {
-    enum class What : std::uint8_t { none, integer, real, text, binary };
-    What what = What::none;
+    enum class Kind : std::uint8_t { none, integer, real, text, binary };
+    Kind kind = Kind::none;
     NumberForm form = NumberForm::plain;
     Charset charset = Charset::utf8;
     bool bits_reversed = false;           ///< the least significant bit comes first
     std::uint32_t bits = 0;               ///< of a number
     std::vector<std::uint8_t> byte_order; ///< the significance of each byte in memory; empty: most significant first
-    bool sized = false;                   ///< of text and binary: `size` counts
-    Quantity size;                        ///< [bits]; -1: what an algorithm finds, or what a command is given
-    std::uint32_t size_tag = 0;           ///< [bits] in front of text, which hold its size in bytes
+    bool sized = false;                   ///< of text and binary: `size` applies
+    Quantity size;                        ///< [bits]; -1: an algorithm or a command's value determines it
+    std::uint32_t size_tag = 0;           ///< [bits] in front of text, with its size in bytes
     std::vector<std::uint8_t> terminator; ///< of text; empty: none
     std::uint32_t most_bits = 0;          ///< of text of variable size; 0: not limited
-    std::string algorithm;                ///< that only its author's program has; empty: none
+    std::string algorithm;                ///< which only its author's program has; empty: none
     Calibrator calibrator;
-    std::vector<std::pair<Condition, Calibrator>> contexts; ///< the first that holds counts instead
+    std::vector<std::pair<Condition, Calibrator>> contexts; ///< the first that holds applies instead
 };
 
 struct Range {
     double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
     bool low_open = false, high_open = false;
-    bool calibrated = true; ///< of the calibrated value
+    bool calibrated = true; ///< the calibrated value is compared
 
     bool holds(double x) const { return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high); }
 };
@@ -166,7 +166,7 @@ struct Alarm {
     };
     Condition when; ///< always: the default
     std::uint32_t violations = 1;
-    bool on_change = false; ///< of the value, not of the value itself
+    bool on_change = false; ///< the change of the value is compared
     std::vector<Limits> limits;
     std::vector<std::pair<std::string, Concern>> labels; ///< of enumerators and texts
     Concern otherwise = Concern::normal;
@@ -205,7 +205,7 @@ struct Type : Named {
     std::vector<std::string> units;
     Encoding encoding;
     std::vector<Enumerator> enumerators;
-    std::string zero = "False", one = "True";
+    std::string zero_label = "False", one_label = "True";
     std::vector<Member> members;
     Id element = no_id;
     std::vector<Dimension> dimensions;
@@ -213,7 +213,7 @@ struct Type : Named {
     Reference offset_from;          ///< of nothing: the epoch
     double scale = 1e9, offset = 0; ///< [ns] a time is scale raw + offset
     std::vector<Range> valid;       ///< empty: all
-    std::vector<Alarm> alarms;      ///< those of contexts in their order, the default last
+    std::vector<Alarm> alarms;      ///< those with a context in their order, the default last
     std::optional<std::string> initial;
 };
 
@@ -224,9 +224,9 @@ struct Parameter : Named {
 };
 
 struct Entry {
-    enum class What : std::uint8_t { parameter, container, argument, fixed, indirect };
+    enum class Kind : std::uint8_t { parameter, container, argument, fixed, indirect };
     enum class From : std::uint8_t { previous, start, end };
-    What what = What::parameter;
+    Kind kind = Kind::parameter;
     From from = From::previous;
     bool repeats = false;
     Id id = no_id;                   ///< of the parameter or container
@@ -235,9 +235,9 @@ struct Entry {
     std::uint32_t bits = 0;          ///< of fixed
     Quantity offset;                 ///< [bits]
     Condition include;
-    Quantity count, gap;               ///< of what repeats; [bits] behind each
-    std::vector<Dimension> dimensions; ///< instead of the type's
-    Reference selector;                ///< of indirect: the value that is the alias
+    Quantity count, gap;               ///< if it repeats; [bits] behind each
+    std::vector<Dimension> dimensions; ///< if any, instead of the type's
+    Reference selector;                ///< of indirect: its value is the alias
     Place place;
 };
 
@@ -259,12 +259,12 @@ struct Argument {
 struct Verifier {
     std::string stage; ///< Accepted, Execution, Complete, ...
     Condition condition;
-    Id container = no_id; ///< whose arrival verifies it
+    Id container = no_id; ///< a packet of it verifies the command
     Reference changes;    ///< the parameter that must change by `change`
     double change = 0;
-    Reference returns;             ///< the parameter that then says more; of nothing: none
+    Reference returns;             ///< the parameter that then has details; of nothing: none
     std::optional<double> percent; ///< how much is executed then
-    std::string algorithm;         ///< that only its author's program has
+    std::string algorithm;         ///< which only its author's program has
     double start = 0, stop = 0;    ///< [s] of the window; stop 0: not limited
     std::string relative_to;       ///< commandRelease or timeLastVerifierPassed
 };
@@ -282,43 +282,43 @@ struct Command : Named {
 
 struct Database {
     std::vector<std::string> files;
-    std::uint64_t hash = 0xCBF29CE484222325; ///< of the text of all files, and where they stand (FNV-1a)
+    std::uint64_t hash = 0xCBF29CE484222325; ///< of the text of all files and their places (FNV-1a)
     std::vector<Named> systems;
     std::vector<Type> types;
     std::vector<Parameter> parameters;
-    Id arguments = no_id; ///< the first of those that are arguments of commands; no_id: none are
+    Id arguments = no_id; ///< the first parameter that is an argument of a command; no_id: none is
     std::vector<Container> containers;
     std::vector<Command> commands;
     std::vector<std::string> notes;    ///< "file:line: what was read but is not computed here"
-    std::vector<std::string> left_out; ///< "file:line: reason; what is left out", if faults are
+    std::vector<std::string> left_out; ///< "file:line: reason; what is left out", if faults are allowed
 
-    /// Those of a command and those that it inherits, in the order of their stages: Complete verifiers are added,
-    /// others replace those of their stage.
+    /// The verifiers of a command, own and inherited, in the order of their stages: own Complete verifiers add to those
+    /// that are inherited, others replace those of their stage.
     std::vector<const Verifier *> verifiers(Id command) const;
 
     std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }
 
-    /// A container or command by its path, or by its name if it is the only one. Throws Refusal.
-    Id container(const std::string &name) const { return one_of(containers, name, "container"); }
-    Id command(const std::string &name) const { return one_of(commands, name, "command"); }
+    /// A container or command by its path, or by its name if that is unique. Throws Refusal.
+    Id container(const std::string &name) const { return find(containers, name, "container"); }
+    Id command(const std::string &name) const { return find(commands, name, "command"); }
 
 private:
-    template <class Things> static Id one_of(const Things &things, const std::string &name, const char *what)
+    template <class Items> static Id find(const Items &items, const std::string &name, const char *kind)
     {
-        Id found = no_id;
-        for (Id i = 0; i < things.size(); i++) {
-            if (things[i].path == name) {
+        Id match = no_id;
+        for (Id i = 0; i < items.size(); i++) {
+            if (items[i].path == name) {
                 return i;
             }
-            if (things[i].name == name) {
-                if (found != no_id) {
-                    throw Refusal(name + " is the name of several " + what + "s: give the path of one, as " +
-                                  things[i].path);
+            if (items[i].name == name) {
+                if (match != no_id) {
+                    throw Refusal(name + " is the name of several " + kind + "s: give the path of one, as " +
+                                  items[i].path);
                 }
-                found = i;
+                match = i;
             }
         }
-        return found != no_id ? found : throw Refusal(std::string("the database has no ") + what + " " + name);
+        return match != no_id ? match : throw Refusal(std::string("the database has no ") + kind + " " + name);
     }
 };
 
@@ -328,18 +328,18 @@ inline constexpr const char *verifier_stages[] = {
 
 inline std::vector<const Verifier *> Database::verifiers(Id command) const
 {
-    std::vector<const Verifier *> made;
+    std::vector<const Verifier *> result;
     for (const std::string stage : verifier_stages) {
-        const std::size_t before = made.size();
-        for (Id at = command; at != no_id && (made.size() == before || stage == "Complete"); at = commands[at].base) {
+        const std::size_t before = result.size();
+        for (Id at = command; at != no_id && (result.size() == before || stage == "Complete"); at = commands[at].base) {
             for (const Verifier &verifier : commands[at].verifiers) {
                 if (verifier.stage == stage) {
-                    made.push_back(&verifier);
+                    result.push_back(&verifier);
                 }
             }
         }
     }
-    return made;
+    return result;
 }
 
 } // namespace fledge::ground

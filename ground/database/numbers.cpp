@@ -18,7 +18,7 @@ constexpr std::int64_t extended(std::uint64_t value, unsigned bits)
     return static_cast<std::int64_t>(value << (64 - bits)) >> (64 - bits);
 }
 
-/// From memory to the value, or back.
+/// Reorder bits from memory to the value, or back.
 std::uint64_t reordered(const Encoding &encoding, std::uint64_t bits, bool to_memory)
 {
     const std::size_t n = encoding.byte_order.size();
@@ -103,7 +103,7 @@ std::optional<std::uint64_t> mil1750a_of(double x, unsigned n)
     return n == 32 ? f << 8 | e : f >> 16 << 24 | e << 16 | (f & 0xFFFF);
 }
 
-// What Windows-1252 has from 0x80 to 0x9F; 0: nothing.
+// The characters of Windows-1252 from 0x80 to 0x9F; 0: none.
 constexpr std::uint16_t windows[32] = {0x20AC, 0,      0x201A, 0x0192, 0x201E, 0x2026, 0x2020, 0x2021,
                                        0x02C6, 0x2030, 0x0160, 0x2039, 0x0152, 0,      0x017D, 0,
                                        0,      0x2018, 0x2019, 0x201C, 0x201D, 0x2022, 0x2013, 0x2014,
@@ -125,7 +125,7 @@ void append(std::string &text, std::uint32_t point)
     }
 }
 
-/// The code points of UTF-8; U+FFFD for what is none.
+/// The code points of UTF-8; U+FFFD for invalid bytes.
 std::vector<std::uint32_t> points_of(std::string_view text)
 {
     std::vector<std::uint32_t> points;
@@ -149,7 +149,7 @@ std::vector<std::uint32_t> points_of(std::string_view text)
 
 void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t value)
 {
-    for (unsigned left = bits; left > 0;) { // to the end of a byte, at most
+    for (unsigned left = bits; left > 0;) { // in each step up to the end of a byte
         const unsigned room = 8 - bit % 8, n = std::min(room, left);
         const std::uint64_t part = value >> (left - n) & mask(n);
         const auto shift = room - n;
@@ -161,12 +161,12 @@ void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t v
 
 Kind raw_kind(const Encoding &encoding)
 {
-    switch (encoding.what) {
-    case Encoding::What::none: return Kind::none;
-    case Encoding::What::text: return Kind::text;
-    case Encoding::What::binary: return Kind::binary;
-    case Encoding::What::real: return Kind::real;
-    case Encoding::What::integer: break;
+    switch (encoding.kind) {
+    case Encoding::Kind::none: return Kind::none;
+    case Encoding::Kind::text: return Kind::text;
+    case Encoding::Kind::binary: return Kind::binary;
+    case Encoding::Kind::real: return Kind::real;
+    case Encoding::Kind::integer: break;
     }
     return encoding.form == NumberForm::plain || encoding.form >= NumberForm::bcd ? Kind::natural : Kind::integer;
 }

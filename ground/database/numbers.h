@@ -13,7 +13,7 @@ namespace fledge::ground {
 
 __extension__ using Wide = __int128;
 
-/// What the 64 bits of a value mean.
+/// The meaning of a value's 64 bits.
 enum class Kind : std::uint8_t {
     none,
     natural, ///< without a sign
@@ -22,11 +22,11 @@ enum class Kind : std::uint8_t {
     label,   ///< the place of an enumerator in its type; no_id: none has this value
     boolean, ///< 0 or 1
     text,    ///< UTF-8, a slice of bytes
-    binary,  ///< a slice of bytes, the last bit of which is the last one of the value
+    binary,  ///< a slice of bytes, whose last bit is the value's last bit
     time     ///< [ns]
 };
 
-/// Where bytes are: the place in the upper 32 bits, how many in the lower ones.
+/// A range of bytes: the place in the upper 32 bits, the number in the lower 32.
 constexpr std::uint64_t slice(std::size_t at, std::size_t n)
 {
     return static_cast<std::uint64_t>(at) << 32 | static_cast<std::uint32_t>(n);
@@ -52,7 +52,7 @@ inline std::uint64_t load_bits(const std::uint8_t *p, std::size_t bit, unsigned 
     return word >> (64 - bits);
 }
 
-/// Write `bits` bits, 1 to 64, at a bit of bytes that are there.
+/// Write `bits` bits, 1 to 64, at a bit; the bytes must exist.
 void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t value);
 
 /// A number, a boolean or a time [s] as a real number; nothing: it is none of these.
@@ -74,17 +74,17 @@ Kind raw_kind(const Encoding &encoding);
 /// A number from its bits, in the 64 bits of raw_kind. False: a BCD digit is beyond 9.
 bool number_of(const Encoding &encoding, std::uint64_t bits, std::uint64_t &number);
 
-/// The bits of a whole number or a real one. Nothing: they do not hold it.
+/// The bits of a whole or real number. Nothing: the encoding cannot hold it.
 std::optional<std::uint64_t> bits_of(const Encoding &encoding, Wide number);
 std::optional<std::uint64_t> bits_of(const Encoding &encoding, double number);
 
-/// Text in UTF-8, from a character set, and back. What is no text becomes U+FFFD; nothing: the set lacks a character.
+/// Text from a character set to UTF-8, and back. Invalid bytes become U+FFFD; nothing: the set lacks a character.
 std::string utf8(Charset charset, std::span<const std::uint8_t> bytes);
 std::optional<std::vector<std::uint8_t>> characters(Charset charset, std::string_view utf8);
 /// [bytes] of a character set's unit.
 std::size_t unit_of(Charset charset);
 
-/// The nearest whole number, the ends of the range beyond it; 0 for no number.
+/// The nearest whole number, clamped to the range; 0 for NaN.
 inline std::int64_t nearest(double x)
 {
     constexpr double limit = 9223372036854775808.0;

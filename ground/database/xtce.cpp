@@ -33,9 +33,10 @@ void fill_parameters(Database &database, xtce::Declarations &declared)
 void fill(Database &database, xtce::Declarations &declared)
 {
     xtce::ValueReader values(database, declared);
-    xtce::TypeReader types(database, declared, values);
-    xtce::ContainerReader containers(database, declared, values, types);
-    xtce::CommandReader commands(database, declared, values);
+    const xtce::Context context{database, declared, values};
+    xtce::TypeReader types(context);
+    xtce::ContainerReader containers(context, types);
+    xtce::CommandReader commands(context);
     types.read_structures();
     declared.each(database.parameters, declared.parameters, [&](Id i) {
         database.parameters[i].type = declared.type(declared.parameters[i].node, "parameterTypeRef", false);
@@ -54,8 +55,8 @@ void fill(Database &database, xtce::Declarations &declared)
     }
 }
 
-/// All that is wrong is refused at once; lenient: it is left out, and in further rounds all that refers to what is not
-/// there.
+/// Refuses all faults of the files at once; lenient: leaves out the items with faults, and in further rounds the items
+/// that refer to them.
 class Reader {
 public:
     void add(std::string text, const std::string &name, const std::string &under)
@@ -106,11 +107,11 @@ private:
 Literal literal_of(const std::string &text)
 {
     const std::string inner = xtce::trimmed(text);
-    Literal made{text, xtce::number<std::int64_t>(inner), xtce::number<double>(inner)};
-    if (const auto large = xtce::number<std::uint64_t>(inner); large && !made.integer) {
-        made.integer = static_cast<std::int64_t>(*large); // its 64 bits
+    Literal result{text, xtce::number<std::int64_t>(inner), xtce::number<double>(inner)};
+    if (const auto large = xtce::number<std::uint64_t>(inner); large && !result.integer) {
+        result.integer = static_cast<std::int64_t>(*large); // its 64 bits
     }
-    return made;
+    return result;
 }
 
 Database read_xtce(const std::vector<XtceFile> &files, bool lenient)
@@ -119,7 +120,7 @@ Database read_xtce(const std::vector<XtceFile> &files, bool lenient)
     for (const XtceFile &file : files) {
         std::ifstream in(file.name, std::ios::binary);
         std::string text;
-        for (std::size_t n = 0; in && n <= xtce::most_text; n = text.size()) { // in parts: it may be a device, or huge
+        for (std::size_t n = 0; in && n <= xtce::most_text; n = text.size()) { // in parts: a device may have no end
             text.resize(n + (1 << 20));
             in.read(text.data() + n, 1 << 20);
             text.resize(n + static_cast<std::size_t>(in.gcount()));

@@ -28,13 +28,13 @@ struct XtceFile {
     std::string under;
 };
 
-/// Read files, which may refer to one another. Throws Refusal with a line for each fault, which has the file, the line
-/// and the reason: what XTCE does not know, what is missing, repeated or a loop, and what no packet can have. lenient:
-/// what has a fault, and what refers to it, is left out, and in `left_out` of the database. What XTCE knows and Fledge
-/// does not compute (algorithms, streams, services) is in its notes.
+/// Read files, which may refer to each other. Throws Refusal with a line "file:line: reason" for each fault: unknown,
+/// missing or repeated elements, loops, and sizes that no packet can have. lenient: items with a fault, and items that
+/// refer to them, are left out and listed in the database's `left_out`. Elements of XTCE that Fledge does not compute
+/// (algorithms, streams, services) are in its notes.
 Database read_xtce(const std::vector<XtceFile> &files, bool lenient = false);
 
-/// The same of a text, whose name is for messages.
+/// Read a text; its name is for messages.
 Database read_xtce_text(std::string text, const std::string &name, bool lenient = false);
 
 /// A constant of a comparison.

@@ -163,7 +163,7 @@ TEST(Xtce, AnEntryThatMayBeginOrEndInFrontOfTheEndIsRefused)
                                      "and no entry is behind it. If its begin is meant, write 0;"));
     EXPECT_THAT(read("21"), HasSubstr("ends 8 bits"));
     EXPECT_EQ(read("0"), "");
-    EXPECT_EQ(read("10"), ""); // the second one says how this database counts
+    EXPECT_EQ(read("10"), ""); // the second entry shows how this database counts
     EXPECT_EQ(read("2"), "");
 }
 
@@ -200,8 +200,8 @@ TEST(Xtce, LenientlyTheRestIsRead)
     const Database database = read_xtce_text(several, "s.xml", true);
     const auto names = [](const auto &things) {
         std::string all;
-        for (const auto &one : things) {
-            all += one.name + " ";
+        for (const auto &thing : things) {
+            all += thing.name + " ";
         }
         return all;
     };
@@ -209,8 +209,8 @@ TEST(Xtce, LenientlyTheRestIsRead)
     EXPECT_EQ(names(database.parameters), "a ");
     EXPECT_EQ(names(database.containers), "P ");
     std::string all;
-    for (const std::string &one : database.left_out) {
-        all += one + "\n";
+    for (const std::string &line : database.left_out) {
+        all += line + "\n";
     }
     for (const char *thing : {"/S/wide", "/S/list", "/S/w", "/S/x", "/S/Q", "/S/R", "<Bogus>"}) {
         EXPECT_THAT(all, HasSubstr(std::string("; ") + thing + " is left out\n"));
@@ -218,7 +218,7 @@ TEST(Xtce, LenientlyTheRestIsRead)
     Decoder decoder(database);
     EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{7})), "a=7");
     EXPECT_TRUE(read_xtce_text(file(integer("u8", 8), "", ""), "s.xml", true).left_out.empty());
-    EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // what is in it is not known
+    EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // its contents are not known
 }
 
 TEST(Xtce, HostileDatabasesAreRefusedSoon)
@@ -368,8 +368,8 @@ TEST(Xtce, AlarmsRangesUnitsAndVerifiersAreKept)
     EXPECT_EQ(database.commands[0].verifiers[0].stop, 60.5);
 }
 
-/// Text with random bytes changed, cut out, or repeated is read or refused; and what is read decodes. Leniently no
-/// fault is met that is not there otherwise, and what has been left out stays out.
+/// Text with random bytes changed, removed, or repeated is read or refused; a database that is read decodes. A lenient
+/// reader finds no other faults, and items that were left out stay out.
 TEST(Xtce, ChangedFilesAndPacketsAreSurvived)
 {
     const char *const given = std::getenv("FLEDGE_CASES");
@@ -420,9 +420,9 @@ TEST(Xtce, ChangedFilesAndPacketsAreSurvived)
                 for (auto &byte : packet) {
                     byte = static_cast<std::uint8_t>(random() % (random() % 2 ? 256 : 4));
                 }
-                const std::string one = text(database, fast, fast.decode(packet));
-                ASSERT_EQ(one, text(database, slow, slow.decode(packet))) << xml;
-                ASSERT_FALSE(one.empty() && !packet.empty()) << xml;
+                const std::string planned = text(database, fast, fast.decode(packet));
+                ASSERT_EQ(planned, text(database, slow, slow.decode(packet))) << xml;
+                ASSERT_FALSE(planned.empty() && !packet.empty()) << xml;
             }
             ASSERT_TRUE(read_xtce_text(xml, "s.xml", true).left_out.empty());
         } catch (const Refusal &reason) {

@@ -25,10 +25,11 @@ std::regex compiled(const Type &type, const std::string &pattern)
     }
 }
 
-/// The number that a range is of.
-std::optional<double> number_of(const Limits::Sample &one, bool calibrated)
+/// The number that is compared with a range.
+std::optional<double> number_of(const Limits::Sample &sample, bool calibrated)
 {
-    return calibrated && one.kind != Kind::label ? real_of(one.kind, one.value) : real_of(one.raw_kind, one.raw);
+    return calibrated && sample.kind != Kind::label ? real_of(sample.kind, sample.value)
+                                                    : real_of(sample.raw_kind, sample.raw);
 }
 
 } // namespace
@@ -36,26 +37,26 @@ std::optional<double> number_of(const Limits::Sample &one, bool calibrated)
 Limits::Limits(const Type &type) : low_(infinite), high_(-infinite)
 {
     for (const Alarm &alarm : type.alarms) {
-        Check made{alarm.when.what != Condition::What::always ? &alarm.when : nullptr,
-                   alarm.violations,
-                   alarm.on_change,
-                   alarm.limits,
-                   {},
-                   {},
-                   alarm.otherwise};
+        Check result{alarm.when.kind != Condition::Kind::always ? &alarm.when : nullptr,
+                     alarm.violations,
+                     alarm.on_change,
+                     alarm.limits,
+                     {},
+                     {},
+                     alarm.otherwise};
         if (type.sort == Type::Sort::enumerated && (!alarm.labels.empty() || alarm.otherwise != Concern::normal)) {
-            made.of_label.assign(type.enumerators.size(), alarm.otherwise);
+            result.of_label.assign(type.enumerators.size(), alarm.otherwise);
             for (const auto &[label, concern] : alarm.labels) {
                 for (std::size_t i = 0; i < type.enumerators.size(); i++) {
-                    made.of_label[i] = type.enumerators[i].label == label ? concern : made.of_label[i];
+                    result.of_label[i] = type.enumerators[i].label == label ? concern : result.of_label[i];
                 }
             }
         } else {
             for (const auto &[pattern, concern] : alarm.labels) {
-                made.patterns.emplace_back(compiled(type, pattern), concern);
+                result.patterns.emplace_back(compiled(type, pattern), concern);
             }
         }
-        checks_.push_back(std::move(made));
+        checks_.push_back(std::move(result));
     }
     finish();
 }
@@ -65,15 +66,15 @@ Limits::Limits(const Bands &bands, std::uint32_t persistence) : low_(infinite), 
     if (bands.empty()) {
         return;
     }
-    Check made{nullptr, std::max(persistence, 1U), false, {}, {}, {}, Concern::normal};
+    Check result{nullptr, std::max(persistence, 1U), false, {}, {}, {}, Concern::normal};
     for (const auto &[level, band] : bands) {
         if (!(band.first <= band.second)) {
             throw Refusal("a band of limits is from the lower to the higher number; found " +
                           std::to_string(band.first) + " to " + std::to_string(band.second));
         }
-        made.limits.push_back({level, Range{band.first, band.second}, false});
+        result.limits.push_back({level, Range{band.first, band.second}, false});
     }
-    checks_.push_back(std::move(made));
+    checks_.push_back(std::move(result));
     finish();
 }
 
@@ -100,21 +101,21 @@ void Limits::finish()
 
 Bands Limits::bands() const
 {
-    Bands made;
+    Bands result;
     if (!none() && checks_.back().when == nullptr && !checks_.back().on_change) {
         for (const Alarm::Limits &limit : checks_.back().limits) {
             if (!limit.inside && limit.range.calibrated) {
-                made.emplace(limit.level, std::pair(limit.range.low, limit.range.high));
+                result.emplace(limit.level, std::pair(limit.range.low, limit.range.high));
             }
         }
     }
-    return made;
+    return result;
 }
 
 Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before, Runs &runs) const
 {
-    const auto chosen = std::find_if(checks_.begin(), checks_.end(), [&](const Check &one) {
-        return one.when == nullptr || decoder.applies(*one.when);
+    const auto chosen = std::find_if(checks_.begin(), checks_.end(), [&](const Check &check) {
+        return check.when == nullptr || decoder.applies(*check.when);
     });
     Concern level = Concern::normal;
     std::uint32_t violations = 1;
@@ -135,8 +136,9 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
             const bool known = now.value < chosen->of_label.size();
             level = std::max(level, known ? chosen->of_label[now.value] : chosen->otherwise);
         } else if (!chosen->patterns.empty() && now.kind == Kind::text) {
-            const auto found = std::find_if(chosen->patterns.begin(), chosen->patterns.end(), [&](const auto &one) {
-                return now.text.size() <= most_matched && std::regex_match(now.text.begin(), now.text.end(), one.first);
+            const auto found = std::find_if(chosen->patterns.begin(), chosen->patterns.end(), [&](const auto &pattern) {
+                return now.text.size() <= most_matched &&
+                       std::regex_match(now.text.begin(), now.text.end(), pattern.first);
             });
             level = std::max(level, found != chosen->patterns.end() ? found->second : chosen->otherwise);
         }
@@ -144,20 +146,20 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
     if (depth_ == 1) {
         return level;
     }
-    Concern made = Concern::normal;
+    Concern result = Concern::normal;
     for (std::size_t i = 0; i < runs.size(); i++) {
-        const auto one = static_cast<Concern>(i + 1);
-        runs[i] = level < one ? 0 : runs[i] + (runs[i] != ~0U);
-        made = runs[i] >= violations ? one : made;
+        const auto above = static_cast<Concern>(i + 1);
+        runs[i] = level < above ? 0 : runs[i] + (runs[i] != ~0U);
+        result = runs[i] >= violations ? above : result;
     }
-    return made;
+    return result;
 }
 
 Judge::Judge(const Type &type, std::vector<Setting> settings)
     : own_(std::make_shared<Limits>(type)), limits_(own_), settings_(std::move(settings)), depth_(own_->depth())
 {
-    for (const Setting &one : settings_) {
-        depth_ = std::max(depth_, one.limits ? one.limits->depth() : 1);
+    for (const Setting &setting : settings_) {
+        depth_ = std::max(depth_, setting.limits ? setting.limits->depth() : 1);
     }
 }
 

@@ -32,17 +32,17 @@ public:
 
     /// Throws Refusal for a pattern that is no regular expression.
     explicit Limits(const Type &type);
-    /// Values are outside of the band of each level. Throws Refusal if one is upside down.
+    /// Each level's values are those outside of its band. Throws Refusal if a band's low end is above its high end.
     Limits(const Bands &bands, std::uint32_t persistence);
 
     bool none() const { return checks_.empty(); }
-    /// All is well for a number from low to high, whatever else there is.
+    /// Numbers from low to high have no concern, whatever the other values are.
     double low() const { return low_; }
     double high() const { return high_; }
-    /// The static ones without a condition.
+    /// The static limits that have no condition.
     Bands bands() const;
     std::uint32_t persistence() const { return none() ? 1 : checks_.back().violations; }
-    /// How many values a concern depends on, with its own.
+    /// On how many successive values a concern depends.
     std::uint32_t depth() const { return depth_; }
 
     /// The concern after a good value. before: the value before it, or nullptr.
@@ -56,35 +56,35 @@ private:
         std::vector<Alarm::Limits> limits;
         std::vector<Concern> of_label; ///< of each enumerator
         std::vector<std::pair<std::regex, Concern>> patterns;
-        Concern otherwise; ///< than labels and patterns
+        Concern otherwise; ///< if no label and no pattern matches
     };
 
     void finish();
 
-    std::vector<Check> checks_; ///< the first whose condition holds counts
+    std::vector<Check> checks_; ///< the first whose condition holds applies
     double low_, high_;
     std::uint32_t depth_ = 1;
 };
 
-/// The concern of one value after the other, by limits that change.
+/// The concern of successive values, by limits that change.
 class Judge {
 public:
     struct Setting {
-        std::int64_t received;                ///< [ns] UTC from which on packets are judged by
+        std::int64_t received;                ///< [ns] UTC: the limits apply to packets received from then on
         std::shared_ptr<const Limits> limits; ///< nullptr: those of the database
     };
 
-    /// type: whose limits are the database's.
+    /// type: its alarms are the limits before any setting.
     Judge(const Type &type, std::vector<Setting> settings);
 
     std::uint32_t depth() const { return depth_; }
-    /// The concern after a value, which need not be good. session: with another one, all begins anew.
+    /// The concern after a value, which need not be good. A new session resets the state.
     Concern take(Decoder &decoder, const Limits::Sample &sample, std::int64_t received, std::uint32_t session);
 
 private:
     void judge(Decoder &decoder, const Limits::Sample &sample, const Limits::Sample *before);
 
-    std::shared_ptr<const Limits> own_, limits_; ///< of the database, and in force
+    std::shared_ptr<const Limits> own_, limits_; ///< those of the database; those in force
     std::vector<Setting> settings_;
     std::size_t next_ = 0;
     std::uint32_t session_ = 0, depth_ = 1;

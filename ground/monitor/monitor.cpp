@@ -17,21 +17,21 @@ bool is_bytes(Kind kind)
     return kind == Kind::text || kind == Kind::binary;
 }
 
-bool is_there(const Newest &one)
+bool is_there(const Newest &newest)
 {
-    return one.status == Status::good || one.status == Status::unlabelled;
+    return newest.status == Status::good || newest.status == Status::unlabelled;
 }
 
 template <class Unsigned> void store(char *to, Unsigned number)
 {
-    for (std::size_t i = 0; i < sizeof number; i++) { // which a compiler makes one store
+    for (std::size_t i = 0; i < sizeof number; i++) { // compilers emit a single store
         to[i] = static_cast<char>(number >> 8 * i & 0xFF);
     }
 }
 
 } // namespace
 
-/// What take() knows of a slot.
+/// The state of a slot that only take() uses.
 struct Monitor::Live {
     Newest newest;
     double low = -infinite, high = infinite; ///< a number between them needs neither limits nor triggers
@@ -39,7 +39,7 @@ struct Monitor::Live {
 
 struct Monitor::Trigger {
     std::vector<std::uint32_t> inputs;
-    std::vector<std::uint64_t> pending, rows; ///< until they are saved, and then
+    std::vector<std::uint64_t> pending, rows; ///< rows of the batch; rows of saved batches
 };
 
 /// A verifier of a command that was sent.
@@ -49,25 +49,26 @@ struct Monitor::Expected {
     std::vector<Id> parameters; ///< of the condition or the change
     std::optional<double> before;
 
-    /// With the arguments of the command in the condition.
-    void compile(Condition &one, const std::map<std::string, std::string> &arguments)
+    /// Replace arguments in the condition by the values of the command that was sent.
+    void compile(Condition &comparison, const std::map<std::string, std::string> &arguments)
     {
-        for (Condition &part : one.parts) {
+        for (Condition &part : comparison.parts) {
             compile(part, arguments);
         }
-        if (one.what != Condition::What::compare) {
+        if (comparison.kind != Condition::Kind::compare) {
             return;
         }
-        for (const Reference *side : {&one.left, &one.right}) {
+        for (const Reference *side : {&comparison.left, &comparison.right}) {
             if (side->of == Reference::Of::parameter) {
                 parameters.push_back(side->parameter);
-            } else if (side->of == Reference::Of::argument && (side == &one.left || !arguments.contains(side->name))) {
+            } else if (side->of == Reference::Of::argument &&
+                       (side == &comparison.left || !arguments.contains(side->name))) {
                 throw Refusal("it compares " + side->name + ", which is not known here");
             }
         }
-        if (one.right.of == Reference::Of::argument) {
-            one.literal = literal_of(arguments.at(one.right.name));
-            one.right = {};
+        if (comparison.right.of == Reference::Of::argument) {
+            comparison.literal = literal_of(arguments.at(comparison.right.name));
+            comparison.right = {};
         }
     }
 };
@@ -81,7 +82,7 @@ Monitor::Monitor(const Database &database, Id root)
 
 Monitor::~Monitor() = default;
 
-/// Places for the slots that are new. Under both locks.
+/// Make room for new slots. The caller holds both locks.
 void Monitor::grow()
 {
     const std::size_t n = slots_.all().size();
@@ -110,8 +111,9 @@ void Monitor::arm(std::uint32_t slot)
     const auto &runs = runs_[slot];
     const bool uneasy = live.newest.concern != Concern::normal || runs != decltype(runs_)::value_type{};
     const bool all = limits == nullptr || limits->none();
-    const Slot &what = slots_.all()[slot];
-    const bool bytes = is_bytes(what.kind) || (what.type != no_id && is_bytes(raw_kind(db_.types[what.type].encoding)));
+    const Slot &place = slots_.all()[slot];
+    const bool bytes =
+        is_bytes(place.kind) || (place.type != no_id && is_bytes(raw_kind(db_.types[place.type].encoding)));
     live.low = uneasy || bytes || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low();
     live.high = all ? infinite : limits->high();
 }
@@ -129,11 +131,11 @@ void Monitor::watch(std::span<const Id> containers)
     std::fill(watched_.begin(), watched_.end(), false);
     std::vector<Id> all(containers.begin(), containers.end());
     while (!all.empty()) {
-        const Id one = all.back();
+        const Id id = all.back();
         all.pop_back();
-        if (!watched_[one]) {
-            watched_[one] = true;
-            all.insert(all.end(), db_.containers[one].heirs.begin(), db_.containers[one].heirs.end());
+        if (!watched_[id]) {
+            watched_[id] = true;
+            all.insert(all.end(), db_.containers[id].heirs.begin(), db_.containers[id].heirs.end());
         }
     }
 }
@@ -145,14 +147,14 @@ std::uint32_t Monitor::expect(Id command, std::size_t verifier, const std::map<s
         throw Refusal(verifier >= all.size() ? "there is no such verifier"
                                              : "the algorithm " + all[verifier]->algorithm + " is not computed here");
     }
-    Expected made{all[verifier], all[verifier]->condition, {}, {}};
-    made.compile(made.condition, arguments);
+    Expected result{all[verifier], all[verifier]->condition, {}, {}};
+    result.compile(result.condition, arguments);
     const std::lock_guard taking(taking_);
-    if (made.verifier->changes.of != Reference::Of::nothing) {
-        made.parameters.push_back(made.verifier->changes.parameter);
-        made.before = decoder_.real(made.verifier->changes);
+    if (result.verifier->changes.of != Reference::Of::nothing) {
+        result.parameters.push_back(result.verifier->changes.parameter);
+        result.before = decoder_.real(result.verifier->changes);
     }
-    expected_.emplace(++expectations_, std::move(made));
+    expected_.emplace(++expectations_, std::move(result));
     return expectations_;
 }
 
@@ -162,17 +164,17 @@ void Monitor::forget(std::uint32_t number)
     expected_.erase(number);
 }
 
-/// Note the verifiers that the newest packet fulfils.
+/// Add a note for each verifier that the newest packet fulfils.
 void Monitor::verify(const Decoded &packet, std::int64_t t, std::vector<Note> &notes)
 {
-    for (auto &[number, one] : expected_) {
-        const Verifier &verifier = *one.verifier;
+    for (auto &[number, expected] : expected_) {
+        const Verifier &verifier = *expected.verifier;
         Id container = packet.container;
         while (container != no_id && container != verifier.container) {
             container = db_.containers[container].base;
         }
         const bool brings =
-            std::any_of(packet.fields.begin(), packet.fields.end(), [&parameters = one.parameters](auto &field) {
+            std::any_of(packet.fields.begin(), packet.fields.end(), [&parameters = expected.parameters](auto &field) {
                 return std::find(parameters.begin(), parameters.end(), field.parameter) != parameters.end();
             });
         if (verifier.container != no_id ? container == no_id : !brings) {
@@ -180,15 +182,15 @@ void Monitor::verify(const Decoded &packet, std::int64_t t, std::vector<Note> &n
         }
         if (verifier.changes.of != Reference::Of::nothing) {
             const auto now = decoder_.real(verifier.changes);
-            one.before = one.before ? one.before : now;
-            const double change = now ? *now - *one.before : 0;
+            expected.before = expected.before ? expected.before : now;
+            const double change = now ? *now - *expected.before : 0;
             if (verifier.change > 0 ? !(change >= verifier.change) : !(change <= verifier.change && change != 0)) {
                 continue;
             }
         }
-        if (one.condition.what == Condition::What::always || decoder_.applies(one.condition)) {
+        if (expected.condition.kind == Condition::Kind::always || decoder_.applies(expected.condition)) {
             notes.push_back(
-                {.what = Note::What::verified,
+                {.kind = Note::Kind::verified,
                  .slot = number,
                  .t = t,
                  .text = verifier.returns.of != Reference::Of::nothing ? decoder_.words(verifier.returns) : ""});
@@ -217,18 +219,18 @@ std::vector<Note> Monitor::take(std::span<const Arrival> batch)
         const bool whole = packet.container != no_id && packet.reason.empty();
         keep([&] { sink_->put(arrival, whole ? packet.container : no_id); });
         if (!whole) {
-            notes.push_back({.what = Note::What::undecoded, .t = arrival.t, .packet = i, .text = packet.reason});
+            notes.push_back({.kind = Note::Kind::undecoded, .t = arrival.t, .packet = i, .text = packet.reason});
             continue;
         }
         if (watched_[packet.container]) {
-            notes.push_back({.what = Note::What::watched, .t = arrival.t, .packet = i, .container = packet.container});
+            notes.push_back({.kind = Note::Kind::watched, .t = arrival.t, .packet = i, .container = packet.container});
         }
         apply(packet, arrival, notes);
         verify(packet, arrival.t, notes);
     }
     keep([&] { sink_->save(); });
     if (problem != problem_) {
-        notes.push_back({.what = Note::What::archive, .text = problem});
+        notes.push_back({.kind = Note::Kind::archive, .text = problem});
         problem_ = problem;
     }
     if (!batch.empty()) {
@@ -247,7 +249,7 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
         const std::lock_guard shown(shown_);
         slots = slots_.of(packet);
         if (slots_.all().size() > live_.size()) {
-            notes.push_back({.what = Note::What::slots, .slot = static_cast<std::uint32_t>(live_.size())});
+            notes.push_back({.kind = Note::Kind::slots, .slot = static_cast<std::uint32_t>(live_.size())});
             grow();
         }
     }
@@ -260,7 +262,7 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
         if (slot == no_id) {
             if (!full_) {
                 full_ = true;
-                notes.push_back({.what = Note::What::full,
+                notes.push_back({.kind = Note::Kind::full,
                                  .text = "there are " + std::to_string(Slots::most) +
                                          " values of the telemetry, and more are not shown; the first one is " +
                                          decoder_.name(packet, i)});
@@ -288,7 +290,7 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
     write_rows(arrival.t);
 }
 
-/// The next value of a slot: compare it with the last one, check its limits.
+/// Store the next value of a slot and check its limits.
 void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet,
                    std::vector<Note> &notes)
 {
@@ -314,7 +316,7 @@ void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, cons
     live.newest = next;
 }
 
-/// The concern of a value, and the triggers that it feeds.
+/// Judge a value, and fire the triggers that it feeds.
 void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes)
 {
     for (const std::uint32_t trigger : feeds_[slot]) {
@@ -327,8 +329,8 @@ void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *
         return;
     }
     const Newest &before = live_[slot].newest;
-    const auto sample = [&](const Newest &one) {
-        return Limits::Sample{kind, one.raw_kind, one.status, one.raw, one.value, {}};
+    const auto sample = [&](const Newest &newest) {
+        return Limits::Sample{kind, newest.raw_kind, newest.status, newest.raw, newest.value, {}};
     };
     Limits::Sample sampled = sample(next), last{};
     if (kind == Kind::text) {
@@ -340,7 +342,7 @@ void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *
     }
     const Concern now = limits->judge(decoder_, sampled, follows ? &last : nullptr, runs_[slot]);
     if (now != next.concern) {
-        notes.push_back({.what = Note::What::concern, .slot = slot, .t = next.t, .old = next.concern, .now = now});
+        notes.push_back({.kind = Note::Kind::concern, .slot = slot, .t = next.t, .old = next.concern, .now = now});
     }
     next.concern = live_[slot].newest.concern = now;
     arm(slot);
@@ -348,8 +350,8 @@ void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *
 
 void Monitor::write_rows(std::int64_t t)
 {
-    for (const std::uint32_t one : fired_) {
-        Trigger &trigger = triggers_[one];
+    for (const std::uint32_t id : fired_) {
+        Trigger &trigger = triggers_[id];
         if (!std::all_of(trigger.inputs.begin(), trigger.inputs.end(),
                          [&](std::uint32_t slot) { return live_[slot].newest.count > 0; })) {
             continue;
@@ -364,7 +366,7 @@ void Monitor::write_rows(std::int64_t t)
     fired_.clear();
 }
 
-/// Show the values of this batch to readers.
+/// Publish the values of this batch to readers.
 void Monitor::publish(std::int64_t t, std::vector<Note> &notes)
 {
     const std::lock_guard shown(shown_);
@@ -380,7 +382,7 @@ void Monitor::publish(std::int64_t t, std::vector<Note> &notes)
             if (trigger.rows.size() > most_words) {
                 trigger.rows.clear();
                 notes.push_back(
-                    {.what = Note::What::full, .text = "rows of derived parameters were not collected in time"});
+                    {.kind = Note::Kind::full, .text = "rows of derived parameters were not collected in time"});
             }
             trigger.rows.insert(trigger.rows.end(), trigger.pending.begin(), trigger.pending.end());
             trigger.pending.clear();
@@ -404,11 +406,11 @@ std::optional<Monitor::Shown> Monitor::newest(std::uint32_t slot) const
 {
     const std::lock_guard shown(shown_);
     check(slot);
-    const Newest &one = newest_[slot];
-    if (one.count == 0) {
+    const Newest &value = newest_[slot];
+    if (value.count == 0) {
         return std::nullopt;
     }
-    return one.text == no_id ? Shown{one, "", ""} : Shown{one, texts_[one.text].raw, texts_[one.text].value};
+    return value.text == no_id ? Shown{value, "", ""} : Shown{value, texts_[value.text].raw, texts_[value.text].value};
 }
 
 Slot Monitor::slot(std::uint32_t slot) const
@@ -434,25 +436,25 @@ Frame Monitor::changes(std::uint64_t since, std::optional<std::span<const std::u
 {
     constexpr std::size_t head = 32, row = 24;
     const std::lock_guard shown(shown_);
-    Frame made;
-    made.version = version_;
-    made.bytes.resize(head + row * (slots ? slots->size() : newest_.size()));
+    Frame result;
+    result.version = version_;
+    result.bytes.resize(head + row * (slots ? slots->size() : newest_.size()));
     std::string texts;
-    char *to = made.bytes.data() + head;
+    char *to = result.bytes.data() + head;
     const auto add = [&](std::uint32_t slot) {
-        const Newest &one = newest_[slot];
-        if (one.version <= since) {
+        const Newest &newest = newest_[slot];
+        if (newest.version <= since) {
             return;
         }
-        std::uint64_t word = one.status == Status::unlabelled ? one.raw : one.value;
-        if (one.text != no_id && is_bytes(slots_.all()[slot].kind)) {
-            const std::string &text = texts_[one.text].value;
+        std::uint64_t word = newest.status == Status::unlabelled ? newest.raw : newest.value;
+        if (newest.text != no_id && is_bytes(slots_.all()[slot].kind)) {
+            const std::string &text = texts_[newest.text].value;
             word = slice(texts.size(), text.size());
             texts += text;
         }
         store(to, slot);
-        store(to + 4, static_cast<std::uint32_t>(one.concern) | static_cast<std::uint32_t>(one.status) << 8);
-        store(to + 8, static_cast<std::uint64_t>(one.t));
+        store(to + 4, static_cast<std::uint32_t>(newest.concern) | static_cast<std::uint32_t>(newest.status) << 8);
+        store(to + 8, static_cast<std::uint64_t>(newest.t));
         store(to + 16, word);
         to += row;
     };
@@ -466,16 +468,16 @@ Frame Monitor::changes(std::uint64_t since, std::optional<std::span<const std::u
             add(slot);
         }
     }
-    const auto size = static_cast<std::size_t>(to - made.bytes.data());
-    to = made.bytes.data();
+    const auto size = static_cast<std::size_t>(to - result.bytes.data());
+    to = result.bytes.data();
     store(to, 0x31444C46U); // "FLD1"
     store(to + 8, version_);
     store(to + 16, static_cast<std::uint64_t>(t_));
     store(to + 24, static_cast<std::uint32_t>((size - head) / row));
     store(to + 28, static_cast<std::uint32_t>(texts.size()));
-    made.bytes.resize(size);
-    made.bytes += texts;
-    return made;
+    result.bytes.resize(size);
+    result.bytes += texts;
+    return result;
 }
 
 std::uint32_t Monitor::find(const std::string &name) const
@@ -487,17 +489,17 @@ std::uint32_t Monitor::find(const std::string &name) const
 std::vector<Monitor::Described> Monitor::slots(std::uint32_t first, std::uint32_t most) const
 {
     const std::lock_guard shown(shown_);
-    std::vector<Described> made;
+    std::vector<Described> result;
     for (std::size_t i = first; i < slots_.all().size() && i - first < most; i++) {
         const Limits *limits = limits_[i].get();
         const auto replaced = replaced_.find(static_cast<std::uint32_t>(i));
-        made.push_back({slots_.all()[i], limits != nullptr ? limits->bands() : Bands(),
-                        limits != nullptr ? limits->persistence() : 1, std::nullopt});
+        result.push_back({slots_.all()[i], limits != nullptr ? limits->bands() : Bands(),
+                          limits != nullptr ? limits->persistence() : 1, std::nullopt});
         if (replaced != replaced_.end()) {
-            made.back().replaced = replaced->second ? replaced->second->bands() : Bands();
+            result.back().replaced = replaced->second ? replaced->second->bands() : Bands();
         }
     }
-    return made;
+    return result;
 }
 
 // --- limits and derived slots
@@ -528,7 +530,7 @@ std::vector<Note> Monitor::set_limits(std::uint32_t slot, const std::optional<Ba
     touched_.assign(1, slot);
     next.version = version_ + 1;
     if ((!limits_[slot] || limits_[slot]->none()) && next.concern != Concern::normal) {
-        notes.push_back({.what = Note::What::concern, .slot = slot, .t = next.t, .old = next.concern});
+        notes.push_back({.kind = Note::Kind::concern, .slot = slot, .t = next.t, .old = next.concern});
         next.concern = Concern::normal;
     } else if (is_there(next)) {
         judge(slot, slots_.all()[slot].kind, next, nullptr, notes);
@@ -544,14 +546,14 @@ std::uint32_t Monitor::trigger(std::vector<std::uint32_t> inputs)
 {
     const std::lock_guard taking(taking_);
     const std::lock_guard shown(shown_);
-    const auto made = static_cast<std::uint32_t>(triggers_.size());
+    const auto result = static_cast<std::uint32_t>(triggers_.size());
     std::for_each(inputs.begin(), inputs.end(), [&](std::uint32_t slot) { check(slot); });
     for (const std::uint32_t slot : inputs) {
-        feeds_[slot].push_back(made);
+        feeds_[slot].push_back(result);
         arm(slot);
     }
     triggers_.push_back({std::move(inputs), {}, {}});
-    return made;
+    return result;
 }
 
 std::vector<std::uint64_t> Monitor::rows(std::uint32_t trigger)

@@ -9,7 +9,7 @@ namespace monitor_test {
 
 using testing::Bytes;
 
-/// Keeps packets as text, and looks at what a reader sees.
+/// Stores packets as text, and checks what a reader sees.
 class Sink final : public PacketSink {
 public:
     explicit Sink(const Monitor &monitor) : monitor_(monitor) {}
@@ -47,17 +47,17 @@ private:
 
 const Database &database()
 {
-    static const Database made =
+    static const Database result =
         read_xtce_text(testing::file(testing::integer("u8", 8), "x:u8 y:u8", testing::container("P", "x y")), "s.xml");
-    return made;
+    return result;
 }
 
-std::string said(const std::vector<Note> &notes)
+std::string summary(const std::vector<Note> &notes)
 {
     std::string all;
     for (const Note &note : notes) {
-        all += note.what == Note::What::archive     ? "archive: " + note.text
-               : note.what == Note::What::undecoded ? "undecoded: " + note.text
+        all += note.kind == Note::Kind::archive     ? "archive: " + note.text
+               : note.kind == Note::Kind::undecoded ? "undecoded: " + note.text
                                                     : "other";
     }
     return all;
@@ -77,27 +77,27 @@ TEST(Monitor, ABatchIsSavedBeforeItIsShown)
     Monitor monitor(database());
     Sink sink(monitor);
     monitor.sink(&sink);
-    EXPECT_EQ(said(take(monitor, {{1, 1}, {2, 2}, {3}})), "undecoded: the packet ends within y");
+    EXPECT_EQ(summary(take(monitor, {{1, 1}, {2, 2}, {3}})), "undecoded: the packet ends within y");
     EXPECT_EQ(sink.text, "1 2 3? saved ");
-    EXPECT_EQ(said(take(monitor, {{4, 4}})), "");
+    EXPECT_EQ(summary(take(monitor, {{4, 4}})), "");
     EXPECT_EQ(sink.shown, "- - - - 2 2 ");
     EXPECT_EQ(monitor.newest(0)->newest.value, 4U);
 }
 
-TEST(Monitor, AnArchiveThatFailsIsNotedOnceAndTelemetryGoesOn)
+TEST(Monitor, AFailingArchiveIsReportedOnceAndTelemetryGoesOn)
 {
     Monitor monitor(database());
     Sink sink(monitor);
     monitor.sink(&sink);
     sink.full = true;
-    EXPECT_EQ(said(take(monitor, {{1, 1}, {2, 2}})), "archive: the disk is full");
-    EXPECT_EQ(said(take(monitor, {{3, 3}})), "");
+    EXPECT_EQ(summary(take(monitor, {{1, 1}, {2, 2}})), "archive: the disk is full");
+    EXPECT_EQ(summary(take(monitor, {{3, 3}})), "");
     EXPECT_EQ(monitor.newest(1)->newest.value, 3U);
     sink.full = false;
-    EXPECT_EQ(said(take(monitor, {{4, 4}})), "archive: ");
+    EXPECT_EQ(summary(take(monitor, {{4, 4}})), "archive: ");
     EXPECT_EQ(sink.text, "4 saved ");
     monitor.sink(nullptr);
-    EXPECT_EQ(said(take(monitor, {{5, 5}})), "");
+    EXPECT_EQ(summary(take(monitor, {{5, 5}})), "");
     EXPECT_EQ(monitor.newest(0)->newest.count, 5U);
 }
 
@@ -117,7 +117,7 @@ TEST(Monitor, RowsThatAreNotCollectedAreDroppedWithANote)
 
 TEST(Slots, NamesAreTheAliasOrTheOnlyNameOrThePath)
 {
-    const Database made = read_xtce_text(
+    const Database result = read_xtce_text(
         "<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>" + testing::integer("u8", 8) +
             "<AggregateParameterType name='g'><MemberList><Member name='m' typeRef='u8'/></MemberList>"
             "</AggregateParameterType><ArrayParameterType name='l' arrayTypeRef='g'><DimensionList><Dimension>"
@@ -131,11 +131,11 @@ TEST(Slots, NamesAreTheAliasOrTheOnlyNameOrThePath)
             "name='b' parameterTypeRef='u8'/></ParameterSet><ContainerSet>" +
             testing::container("Q", "b") + "</ContainerSet></TelemetryMetaData></SpaceSystem></SpaceSystem>",
         "s.xml");
-    const Slots slots(made);
+    const Slots slots(result);
     std::string all;
-    for (const Slot &one : slots.all()) {
-        all += one.name + " ";
-        EXPECT_EQ(slots.find(one.path), slots.find(one.name));
+    for (const Slot &slot : slots.all()) {
+        all += slot.name + " ";
+        EXPECT_EQ(slots.find(slot.path), slots.find(slot.name));
     }
     EXPECT_EQ(all, "flight.a[0].m flight.a[1].m /S/b /S/T/b ");
     EXPECT_EQ(slots.find("unused"), no_id);
@@ -144,14 +144,14 @@ TEST(Slots, NamesAreTheAliasOrTheOnlyNameOrThePath)
 /// A text whose encoding is a number is a number: there are no bytes to show.
 TEST(Slots, ATextThatIsEncodedAsANumberHasItsNumber)
 {
-    const Database made =
+    const Database result =
         read_xtce_text(testing::file("<StringParameterType name='t'><IntegerDataEncoding sizeInBits='32'/>"
                                      "</StringParameterType><BinaryParameterType name='b'><FloatDataEncoding "
                                      "sizeInBits='32'/></BinaryParameterType>",
                                      "x:t y:b", testing::container("P", "x y")),
                        "s.xml");
-    Monitor monitor(made);
-    EXPECT_EQ(said(take(monitor, {Bytes(8, 0xFF)})), "");
+    Monitor monitor(result);
+    EXPECT_EQ(summary(take(monitor, {Bytes(8, 0xFF)})), "");
     EXPECT_EQ(monitor.slots(0)[0].slot.kind, Kind::natural);
     EXPECT_EQ(monitor.slots(0)[1].slot.kind, Kind::real);
     EXPECT_EQ(monitor.newest(0)->newest.value, 0xFFFFFFFFU);

@@ -26,13 +26,13 @@ Slots::Slots(const Database &database)
       known_(db_.containers.size())
 {
     std::unordered_map<std::string, int> count;
-    for (const Parameter &one : db_.parameters) {
-        count[one.name]++;
+    for (const Parameter &parameter : db_.parameters) {
+        count[parameter.name]++;
     }
     for (std::size_t i = 0; i < names_.size(); i++) {
-        const Parameter &one = db_.parameters[i];
-        names_[i] = count[one.name] == 1 ? one.name : one.path;
-        for (const auto &[space, alias] : one.aliases) {
+        const Parameter &parameter = db_.parameters[i];
+        names_[i] = count[parameter.name] == 1 ? parameter.name : parameter.path;
+        for (const auto &[space, alias] : parameter.aliases) {
             if (space == "Fledge") {
                 names_[i] = alias;
             }
@@ -40,7 +40,7 @@ Slots::Slots(const Database &database)
     }
     for (const Container &container : db_.containers) {
         for (const Entry &entry : container.entries) {
-            if (!container.of_command && entry.what == Entry::What::parameter) {
+            if (!container.of_command && entry.kind == Entry::Kind::parameter) {
                 lay(container, entry.id, db_.parameters[entry.id].type, entry.id, "", &entry.dimensions);
             }
         }
@@ -62,7 +62,7 @@ void Slots::lay(const Container &container, Id parameter, Id id, std::uint32_t b
         for (std::uint32_t i = 0; i < n && all_.size() < most; i++) {
             lay(container, parameter, type.element, child(branch, i), suffix + "[" + std::to_string(i) + "]", nullptr);
         }
-    } else if (type.encoding.what != Encoding::What::none) {
+    } else if (type.encoding.kind != Encoding::Kind::none) {
         leaf(branch, parameter, id, static_cast<Id>(&container - db_.containers.data()), suffix);
     }
 }
@@ -108,11 +108,11 @@ std::uint32_t Slots::find(const std::string &name) const
 
 std::uint32_t Slots::seek(const Decoded &packet, std::size_t field)
 {
-    const Field &one = packet.fields[field];
-    std::uint32_t branch = one.parameter;
-    if (one.node != 0) {
+    const Field &decoded = packet.fields[field];
+    std::uint32_t branch = decoded.parameter;
+    if (decoded.node != 0) {
         steps_.clear();
-        for (std::uint32_t node = one.node; node != 0; node = packet.nodes[node].parent) {
+        for (std::uint32_t node = decoded.node; node != 0; node = packet.nodes[node].parent) {
             steps_.push_back(packet.nodes[node].place);
         }
         for (std::size_t i = steps_.size(); i-- > 0;) {
@@ -125,7 +125,7 @@ std::uint32_t Slots::seek(const Decoded &packet, std::size_t field)
         }
     }
     if (branches_[branch].slot == no_id) {
-        return leaf(branch, one.parameter, one.type, packet.container, suffix(db_, packet, field));
+        return leaf(branch, decoded.parameter, decoded.type, packet.container, suffix(db_, packet, field));
     }
     return branches_[branch].slot;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The places of values: one for each leaf of each parameter of telemetry. The leaves of arrays of varying size get
-// theirs when a packet has them first.
+// The slots of values: one for each leaf of each parameter of telemetry. The leaves of arrays of varying size get slots
+// when the first packet has them.
 #pragma once
 
 #include "ground/database/decoder.h"
@@ -10,14 +10,13 @@
 namespace fledge::ground {
 
 struct Slot {
-    std::string
-        name; ///< the alias in the name space Fledge, else the name if it is the only one, else the path; ".a[3]"
+    std::string name; ///< the alias in the name space Fledge, else the name if it is unique, else the path; ".a[3]"
     std::string path;
     Id parameter = no_id;
     Id type = no_id;
-    Id container = no_id; ///< the first one that has it
+    Id container = no_id; ///< the first that has it
     Kind kind = Kind::none;
-    std::string unit{}, description{}; ///< of one that is no parameter
+    std::string unit{}, description{}; ///< only if it is no parameter
 };
 
 class Slots {
@@ -29,13 +28,13 @@ public:
     /// The slot of each field, until the next call; no_id: there are `most` without it.
     std::span<const std::uint32_t> of(const Decoded &packet);
 
-    /// Whether `of` only reads, as for a planned packet whose container came before.
+    /// Whether `of` adds no slots: a planned packet of this container came before.
     bool knows(const Decoded &packet) const { return packet.planned && known_[packet.container]; }
 
-    /// By its name or path; no_id: none.
+    /// The slot with this name or path; no_id: none.
     std::uint32_t find(const std::string &name) const;
 
-    /// One that is no parameter. Throws Refusal if the name is taken.
+    /// Add a slot that is no parameter. Throws Refusal if the name is taken.
     std::uint32_t add(Slot slot);
 
     const std::deque<Slot> &all() const { return all_; }
@@ -43,7 +42,7 @@ public:
 private:
     struct Branch {
         std::uint32_t slot = no_id;
-        std::vector<std::uint32_t> children; ///< of each member or element; no_id: none yet
+        std::vector<std::uint32_t> children; ///< branches of members or elements; no_id: none yet
     };
 
     void lay(const Container &container, Id parameter, Id type, std::uint32_t branch, const std::string &suffix,
@@ -55,9 +54,9 @@ private:
     const Database &db_;
     std::deque<Slot> all_;
     std::vector<std::string> names_; ///< of each parameter
-    std::vector<Branch> branches_;   ///< the first ones are the parameters
+    std::vector<Branch> branches_;   ///< the parameters come first
     std::unordered_map<std::string, std::uint32_t> by_name_;
-    std::vector<std::vector<std::uint32_t>> tables_; ///< of each container's planned packets
+    std::vector<std::vector<std::uint32_t>> tables_; ///< slots of the fields of each container's planned packets
     std::vector<bool> known_;
     std::vector<std::uint32_t> table_, steps_;
 };

@@ -28,7 +28,7 @@ std::atomic<long> synced{0}; ///< [bytes] of the file
 
 } // namespace
 
-/// Instead of that of the C library, which it calls.
+/// Replaces the C library's function, and calls it.
 extern "C" int fdatasync(int fd)
 {
     struct stat about {};
@@ -54,7 +54,7 @@ using ::testing::HasSubstr;
 constexpr std::int64_t second = 1'000'000'000, utc = 1'790'000'000 * second;
 constexpr Id power = 1, thermal = 2; ///< of containers
 
-/// A header with an identifier; a container of 1 with a count and an array of two; one of 2 with a temperature.
+/// A header with an identifier; container 1 has a count and an array of two, container 2 a temperature.
 std::string xml(const std::string &more = "")
 {
     return file(integer("u8", 8) + integer("u32", 32) +
@@ -90,9 +90,9 @@ protected:
     std::vector<std::string> files() const
     {
         std::vector<std::string> all;
-        for (const auto &one : fs::directory_iterator(folder + "/craft")) {
-            if (one.path().filename() != "lock") {
-                all.push_back(one.path().filename());
+        for (const auto &entry : fs::directory_iterator(folder + "/craft")) {
+            if (entry.path().filename() != "lock") {
+                all.push_back(entry.path().filename());
             }
         }
         std::sort(all.begin(), all.end());
@@ -134,17 +134,17 @@ TEST_F(Archive, EachPacketIsInTheFileOfItsPeriodAndComesBack)
     EXPECT_EQ(files(),
               (std::vector<std::string>{"000001-0.mcap", "000001-100000000000.mcap", "000001-200000000000.mcap.part"}));
     for (const bool open : {true, false}) {
-        const auto found = all();
-        ASSERT_EQ(found.size(), 250u + 25 + 1);
-        EXPECT_EQ(found[1].container, "/S/Thermal");
-        EXPECT_EQ(found[2].t, second);
-        EXPECT_EQ(found[2].received, utc + second);
-        EXPECT_EQ(found[2].bytes, power_packet(1));
-        EXPECT_EQ(found.back().container, "");
+        const auto packets = all();
+        ASSERT_EQ(packets.size(), 250u + 25 + 1);
+        EXPECT_EQ(packets[1].container, "/S/Thermal");
+        EXPECT_EQ(packets[2].t, second);
+        EXPECT_EQ(packets[2].received, utc + second);
+        EXPECT_EQ(packets[2].bytes, power_packet(1));
+        EXPECT_EQ(packets.back().container, "");
         History past = history(db);
         const auto sessions = past.sessions();
         ASSERT_EQ(sessions.size(), 1u);
-        EXPECT_EQ(sessions[0].packets, found.size());
+        EXPECT_EQ(sessions[0].packets, packets.size());
         EXPECT_EQ(sessions[0].first, 0);
         EXPECT_EQ(sessions[0].last, 250 * second);
         EXPECT_EQ(sessions[0].ended, open ? "" : "closed");
@@ -184,22 +184,22 @@ TEST_F(Archive, SeriesAreTheValuesOfTheDecoder)
     EXPECT_EQ(part[0].value.back(), 105);
     // Buckets have the extremes of their values and the last one.
     for (const std::size_t points : {1, 7, 50, 249, 1000}) {
-        const auto made = past.series({"cell[1]"}, {}, points)[0];
-        ASSERT_LE(made.t.size(), points);
+        const auto series = past.series({"cell[1]"}, {}, points)[0];
+        ASSERT_LE(series.t.size(), points);
         std::size_t from = 0;
-        for (std::size_t k = 0; k < made.t.size(); k++) {
-            const auto to = static_cast<std::size_t>(made.t[k] / second);
+        for (std::size_t k = 0; k < series.t.size(); k++) {
+            const auto to = static_cast<std::size_t>(series.t[k] / second);
             double low = 1e9, high = -1e9;
             for (; from <= to; from++) {
                 low = std::min(low, double(from % 200)), high = std::max(high, double(from % 200));
             }
-            EXPECT_EQ(made.low[k], low);
-            EXPECT_EQ(made.high[k], high);
-            EXPECT_EQ(made.value[k], double(to % 200));
+            EXPECT_EQ(series.low[k], low);
+            EXPECT_EQ(series.high[k], high);
+            EXPECT_EQ(series.value[k], double(to % 200));
         }
         EXPECT_EQ(from, 250u);
     }
-    // Rows begin when all inputs were seen, and hold what is older.
+    // Rows begin when each input has had a value, and repeat the newest.
     const auto rows = past.rows({"temperature", "count"}, {5 * second, 12 * second}).values;
     ASSERT_EQ(rows.size(), 3u * 3);
     EXPECT_EQ(std::bit_cast<std::int64_t>(rows[0]), 10 * second);
@@ -365,26 +365,26 @@ TEST_F(Archive, AFileOfWhichNothingWasSavedIsNotMissed)
     std::ifstream in(name, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(in), {}};
     const std::size_t at = PacketFile(name).chunks.at(0).at, head = 49;
-    std::vector<std::string> left; // by a program that was killed while it began the file, or saved the first time
+    std::vector<std::string> left; // files of programs that were killed while they began the file or saved first
     for (std::size_t n = 0; n <= at; n++) {
         left.push_back(bytes.substr(0, n));
     }
     for (std::size_t n = 1; n <= bytes.size() - at - head; n++) { // the head of a chunk goes last
         left.push_back(bytes.substr(0, at) + std::string(head, '\0') + bytes.substr(at + head, n));
     }
-    for (const std::string &one : left) {
-        std::ofstream(name, std::ios::binary) << one;
+    for (const std::string &path : left) {
+        std::ofstream(name, std::ios::binary) << path;
         for (const auto &session : history(db).sessions()) {
             EXPECT_TRUE(session.gaps.empty()) << session.gaps[0].why;
             EXPECT_EQ(session.packets, 0u);
         }
         PacketArchive(folder, "craft", db, second);
-        EXPECT_TRUE(files().empty()) << files()[0] << " of " << one.size() << " bytes, " << at;
+        EXPECT_TRUE(files().empty()) << files()[0] << " of " << path.size() << " bytes, " << at;
         fs::remove(name);
     }
 }
 
-TEST_F(Archive, WhatWasSavedOutlivesAnyKill)
+TEST_F(Archive, SavedPacketsOutliveAnyKill)
 {
     std::mt19937 random(7);
     std::vector<std::uint32_t> saved; // of each session
@@ -405,7 +405,7 @@ TEST_F(Archive, WhatWasSavedOutlivesAnyKill)
             saved.push_back(static_cast<std::uint32_t>(n));
         }
     }
-    // As it is left, and made whole by the next writer.
+    // First as the killed program left it, then completed by the next writer.
     for (const bool recovered : {false, true}) {
         std::unique_ptr<PacketArchive> next;
         if (recovered) {
@@ -417,14 +417,14 @@ TEST_F(Archive, WhatWasSavedOutlivesAnyKill)
         History past = history(db);
         std::uint64_t total = 0;
         for (const auto &session : past.sessions()) {
-            const auto found = all(session.number);
+            const auto packets = all(session.number);
             EXPECT_EQ(session.ended, "killed");
-            EXPECT_EQ(session.packets, found.size());
+            EXPECT_EQ(session.packets, packets.size());
             EXPECT_TRUE(session.gaps.empty()) << session.gaps[0].why;
-            for (std::size_t i = 0; i < found.size(); i++) {
-                ASSERT_EQ(found[i].bytes, power_packet(static_cast<std::uint32_t>(i)));
+            for (std::size_t i = 0; i < packets.size(); i++) {
+                ASSERT_EQ(packets[i].bytes, power_packet(static_cast<std::uint32_t>(i)));
             }
-            total += found.size();
+            total += packets.size();
         }
         EXPECT_GE(total, std::accumulate(saved.begin(), saved.end(), std::uint64_t{0}));
         EXPECT_GT(total, 0u);
@@ -449,10 +449,10 @@ TEST_F(Archive, AReaderSeesWhatIsSavedWhileTheWriterWrites)
     History past = history(db);
     for (std::uint32_t before = 0; before < 20'000;) {
         before = saved;
-        const auto found = past.packets({}, "", 1'000'000, false);
-        EXPECT_GE(found.size(), before);
-        for (std::uint32_t i = 0; i < found.size(); i++) {
-            ASSERT_EQ(found[i].bytes[3] << 8 | found[i].bytes[4], i & 0xFFFF);
+        const auto packets = past.packets({}, "", 1'000'000, false);
+        EXPECT_GE(packets.size(), before);
+        for (std::uint32_t i = 0; i < packets.size(); i++) {
+            ASSERT_EQ(packets[i].bytes[3] << 8 | packets[i].bytes[4], i & 0xFFFF);
         }
     }
     writer.join();
@@ -486,20 +486,20 @@ TEST_F(Archive, AFileThatTakesNoMoreIsFollowedByANewOneAndNothingIsLost)
             tell(1);
         },
         0);
-    const auto found = all();
-    ASSERT_EQ(found.size(), 5000u);
+    const auto packets = all();
+    ASSERT_EQ(packets.size(), 5000u);
     for (std::uint32_t i = 0; i < 5000; i++) {
-        ASSERT_EQ(found[i].bytes, power_packet(i));
+        ASSERT_EQ(packets[i].bytes, power_packet(i));
     }
     EXPECT_GT(files().size(), 10u);
-    { // the next writer has room to make them whole
+    { // the next writer has room to complete them
         PacketArchive archive(folder, "craft", db, 1000 * second);
     }
     EXPECT_THAT(files(), ::testing::Each(::testing::EndsWith(".mcap")));
     EXPECT_EQ(all().size(), 5000u);
 }
 
-TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
+TEST_F(Archive, AFullDiskIsReportedAndPacketsThatMemoryCannotHoldBecomeAGap)
 {
     // 1118 packets of 60 kB are kept in memory while the disk is full.
     constexpr std::uint32_t n = 1450, full = 50, room = 1400;
@@ -533,7 +533,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
             tell(static_cast<int>(archive.lost()));
         },
         0);
-    const auto found = all();
+    const auto packets = all();
     History past = history(db);
     const auto sessions = past.sessions();
     ASSERT_EQ(sessions.size(), 1u);
@@ -541,8 +541,8 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
     const Missing &gap = sessions[0].gaps[0];
     EXPECT_THAT(gap.why, HasSubstr("limit on its size"));
     std::uint32_t lost = 0, next = 0;
-    for (const auto &one : found) {
-        const std::uint32_t i = std::uint32_t(one.bytes[3]) << 8 | one.bytes[4];
+    for (const auto &packet : packets) {
+        const std::uint32_t i = std::uint32_t(packet.bytes[3]) << 8 | packet.bytes[4];
         for (; next < i; next++, lost++) {
             EXPECT_GE(next * second / 100, gap.from);
             EXPECT_LE(next * second / 100, gap.to);
@@ -551,7 +551,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
     }
     EXPECT_GT(lost, 0u);
     EXPECT_EQ(static_cast<int>(lost), not_kept);
-    EXPECT_EQ(found.size() + lost, n);
+    EXPECT_EQ(packets.size() + lost, n);
     EXPECT_THAT(gap.why, HasSubstr("; " + std::to_string(lost) + " packets"));
 }
 
@@ -573,16 +573,17 @@ TEST_F(Archive, ADamagedFileNamesWhatIsMissingAndTheRestIsRead)
     const auto check = [&](const std::string &bytes, const std::string &what) {
         std::ofstream(name, std::ios::binary) << bytes;
         History past = history(db);
-        const auto found = past.packets({}, "", 1'000'000, false);
+        const auto packets = past.packets({}, "", 1'000'000, false);
         std::uint32_t before = 0;
-        for (std::size_t i = 0; i < found.size(); i++) { // in order, and none that was not put
-            const std::uint32_t count = std::uint32_t(found[i].bytes[3]) << 8 | found[i].bytes[4];
+        for (std::size_t i = 0; i < packets.size(); i++) { // in order, and none that was not put
+            const std::uint32_t count = std::uint32_t(packets[i].bytes[3]) << 8 | packets[i].bytes[4];
             ASSERT_TRUE(i == 0 || count > before) << what;
-            ASSERT_EQ(found[i].t, count * second) << what;
+            ASSERT_EQ(packets[i].t, count * second) << what;
             before = count;
         }
         const auto sessions = past.sessions();
-        EXPECT_TRUE(found.size() == 9000 || sessions.empty() || !sessions[0].gaps.empty() || sessions[0].packets < 9000)
+        EXPECT_TRUE(packets.size() == 9000 || sessions.empty() || !sessions[0].gaps.empty() ||
+                    sessions[0].packets < 9000)
             << what;
         past.series({"count"}, {}, 100);
     };
@@ -597,25 +598,25 @@ TEST_F(Archive, ADamagedFileNamesWhatIsMissingAndTheRestIsRead)
         check(bytes, "byte " + std::to_string(from_end));
         check(whole.substr(0, random() % whole.size()), "cut");
     }
-    // A chunk in the middle is left out, and only that.
+    // Only the damaged chunk in the middle is skipped.
     std::string bytes = whole;
     const Bytes packet = power_packet(4500);
     const std::size_t in_it = bytes.find(std::string(packet.begin(), packet.end())) + 50;
     bytes[in_it] = static_cast<char>(bytes[in_it] ^ 1);
     std::ofstream(name, std::ios::binary) << bytes;
     History past = history(db);
-    const auto found = past.packets({}, "", 1'000'000, false);
-    EXPECT_GT(found.size(), 5000u);
-    EXPECT_LT(found.size(), 9000u);
+    const auto packets = past.packets({}, "", 1'000'000, false);
+    EXPECT_GT(packets.size(), 5000u);
+    EXPECT_LT(packets.size(), 9000u);
     const auto gap = past.sessions().at(0).gaps.at(0);
     EXPECT_THAT(gap.why, HasSubstr("000001-0.mcap is damaged at byte "));
     EXPECT_THAT(gap.why, HasSubstr("checksum"));
-    EXPECT_EQ(gap.to - gap.from, std::int64_t(9000 - found.size() - 1) * second);
+    EXPECT_EQ(gap.to - gap.from, std::int64_t(9000 - packets.size() - 1) * second);
 }
 
 TEST_F(Archive, AValueThatDependsOnAnEarlierPacketIsThatOfLiveTelemetry)
 {
-    // The calibrator of `level` is that of the newest `range`, which other packets have.
+    // `range`, which other packets have, chooses the calibrator of `level`.
     const Database both = read_xtce_text(
         file(integer("u8", 8) +
                  "<FloatParameterType name='scaled'><IntegerDataEncoding sizeInBits='8'><ContextCalibratorList>"
@@ -641,10 +642,10 @@ TEST_F(Archive, AValueThatDependsOnAnEarlierPacketIsThatOfLiveTelemetry)
     archive.save();
     History past = history(both);
     for (int from = 0; from < 95; from++) {
-        const auto found = past.series({"level"}, {from * second, (from + 3) * second}, 0)[0];
-        ASSERT_GT(found.t.size(), 0u);
-        for (std::size_t i = 0; i < found.t.size(); i++) {
-            EXPECT_EQ(found.value[i], expected[std::size_t(found.t[i] / second)]) << from;
+        const auto series = past.series({"level"}, {from * second, (from + 3) * second}, 0)[0];
+        ASSERT_GT(series.t.size(), 0u);
+        for (std::size_t i = 0; i < series.t.size(); i++) {
+            EXPECT_EQ(series.value[i], expected[std::size_t(series.t[i] / second)]) << from;
         }
     }
 }
@@ -656,7 +657,7 @@ TEST_F(Archive, ADatabaseThatChangesReadsWhatIsOld)
         fill(archive, 0, 50);
         put(archive, 50 * second, {3, 0, 0, 0, 77}, no_id);
     }
-    // A container that did not exist decodes what was undecoded.
+    // A container that is new in the database decodes packets that were undecoded.
     const Database later = read_xtce_text(xml(container("Later", "count", extends("Header", "id", "3"))), "s.xml");
     EXPECT_NE(later.hash, db.hash);
     History past = history(later), before = history(db);
@@ -666,14 +667,14 @@ TEST_F(Archive, ADatabaseThatChangesReadsWhatIsOld)
     EXPECT_EQ(then.value.size(), 50u);
 }
 
-TEST_F(Archive, WhatWasSavedIsOnTheDiskSoonAfterAndAFailureIsToldOnce)
+TEST_F(Archive, SavedPacketsAreOnTheDiskSoonAfterAndAFailureIsReportedOnce)
 {
     constexpr auto within = std::chrono::milliseconds(30);
     PacketArchive archive(folder, "craft", db, 3600 * second, within);
     const auto part = [&] {
-        for (const auto &one : fs::directory_iterator(folder + "/craft")) {
-            if (one.path().extension() == ".part") {
-                return static_cast<long>(fs::file_size(one.path()));
+        for (const auto &entry : fs::directory_iterator(folder + "/craft")) {
+            if (entry.path().extension() == ".part") {
+                return static_cast<long>(fs::file_size(entry.path()));
             }
         }
         return 0L;
@@ -702,16 +703,16 @@ TEST_F(Archive, WhatWasSavedIsOnTheDiskSoonAfterAndAFailureIsToldOnce)
     sync_error = EIO;
     save();
     until([&] { return sync_error == 0; });
-    std::string said;
+    std::string failure;
     until([&] {
         try {
             save();
         } catch (const Refusal &refusal) {
-            said = refusal.what();
+            failure = refusal.what();
         }
-        return !said.empty();
+        return !failure.empty();
     });
-    EXPECT_THAT(said, HasSubstr("may not be on the disk"));
+    EXPECT_THAT(failure, HasSubstr("may not be on the disk"));
     save();
     archive.close();
     EXPECT_EQ(History(folder, "craft", db, "").series({"count"}, {}, 0)[0].t.size(), count);

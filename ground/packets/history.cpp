@@ -13,11 +13,17 @@ namespace fs = std::filesystem;
 
 namespace {
 
+std::string value_of(const std::map<std::string, std::string> &pairs, const std::string &key)
+{
+    const auto at = pairs.find(key);
+    return at != pairs.end() ? at->second : "";
+}
+
 std::string metadata(const PacketFile &file, const std::string &name, const std::string &key)
 {
     for (const auto &[about, pairs] : file.metadata) {
-        if (const auto at = pairs.find(key); about == name && at != pairs.end()) {
-            return at->second;
+        if (about == name && pairs.contains(key)) {
+            return value_of(pairs, key);
         }
     }
     return "";
@@ -28,7 +34,7 @@ std::int64_t whole(const std::string &text)
     return std::strtoll(text.c_str(), nullptr, 10);
 }
 
-/// The session that a program writes now; 0: none does.
+/// The session that a program writes now; 0: there is none.
 std::uint32_t being_written(const std::string &folder)
 {
     const int fd = open((folder + "/lock").c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
@@ -36,11 +42,11 @@ std::uint32_t being_written(const std::string &folder)
     all.l_type = F_RDLCK;
     char text[16] = {};
     const bool locked = fd >= 0 && fcntl(fd, F_OFD_GETLK, &all) == 0 && all.l_type != F_UNLCK;
-    const bool read_it = locked && pread(fd, text, sizeof text - 1, 0) > 0;
+    const bool has_text = locked && pread(fd, text, sizeof text - 1, 0) > 0;
     if (fd >= 0) {
         ::close(fd);
     }
-    return read_it ? static_cast<std::uint32_t>(whole(text)) : 0;
+    return has_text ? static_cast<std::uint32_t>(whole(text)) : 0;
 }
 
 } // namespace
@@ -51,61 +57,61 @@ History::History(const std::string &folder, std::string craft, const Database &d
 {
 }
 
-/// The files that are there now.
+/// Update the list of the archive's files.
 void History::list()
 {
-    std::map<Key, std::string> found;
-    std::error_code none; // no folder: nothing is archived yet
-    for (const auto &one : fs::directory_iterator(folder_, none)) {
-        const std::string name = one.path().filename();
+    std::map<Key, std::string> listed;
+    std::error_code none; // no folder: the archive is empty
+    for (const auto &entry : fs::directory_iterator(folder_, none)) {
+        const std::string name = entry.path().filename();
         unsigned session = 0;
         long long t = 0;
         int end = 0;
         if (std::sscanf(name.c_str(), "%6u-%lld.mcap%n", &session, &t, &end) != 2 || end == 0) {
             continue;
         }
-        // NAME.lost is whole or not as NAME.part was, which is being written again beside it.
+        // NAME.lost has what NAME.part had when its program was killed; NAME.part is being written anew from it.
         const std::string suffix = name.substr(static_cast<std::size_t>(end));
         const int rank = suffix.empty() ? 3 : suffix == ".lost" ? 2 : suffix == ".part" ? 1 : 0;
-        std::string &best = found[{session, t}];
+        std::string &best = listed[{session, t}];
         if (rank != 0 && (best.empty() || rank == 3 || (rank == 2 && best.ends_with(".part")))) {
-            best = one.path();
+            best = entry.path();
         }
     }
-    std::erase_if(found, [](const auto &one) { return one.second.empty(); });
-    std::erase_if(files_, [&](const auto &one) {
-        const auto at = found.find(one.first);
-        return at == found.end() || at->second != one.second->path;
+    std::erase_if(listed, [](const auto &entry) { return entry.second.empty(); });
+    std::erase_if(files_, [&](const auto &entry) {
+        const auto at = listed.find(entry.first);
+        return at == listed.end() || at->second != entry.second->path;
     });
-    names_ = std::move(found);
+    names_ = std::move(listed);
 }
 
-/// The file with all that is in it now; nullptr: it cannot be read.
-PacketFile *History::file(const Key &key)
+/// The file with all that was written up to now; nullptr: it cannot be read.
+PacketFile *History::opened(const Key &key)
 {
     try {
-        auto &made = files_[key];
-        if (made == nullptr) {
-            made = std::make_unique<PacketFile>(names_.at(key));
+        auto &file = files_[key];
+        if (file == nullptr) {
+            file = std::make_unique<PacketFile>(names_.at(key));
         } else {
-            made->refresh();
+            file->refresh();
         }
-        if (made->path.ends_with(".mcap")) { // others may lose their name until they are read
-            made->close();
+        if (file->path.ends_with(".mcap")) { // an unfinished file may be renamed before it is read
+            file->close();
         }
-        return made.get();
+        return file.get();
     } catch (const Refusal &refusal) {
         files_.erase(key);
         const std::string why = refusal.what();
-        if (fs::exists(names_.at(key)) && // else it was deleted, or has got its name meanwhile
-            std::none_of(unreadable_.begin(), unreadable_.end(), [&](const auto &one) { return one.why == why; })) {
+        if (fs::exists(names_.at(key)) && // else it was deleted or renamed meanwhile
+            std::none_of(unreadable_.begin(), unreadable_.end(), [&](const auto &gap) { return gap.why == why; })) {
             unreadable_.push_back({key.second, key.second, why});
         }
         return nullptr;
     }
 }
 
-/// What to read, in the order of time.
+/// The files to read and the times in each, in the order of time.
 std::vector<History::Piece> History::pieces(const Query &query)
 {
     std::vector<Piece> all;
@@ -116,30 +122,30 @@ std::vector<History::Piece> History::pieces(const Query &query)
         std::int64_t until = query.to;
         for (auto at = names_.rbegin(); at != names_.rend();) { // from the newest session on
             const std::uint32_t session = at->first.first;
-            const auto end = std::find_if(at, names_.rend(), [&](auto &one) { return one.first.first != session; });
+            const auto end = std::find_if(at, names_.rend(), [&](auto &entry) { return entry.first.first != session; });
             std::int64_t next = std::numeric_limits<std::int64_t>::max(), first = until;
             bool simulated = false;
             for (; at != end; ++at) {
                 const std::int64_t name = at->first.second;
                 const bool oldest = std::next(at) == end;
-                const bool asked = query.session < 0 || query.session == session;
-                // A file that follows one of the same time has a later one in its name, by some nanoseconds.
+                const bool queried = query.session < 0 || query.session == session;
+                // The time in a name may be some nanoseconds late: two files of a session have different names.
                 const bool apart = name - 1'000'000'000 > until || next < query.from;
                 next = name;
-                if (!asked || (apart && !(oldest && query.session < 0))) {
+                if (!queried || (apart && !(oldest && query.session < 0))) {
                     continue;
                 }
-                PacketFile *const one = file(at->first);
-                if (one == nullptr) {
+                PacketFile *const file = opened(at->first);
+                if (file == nullptr) {
                     again = again || !fs::exists(at->second);
                     continue;
                 }
-                first = one->count != 0 ? one->first : first;
-                simulated = oldest && one->first < whole(metadata(*one, "archive", "received")) / 2;
-                if (one->count != 0 && one->first <= until && one->last >= query.from) {
-                    all.push_back({one, query.from, until});
+                first = file->count != 0 ? file->first : first;
+                simulated = oldest && file->first < whole(metadata(*file, "archive", "received")) / 2;
+                if (file->count != 0 && file->first <= until && file->last >= query.from) {
+                    all.push_back({file, query.from, until});
                 } else {
-                    one->close();
+                    file->close();
                 }
             }
             if (query.session < 0) {
@@ -161,24 +167,20 @@ std::string History::container_of(const PacketFile &file, std::uint16_t channel)
 {
     const auto at = file.channels.find(channel);
     const std::string &topic = at != file.channels.end() ? at->second.topic : "";
-    // "/CRAFT/path"; only what no container fits has no further "/"
+    // "/CRAFT/path"; only "/CRAFT/undecoded" has no further "/"
     const std::size_t slash = topic.size() > 1 ? topic.find('/', 1) : std::string::npos;
     return slash == std::string::npos || topic.find('/', slash + 1) == std::string::npos ? "" : topic.substr(slash);
 }
 
-void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards, const Take &take)
+void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards, const Visit &visit)
 {
     if (backwards) {
         std::reverse(all.begin(), all.end());
     }
-    struct Copy {
-        Stored one;
-        std::vector<std::uint8_t> bytes;
-    };
     bool going = true;
     for (const Piece &piece : all) {
         PacketFile &file = *piece.file;
-        std::map<std::uint16_t, std::string> containers; ///< of the channels that are wanted
+        std::map<std::uint16_t, std::string> containers; // of the wanted channels
         for (const auto &[id, channel] : file.channels) {
             if (const std::string container = container_of(file, id); wanted(container)) {
                 containers[id] = container;
@@ -192,41 +194,41 @@ void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards,
                 continue;
             }
             std::vector<Stored> held;
-            going = file.each(chunk, [&](const Stored &one) {
-                const auto at = containers.find(one.channel);
-                if (at == containers.end() || one.t < piece.from || one.t > piece.to) {
+            going = file.each(chunk, [&](const Stored &stored) {
+                const auto at = containers.find(stored.channel);
+                if (at == containers.end() || stored.t < piece.from || stored.t > piece.to) {
                     return true;
                 }
                 if (backwards) {
-                    held.push_back(one);
+                    held.push_back(stored);
                     return true;
                 }
-                return take(one, at->second);
+                return visit(stored, at->second);
             });
             for (; !held.empty() && going; held.pop_back()) {
-                going = take(held.back(), containers[held.back().channel]);
+                going = visit(held.back(), containers[held.back().channel]);
             }
         }
         file.close();
     }
 }
 
-/// The parameter of the longest name that a text begins with, and how long that is.
+/// The parameter with the longest name that is a prefix of this one, and the length of that name.
 std::pair<Id, std::size_t> History::parameter(const std::string &name) const
 {
     std::size_t longest = 0;
-    Id found = no_id;
+    Id best = no_id;
     bool twice = false;
     const auto consider = [&](const std::string &known, Id id) {
         if (known.size() >= longest && !known.empty() && name.starts_with(known) &&
             (name.size() == known.size() || name[known.size()] == '.' || name[known.size()] == '[')) {
-            twice = known.size() == longest && found != id;
+            twice = known.size() == longest && best != id;
             longest = known.size();
-            found = id;
+            best = id;
         }
     };
     for (const bool by_name : {false, true}) {
-        for (Id id = 0; id < db_.parameters.size() && (!by_name || found == no_id || twice); id++) {
+        for (Id id = 0; id < db_.parameters.size() && (!by_name || best == no_id || twice); id++) {
             const Parameter &parameter = db_.parameters[id];
             if (by_name) {
                 consider(parameter.name, id);
@@ -237,21 +239,21 @@ std::pair<Id, std::size_t> History::parameter(const std::string &name) const
                 consider(space == "Fledge" ? alias : "", id);
             }
         }
-        if (found != no_id && !twice) {
+        if (best != no_id && !twice) {
             break;
         }
     }
-    if (found == no_id) {
+    if (best == no_id) {
         throw Refusal("the database has no parameter " + name);
     }
     if (twice) {
         throw Refusal(name + " is the name of several parameters: give the path of one, as " +
-                      db_.parameters[found].path);
+                      db_.parameters[best].path);
     }
-    return {found, longest};
+    return {best, longest};
 }
 
-/// Of what stands behind the name of a parameter: ".member[3]".
+/// Add the steps behind the name of a parameter: ".member[3]".
 void History::add_steps(Target &target, const std::string &name, std::size_t at) const
 {
     while (at < name.size()) {
@@ -270,7 +272,7 @@ void History::add_steps(Target &target, const std::string &name, std::size_t at)
             continue;
         }
         const auto member = std::find_if(type.members.begin(), type.members.end(),
-                                         [&](const Member &other) { return other.name == step; });
+                                         [&](const Member &candidate) { return candidate.name == step; });
         if (member == type.members.end()) {
             throw Refusal(name + ": " + name.substr(0, at) + " has no member " + step);
         }
@@ -283,18 +285,18 @@ void History::add_steps(Target &target, const std::string &name, std::size_t at)
 History::Target History::target(const std::string &name, bool numbers) const
 {
     using Sort = Type::Sort;
-    const auto [found, behind] = parameter(name);
-    Target made{found, db_.parameters[found].type, {}};
-    add_steps(made, name, behind);
-    for (const auto &[sort, what] :
+    const auto [id, length] = parameter(name);
+    Target target{id, db_.parameters[id].type, {}};
+    add_steps(target, name, length);
+    for (const auto &[sort, noun] :
          {std::pair(Sort::text, "a text"), std::pair(Sort::binary, "bytes"),
           std::pair(Sort::aggregate, "several members"), std::pair(Sort::array, "several elements")}) {
         const bool bytes = sort == Sort::text || sort == Sort::binary;
-        if (db_.types[made.type].sort == sort && (numbers || !bytes)) {
-            throw Refusal(name + (numbers ? " is no number but " : " is no value but ") + what);
+        if (db_.types[target.type].sort == sort && (numbers || !bytes)) {
+            throw Refusal(name + (numbers ? " is no number but " : " is no value but ") + noun);
         }
     }
-    return made;
+    return target;
 }
 
 namespace {
@@ -309,91 +311,91 @@ bool carries(const Database &db, Id id, const std::set<Id> &parameters, std::vec
         return known[id] != 0;
     }
     known[id] = 0;
-    bool found = carries(db, db.containers[id].base, parameters, known);
+    bool carried = carries(db, db.containers[id].base, parameters, known);
     for (const Entry &entry : db.containers[id].entries) {
-        found = found || entry.what == Entry::What::indirect ||
-                (entry.what == Entry::What::parameter && parameters.count(entry.id) != 0);
-        if (entry.what == Entry::What::container && !found) {
-            found = carries(db, entry.id, parameters, known);
-            std::vector<Id> heirs = db.containers[entry.id].heirs; // which may stand for it
-            for (std::size_t i = 0; i < heirs.size() && !found; i++) {
-                found = carries(db, heirs[i], parameters, known);
+        carried = carried || entry.kind == Entry::Kind::indirect ||
+                  (entry.kind == Entry::Kind::parameter && parameters.count(entry.id) != 0);
+        if (entry.kind == Entry::Kind::container && !carried) {
+            carried = carries(db, entry.id, parameters, known);
+            std::vector<Id> heirs = db.containers[entry.id].heirs; // any of them may be in its place
+            for (std::size_t i = 0; i < heirs.size() && !carried; i++) {
+                carried = carries(db, heirs[i], parameters, known);
                 const auto &more = db.containers[heirs[i]].heirs;
                 heirs.insert(heirs.end(), more.begin(), more.end());
             }
         }
     }
-    known[id] = found ? 1 : 0;
-    return found;
+    known[id] = carried ? 1 : 0;
+    return carried;
 }
 
-/// The parameters that places, sizes and values depend on; a restriction sees its own packet alone.
+/// Collects the parameters on which places, sizes and values depend; restrictions depend on their own packet alone.
 struct References {
     const Database &db;
-    std::set<Id> found{}, types{}, containers{};
+    std::set<Id> parameters{}, types{}, containers{};
 
-    void add(const Reference &one)
+    void add(const Reference &reference)
     {
-        if (one.of == Reference::Of::parameter) {
-            found.insert(one.parameter);
+        if (reference.of == Reference::Of::parameter) {
+            parameters.insert(reference.parameter);
         }
     }
-    void add(const Condition &one)
+    void add(const Condition &condition)
     {
-        add(one.left), add(one.right);
-        for (const Condition &part : one.parts) {
+        add(condition.left), add(condition.right);
+        for (const Condition &part : condition.parts) {
             add(part);
         }
     }
-    void add(const Quantity &one)
+    void add(const Quantity &quantity)
     {
-        add(one.from);
-        for (const auto &[condition, value] : one.cases) {
+        add(quantity.from);
+        for (const auto &[condition, value] : quantity.cases) {
             add(condition);
         }
     }
     void add(const std::vector<Dimension> &all)
     {
-        for (const Dimension &one : all) {
-            add(one.first), add(one.last);
+        for (const Dimension &dimension : all) {
+            add(dimension.first), add(dimension.last);
         }
     }
-    void add(const Calibrator &one)
+    void add(const Calibrator &calibrator)
     {
-        for (const MathStep &step : one.steps) {
+        for (const MathStep &step : calibrator.steps) {
             add(step.value);
         }
     }
-    void type(Id id)
+    void add_type(Id id)
     {
         if (id == no_id || !types.insert(id).second) {
             return;
         }
-        const Type &one = db.types[id];
-        add(one.offset_from), add(one.encoding.size), add(one.encoding.calibrator), add(one.dimensions);
-        for (const auto &[condition, calibrator] : one.encoding.contexts) {
+        const Type &type = db.types[id];
+        add(type.offset_from), add(type.encoding.size), add(type.encoding.calibrator), add(type.dimensions);
+        for (const auto &[condition, calibrator] : type.encoding.contexts) {
             add(condition), add(calibrator);
         }
-        type(one.element);
-        for (const Member &member : one.members) {
-            type(member.type);
+        add_type(type.element);
+        for (const Member &member : type.members) {
+            add_type(member.type);
         }
     }
-    void container(Id id)
+    void add_container(Id id)
     {
         if (id == no_id || !containers.insert(id).second) {
             return;
         }
-        container(db.containers[id].base);
+        add_container(db.containers[id].base);
         for (const Entry &entry : db.containers[id].entries) {
             add(entry.offset), add(entry.include), add(entry.count), add(entry.gap), add(entry.selector);
             add(entry.dimensions);
-            if (entry.what == Entry::What::parameter) {
-                type(db.parameters[entry.id].type);
-            } else if (entry.what == Entry::What::container) {
-                container(entry.id);
+            if (entry.kind == Entry::Kind::parameter) {
+                add_type(db.parameters[entry.id].type);
+            } else if (entry.kind == Entry::Kind::container) {
+                add_container(entry.id);
                 for (const Id heir : db.containers[entry.id].heirs) {
-                    container(heir);
+                    add_container(heir);
                 }
             }
         }
@@ -405,18 +407,18 @@ struct References {
 std::set<Id> History::carriers(const std::set<Id> &parameters) const
 {
     std::vector<signed char> known(db_.containers.size(), -1);
-    std::set<Id> found;
+    std::set<Id> containers;
     for (Id id = 0; id < db_.containers.size(); id++) {
         if (carries(db_, id, parameters, known)) {
-            found.insert(id);
+            containers.insert(id);
         }
     }
-    return found;
+    return containers;
 }
 
 namespace {
 
-/// Whether the value of a node is the one to which these steps lead.
+/// Whether these steps lead to this node.
 bool leads(const std::vector<std::uint32_t> &steps, const Decoded &packet, std::uint32_t node)
 {
     std::size_t left = steps.size();
@@ -426,10 +428,10 @@ bool leads(const std::vector<std::uint32_t> &steps, const Decoded &packet, std::
     return left == 0 && node == 0;
 }
 
-void at_most(std::uint64_t n, std::uint64_t most, const char *what)
+void at_most(std::uint64_t n, std::uint64_t most, const char *verb)
 {
     if (n > most) {
-        throw Refusal("this query would " + std::string(what) + " more than " + std::to_string(most) +
+        throw Refusal("this query would " + std::string(verb) + " more than " + std::to_string(most) +
                       " values: ask for a shorter time, fewer parameters or fewer points");
     }
 }
@@ -440,16 +442,16 @@ void at_most(std::uint64_t n, std::uint64_t most, const char *what)
 std::set<Id> History::references(Id container) const
 {
     References all{db_};
-    all.container(container);
-    std::erase_if(all.found, [&](Id parameter) {
+    all.add_container(container);
+    std::erase_if(all.parameters, [&](Id parameter) {
         std::vector<signed char> known(db_.containers.size(), -1);
         return carries(db_, container, {parameter}, known);
     });
-    return all.found;
+    return all.parameters;
 }
 
-/// Those whose packets have values of the targets, with those on which these depend. before: of which ones, how many
-/// packets in front of a query.
+/// The containers whose packets have values of the targets or values on which those depend. before: the containers of
+/// which packets before the query are needed, and how many.
 std::set<Id> History::needed(const std::vector<Target> &targets, const std::vector<Judge> &judges,
                              std::map<Id, std::uint32_t> &before) const
 {
@@ -463,7 +465,7 @@ std::set<Id> History::needed(const std::vector<Target> &targets, const std::vect
         for (const Alarm &alarm : db_.types[targets[i].type].alarms) {
             conditions.add(alarm.when);
         }
-        for (const Id id : conditions.found.empty() ? std::set<Id>() : carriers(conditions.found)) {
+        for (const Id id : conditions.parameters.empty() ? std::set<Id>() : carriers(conditions.parameters)) {
             before.emplace(id, 1);
             containers.insert(id);
         }
@@ -485,7 +487,7 @@ std::set<Id> History::needed(const std::vector<Target> &targets, const std::vect
     return containers;
 }
 
-/// The last packets in front of a query, in the order of time.
+/// The last packets before a query, in the order of time.
 std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t> &before, std::int64_t from,
                                                std::uint32_t session)
 {
@@ -504,7 +506,7 @@ std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t>
     return last;
 }
 
-/// The times between which there are packets. Throws Refusal if too many are wanted.
+/// The times of the first and last packet. Throws Refusal if the query would decode too many packets.
 std::pair<std::int64_t, std::int64_t> History::extent(const std::vector<Piece> &all, const Query &query,
                                                       const std::function<Wanted(const PacketFile &)> &wanted_of) const
 {
@@ -538,8 +540,8 @@ std::pair<std::int64_t, std::int64_t> History::extent(const std::vector<Piece> &
     return {begin, end};
 }
 
-/// First the values on which the first ones' concerns depend; then the times between which there are packets, and each
-/// value of the targets; after all those of a packet, `packet`.
+/// Calls `value` for the values before the query on which others depend, then `range` once with the times of the first
+/// and last packet, then `value` for each value of the targets and `packet` after the last of each packet.
 void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
                      const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
 {
@@ -550,7 +552,7 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
     }
     const std::string hash = hash_text(db_);
     const auto wanted_of = [&](const PacketFile &file) -> Wanted {
-        // Of another database, any packet may have them now.
+        // If the file was written with another database, any packet may have the parameters now.
         const bool same = metadata(file, "archive", "database") == hash;
         return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
     };
@@ -560,7 +562,7 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
         targets_of[targets[k].parameter].push_back(k);
     }
     std::uint64_t values = 0;
-    const auto take = [&](const Stored &stored, std::uint32_t session, bool earlier) {
+    const auto process = [&](const Stored &stored, std::uint32_t session, bool earlier) {
         const Decoded &done = decoder.decode(stored.packet, root_);
         bool any = false;
         for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
@@ -583,16 +585,16 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
     if (!before.empty() && !all.empty() && query.from > 0) {
         const std::uint32_t session = session_of(*all.front().file);
         for (const auto &[t, received, bytes] : earlier(before, query.from, session)) {
-            take({t, received, 0, bytes}, session, true);
+            process({t, received, 0, bytes}, session, true);
         }
-        all = pieces(query); // which may have got other names meanwhile
+        all = pieces(query); // files may have been renamed meanwhile
     }
     const auto [begin, end] = extent(all, query, wanted_of);
     range(begin, end);
     for (const Piece &piece : all) {
         walk({piece}, wanted_of(*piece.file), false,
              [&, session = session_of(*piece.file)](const Stored &stored, const std::string &) {
-                 take(stored, session, false);
+                 process(stored, session, false);
                  return true;
              });
     }
@@ -604,10 +606,10 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
     const std::lock_guard lock(mutex_);
     std::vector<Target> targets;
     std::vector<Judge> judges;
-    std::vector<Series> made(names.size());
+    std::vector<Series> result(names.size());
     for (std::size_t i = 0; i < names.size(); i++) {
         targets.push_back(target(names[i], !exact));
-        made[i].type = targets[i].type;
+        result[i].type = targets[i].type;
         if (limits != nullptr) {
             const auto set = limits->find(names[i]);
             judges.emplace_back(db_.types[targets[i].type],
@@ -616,55 +618,56 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
     }
     std::int64_t from = 0, width = 0; // 0: each value
     std::vector<std::int64_t> bucket(names.size(), -1);
-    std::uint64_t kept = 0;
+    std::uint64_t n = 0;
     decode(
         targets, judges, query,
         [&](std::int64_t begin, std::int64_t end) {
             from = begin;
             width = points != 0 && end > begin ? (end - begin) / static_cast<std::int64_t>(points) + 1 : 0;
         },
-        [&](const Seen &seen) {
-            const Decoded &packet = seen.packet;
-            const Field &field = packet.fields[seen.field];
-            const std::uint64_t word = packet.values[seen.field], raw = packet.raw[seen.field];
-            const Status status = packet.status[seen.field];
+        [&](const Sample &sample) {
+            const Decoded &packet = sample.packet;
+            const Field &field = packet.fields[sample.field];
+            const std::uint64_t word = packet.values[sample.field], raw = packet.raw[sample.field];
+            const Status status = packet.status[sample.field];
             const bool bytes = field.value == Kind::text || field.value == Kind::binary;
             const std::string_view text = bytes ? packet.text(word) : std::string_view();
             std::uint8_t concern = 0;
             if (!judges.empty()) {
-                concern = static_cast<std::uint8_t>(judges[seen.target].take(
-                    seen.decoder, {field.value, field.raw, status, raw, word, text}, seen.received, seen.session));
+                concern = static_cast<std::uint8_t>(
+                    judges[sample.target].take(sample.decoder, {field.value, field.raw, status, raw, word, text},
+                                               sample.received, sample.session));
             }
-            if (seen.before) {
+            if (sample.before) {
                 return;
             }
             const double value = number(field.value, word, field.raw, raw, status);
-            Series &one = made[seen.target];
-            const std::int64_t place = width != 0 ? (seen.t - from) / width : 0;
-            if (width != 0 && place == bucket[seen.target]) {
-                one.t.back() = seen.t;
-                one.value.back() = value;
-                one.low.back() = std::fmin(one.low.back(), value);
-                one.high.back() = std::fmax(one.high.back(), value);
-                one.concern.back() = concern;
-                one.worst.back() = std::max(one.worst.back(), concern);
+            Series &series = result[sample.target];
+            const std::int64_t place = width != 0 ? (sample.t - from) / width : 0;
+            if (width != 0 && place == bucket[sample.target]) {
+                series.t.back() = sample.t;
+                series.value.back() = value;
+                series.low.back() = std::fmin(series.low.back(), value);
+                series.high.back() = std::fmax(series.high.back(), value);
+                series.concern.back() = concern;
+                series.worst.back() = std::max(series.worst.back(), concern);
             } else {
-                at_most(kept += 1 + (exact ? text.size() / 64 : 0), most_values, "give");
-                bucket[seen.target] = place;
-                one.t.push_back(seen.t);
-                one.value.push_back(value);
-                one.low.push_back(value);
-                one.high.push_back(value);
-                one.concern.push_back(concern);
-                one.worst.push_back(concern);
+                at_most(n += 1 + (exact ? text.size() / 64 : 0), most_values, "give");
+                bucket[sample.target] = place;
+                series.t.push_back(sample.t);
+                series.value.push_back(value);
+                series.low.push_back(value);
+                series.high.push_back(value);
+                series.concern.push_back(concern);
+                series.worst.push_back(concern);
             }
             if (exact) {
-                one.exact.resize(one.t.size());
-                one.exact.back() = {word, raw, status, std::string(text)};
+                series.exact.resize(series.t.size());
+                series.exact.back() = {word, raw, status, std::string(text)};
             }
         },
         [](const Stored &) {});
-    return made;
+    return result;
 }
 
 History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
@@ -674,30 +677,30 @@ History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
     for (const std::string &name : inputs) {
         targets.push_back(target(name, true));
     }
-    Rows made;
+    Rows result;
     std::vector<double> newest(inputs.size());
-    std::vector<bool> seen(inputs.size());
+    std::vector<bool> has_value(inputs.size());
     decode(
         targets, {}, query, [](std::int64_t, std::int64_t) {},
-        [&](const Seen &one) {
-            if (one.before) {
+        [&](const Sample &sample) {
+            if (sample.before) {
                 return;
             }
-            const Decoded &packet = one.packet;
-            const Field &field = packet.fields[one.field];
-            newest[one.target] = number(field.value, packet.values[one.field], field.raw, packet.raw[one.field],
-                                        packet.status[one.field]);
-            seen[one.target] = true;
+            const Decoded &packet = sample.packet;
+            const Field &field = packet.fields[sample.field];
+            newest[sample.target] = number(field.value, packet.values[sample.field], field.raw,
+                                           packet.raw[sample.field], packet.status[sample.field]);
+            has_value[sample.target] = true;
         },
-        [&](const Stored &one) {
-            if (std::find(seen.begin(), seen.end(), false) == seen.end()) {
-                at_most((made.received.size() + 1) * (1 + inputs.size()), most_seen / 4, "read");
-                made.values.push_back(std::bit_cast<double>(one.t));
-                made.values.insert(made.values.end(), newest.begin(), newest.end());
-                made.received.push_back(one.received);
+        [&](const Stored &stored) {
+            if (std::find(has_value.begin(), has_value.end(), false) == has_value.end()) {
+                at_most((result.received.size() + 1) * (1 + inputs.size()), most_seen / 4, "read");
+                result.values.push_back(std::bit_cast<double>(stored.t));
+                result.values.insert(result.values.end(), newest.begin(), newest.end());
+                result.received.push_back(stored.received);
             }
         });
-    return made;
+    return result;
 }
 
 std::vector<History::Packet> History::packets(Query query, const std::string &container, std::size_t limit,
@@ -705,39 +708,39 @@ std::vector<History::Packet> History::packets(Query query, const std::string &co
 {
     const std::lock_guard lock(mutex_);
     const bool undecoded = container == "undecoded";
-    const auto wanted = [&](const std::string &one) {
-        return container.empty() || (undecoded ? one.empty() : one == container || one.ends_with("/" + container));
+    const auto wanted = [&](const std::string &path) {
+        return container.empty() || (undecoded ? path.empty() : path == container || path.ends_with("/" + container));
     };
-    std::vector<Packet> made;
+    std::vector<Packet> result;
     std::uint64_t bytes = 0;
     if (limit != 0) {
-        walk(pieces(query), wanted, backwards, [&](const Stored &one, const std::string &of) {
-            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
-            bytes += one.packet.size();
-            return made.size() < limit && bytes < most_bytes;
+        walk(pieces(query), wanted, backwards, [&](const Stored &stored, const std::string &path) {
+            result.push_back({stored.t, stored.received, path, {stored.packet.begin(), stored.packet.end()}});
+            bytes += stored.packet.size();
+            return result.size() < limit && bytes < most_bytes;
         });
     }
-    return made;
+    return result;
 }
 
 std::vector<History::Packet> History::next(Query query, std::size_t skip, std::size_t limit, std::int64_t span)
 {
     const std::lock_guard lock(mutex_);
-    std::vector<Packet> made;
+    std::vector<Packet> result;
     walk(
         pieces(query), [](const std::string &) { return true; }, false,
-        [&](const Stored &one, const std::string &of) {
+        [&](const Stored &stored, const std::string &path) {
             if (skip != 0) {
                 skip--;
                 return true;
             }
-            if (!made.empty() && one.t - made.front().t > span) {
+            if (!result.empty() && stored.t - result.front().t > span) {
                 return false;
             }
-            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
-            return made.size() < limit;
+            result.push_back({stored.t, stored.received, path, {stored.packet.begin(), stored.packet.end()}});
+            return result.size() < limit;
         });
-    return made;
+    return result;
 }
 
 std::vector<History::Session> History::sessions()
@@ -746,43 +749,41 @@ std::vector<History::Session> History::sessions()
     list();
     unreadable_.clear();
     const std::uint32_t written = being_written(folder_);
-    std::vector<Session> made;
+    std::vector<Session> result;
     for (const auto &[key, name] : std::map(names_)) {
-        PacketFile *const one = file(key);
-        if (one == nullptr || one->count == 0) {
+        PacketFile *const file = opened(key);
+        if (file == nullptr || file->count == 0) {
             continue;
         }
-        if (made.empty() || made.back().number != key.first) {
-            const bool follows = !made.empty() && one->first > made.back().last;
-            const Session before = follows ? made.back() : Session();
-            made.push_back({key.first, one->first, one->last, 0, "", {}});
+        if (result.empty() || result.back().number != key.first) {
+            const bool follows = !result.empty() && file->first > result.back().last;
+            const Session before = follows ? result.back() : Session();
+            result.push_back({key.first, file->first, file->last, 0, "", {}});
             if (follows) {
-                made.back().gaps.push_back({before.last, one->first, "restart; the session before: " + before.ended});
+                result.back().gaps.push_back(
+                    {before.last, file->first, "restart; the session before: " + before.ended});
             }
         }
-        Session &session = made.back();
-        session.last = one->last;
-        session.packets += one->count;
-        const std::string why = metadata(*one, "ended", "why");
+        Session &session = result.back();
+        session.last = file->last;
+        session.packets += file->count;
+        const std::string why = metadata(*file, "ended", "why");
         session.ended = !why.empty() ? why : key.first == written ? "" : "killed";
-        for (const auto &about : one->metadata) {
-            const auto text = [&](const char *which) {
-                const auto at = about.second.find(which);
-                return at != about.second.end() ? at->second : std::string();
-            };
-            if (about.first == "gap") {
-                const std::string packets = text("packets") == "0" ? "" : "; " + text("packets") + " packets";
-                session.gaps.push_back({whole(text("from")), whole(text("to")), text("why") + packets});
+        for (const auto &[about, pairs] : file->metadata) {
+            if (about == "gap") {
+                const std::string n = value_of(pairs, "packets");
+                session.gaps.push_back({whole(value_of(pairs, "from")), whole(value_of(pairs, "to")),
+                                        value_of(pairs, "why") + (n == "0" ? "" : "; " + n + " packets")});
             }
         }
-        session.gaps.insert(session.gaps.end(), one->missing.begin(), one->missing.end());
-        one->close();
+        session.gaps.insert(session.gaps.end(), file->missing.begin(), file->missing.end());
+        file->close();
     }
-    if (!made.empty()) {
-        auto &gaps = made.back().gaps;
+    if (!result.empty()) {
+        auto &gaps = result.back().gaps;
         gaps.insert(gaps.end(), unreadable_.begin(), unreadable_.end());
     }
-    return made;
+    return result;
 }
 
 } // namespace fledge::ground

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is in the archive of a spacecraft: its packets, and the values in them by the decoder that live telemetry has.
-// It reads while a writer writes.
+// Reads the archive of a spacecraft: its packets and their values, by the decoder of live telemetry, also while a
+// program writes the archive.
 //
-// A query is of a session, or of -1: of the newest one if its clock is not UTC, as that of a simulation; else of all,
-// where each goes on up to the first packet of the next. Times are the spacecraft's [ns], both ends inclusive. Values
-// are numbers: a boolean is 0 or 1, a label is its raw value, a time has seconds; NaN: there is none.
+// A query names a session, or -1: the newest one if its clock is not UTC, as in a simulation; else all sessions, where
+// each lasts until the first packet of the next. Times are the spacecraft's [ns], both ends inclusive. Values are
+// numbers: a boolean is 0 or 1, a label is its raw value, a time is in seconds; NaN: no value.
 #pragma once
 
 #include "ground/monitor/limits.h"
@@ -24,10 +24,10 @@ public:
         std::uint32_t number = 0;
         std::int64_t first = 0, last = 0;
         std::uint64_t packets = 0;
-        std::string ended; ///< why; "": it goes on
+        std::string ended; ///< why; "": the session continues
         std::vector<Missing> gaps;
     };
-    struct Exact { ///< a value by its kind, as the decoder has it
+    struct Exact { ///< a value as the decoder has it
         std::uint64_t value, raw;
         Status status;
         std::string bytes; ///< of a text or a binary value
@@ -35,15 +35,15 @@ public:
     struct Series {
         std::vector<std::int64_t> t;
         std::vector<double> value, low, high;
-        std::vector<std::uint8_t> concern, worst; ///< of the value, and of the stretch; all 0 without limits
-        std::vector<Exact> exact;                 ///< if it was asked for
+        std::vector<std::uint8_t> concern, worst; ///< of the last value; the worst of the bucket; all 0 without limits
+        std::vector<Exact> exact;                 ///< if the query requests it
         Id type = no_id;
     };
-    /// The limits of parameters that were set, by the names of a query; others have those of the database.
+    /// Limits that an operator has set, by the names of a query; other parameters have those of the database.
     using Settings = std::map<std::string, std::vector<Judge::Setting>>;
     struct Packet {
         std::int64_t t, received;
-        std::string container; ///< its path; "": it was not decoded
+        std::string container; ///< its path; "": not decoded
         std::vector<std::uint8_t> bytes;
     };
     struct Query {
@@ -51,38 +51,37 @@ public:
         std::int64_t session = -1;
     };
 
-    std::uint64_t most_decoded = 4'000'000; ///< packets, by a query of values
-    std::uint64_t most_seen = 50'000'000;   ///< values in these packets
-    std::uint64_t most_values = 1'000'000;  ///< in its answer; 64 bytes of a text count as one, too
+    std::uint64_t most_decoded = 4'000'000; ///< packets that a query of values may decode
+    std::uint64_t most_seen = 50'000'000;   ///< values that it may read in these packets
+    std::uint64_t most_values = 1'000'000;  ///< values that it may return; 64 bytes of a text count as a value
 
-    /// The folder of the archive. root: as of Decoder::decode, "" for none.
+    /// folder: of the archive. root: as in Decoder::decode, "" for none.
     History(const std::string &folder, std::string craft, const Database &database, const std::string &root);
 
     const Database &database() const { return db_; }
     std::vector<Session> sessions();
 
     /// The values of parameters, or of members and elements: "parameter.member[3]", the parameter by its name in
-    /// Fledge, its path or its name. points: at most so many of each, of equal stretches of time with the last value,
-    /// the lowest and the highest one in each; 0: all values. limits: nullptr judges no values; a value is judged by
-    /// those that were in force when it was received. exact: also texts and bytes, which have no numbers. Throws
-    /// Refusal.
+    /// Fledge, its path or its name. points: at most so many of each, for equal buckets of time with the last, lowest
+    /// and highest value in each; 0: all values. limits: nullptr judges no value; each value is judged by the limits
+    /// that were in force when it was received. exact: texts and bytes too, which are no numbers. Throws Refusal.
     std::vector<Series> series(const std::vector<std::string> &names, Query query, std::size_t points,
                                const Settings *limits = nullptr, bool exact = false);
 
-    /// Rows of the time (its 64 bits) and the newest value of each input, one for each packet that has one of them,
-    /// from the first on at which all were seen.
+    /// A row for each packet that has one of the inputs, after each input had a value: the time (its 64 bits) and the
+    /// newest value of each input.
     struct Rows {
         std::vector<double> values;
-        std::vector<std::int64_t> received; ///< of each
+        std::vector<std::int64_t> received; ///< of each row
     };
     Rows rows(const std::vector<std::string> &inputs, Query query);
 
-    /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end; they end
-    /// with the one that reaches `most_bytes`.
+    /// At most `limit` packets of a container (its path or name; "": all packets; "undecoded"), from either end; the
+    /// last packet is the one that reaches `most_bytes`.
     std::vector<Packet> packets(Query query, const std::string &container, std::size_t limit, bool backwards,
                                 std::uint64_t most_bytes = UINT64_MAX);
 
-    /// The same from the first packet behind `skip` of those at the beginning on, up to `span` [ns] of them.
+    /// At most `limit` packets after the first `skip` packets of the query, within `span` [ns].
     std::vector<Packet> next(Query query, std::size_t skip, std::size_t limit, std::int64_t span);
 
 private:
@@ -91,28 +90,28 @@ private:
         PacketFile *file;
         std::int64_t from, to;
     };
-    struct Target { ///< what a name means
+    struct Target { ///< the value that a name means
         Id parameter, type;
         std::vector<std::uint32_t> steps;
     };
     using Earlier = std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>; ///< t, received, packet
-    struct Seen {                                                                      ///< a value in a packet
+    struct Sample {                                                                    ///< a value in a packet
         Decoder &decoder;
         const Decoded &packet;
         std::size_t field, target;
         std::int64_t t, received;
         std::uint32_t session;
-        bool before; ///< the query: it is for those that depend on earlier ones
+        bool before; ///< the query: other values depend on it
     };
     using Wanted = std::function<bool(const std::string &container)>; ///< by its path; "": not decoded
-    using Take = std::function<bool(const Stored &, const std::string &container)>;
+    using Visit = std::function<bool(const Stored &, const std::string &container)>;
     using Range = std::function<void(std::int64_t from, std::int64_t to)>;
-    using Value = std::function<void(const Seen &)>;
+    using Value = std::function<void(const Sample &)>;
 
     void list();
-    PacketFile *file(const Key &key);
+    PacketFile *opened(const Key &key);
     std::vector<Piece> pieces(const Query &query);
-    void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Take &take);
+    void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Visit &visit);
     std::string container_of(const PacketFile &file, std::uint16_t channel) const;
     std::pair<Id, std::size_t> parameter(const std::string &name) const;
     void add_steps(Target &target, const std::string &name, std::size_t at) const;

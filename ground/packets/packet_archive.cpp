@@ -51,7 +51,7 @@ struct PacketArchive::File {
     McapWriter writer{};
     McapSchema schema_memory{};
     std::vector<McapChannel> channel_memory;
-    std::unique_ptr<std::uint8_t[]> chunk, index; ///< that the system gives as they are used
+    std::unique_ptr<std::uint8_t[]> chunk, index; ///< the system allocates pages as they are used
     std::unordered_map<std::string, std::uint16_t> channels;
     std::vector<std::uint8_t> message;
     std::uint32_t sequence = 0;
@@ -62,7 +62,7 @@ struct PacketArchive::File {
     File(const File &) = delete;
     File &operator=(const File &) = delete;
 
-    /// One that is not closed stays NAME.part with what is saved in it.
+    /// A file that is not closed stays NAME.part with the packets that were saved.
     ~File()
     {
         if (sink.fd >= 0) {
@@ -105,7 +105,7 @@ struct PacketArchive::File {
         }
     }
 
-    /// In front of the packets to come; those that are there are in an ended chunk, so that none is ever overwritten.
+    /// Write metadata in front of the next packets; this ends the chunk, so that no saved packet is ever overwritten.
     void metadata(const std::string &about, const std::vector<std::pair<std::string, std::string>> &pairs)
     {
         std::vector<McapPair> list;
@@ -158,7 +158,7 @@ struct PacketArchive::File {
     }
 };
 
-/// Brings what was saved to the disk, some time later and in a thread of its own: a disk may take 0.1 s for it.
+/// Syncs the saved file to the disk, some time later and in a thread of its own: a sync may take 0.1 s.
 class PacketArchive::Disk {
 public:
     explicit Disk(std::chrono::milliseconds within) : within_(within), thread_([this] { run(); }) {}
@@ -175,14 +175,14 @@ public:
         thread_.join();
     }
 
-    /// A file was saved. Returns the errno of the last time, once.
+    /// Request a sync of this file. Returns the errno of the last failed sync, once.
     int saved(const std::string &path)
     {
         const std::lock_guard lock(mutex_);
         if (path_.empty()) {
             changed_.notify_one();
         }
-        path_ = path; // another one before it is on the disk, for it is complete
+        path_ = path; // a different file before it was synced when it was closed
         return std::exchange(error_, 0);
     }
 
@@ -199,10 +199,10 @@ private:
             }
             lock.unlock();
             const int error = sync(path, false);
-            const int also = path != known_ ? sync(fs::path(path).parent_path(), true) : 0; // its name
+            const int folder_error = path != known_ ? sync(fs::path(path).parent_path(), true) : 0; // a new name
             known_ = path;
             lock.lock();
-            error_ = error != 0 ? error : also;
+            error_ = error != 0 ? error : folder_error;
         }
     }
 
@@ -210,7 +210,7 @@ private:
     {
         const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
         if (fd < 0) {
-            return 0; // it is complete, and has another name
+            return 0; // the file is complete and was renamed
         }
         const bool safe = (folder ? fsync(fd) : fdatasync(fd)) == 0 || errno == EINVAL || errno == ENOSYS;
         const int error = safe ? 0 : errno;
@@ -221,10 +221,10 @@ private:
     const std::chrono::milliseconds within_;
     std::mutex mutex_;
     std::condition_variable changed_;
-    std::string path_, known_; ///< what is to be synced; "": nothing; and the last one
+    std::string path_, known_; ///< the file to sync, "": none; the file that was synced last
     int error_ = 0;
     bool over_ = false;
-    std::thread thread_; ///< the last one: it uses the others
+    std::thread thread_; ///< the last member: it uses the others
 };
 
 PacketArchive::PacketArchive(const std::string &folder, std::string craft, const Database &database,
@@ -256,13 +256,13 @@ PacketArchive::PacketArchive(const std::string &folder, std::string craft, const
     }
     try {
         std::vector<std::string> left;
-        for (const auto &one : fs::directory_iterator(folder_)) {
-            const std::string name = one.path().filename();
+        for (const auto &entry : fs::directory_iterator(folder_)) {
+            const std::string name = entry.path().filename();
             unsigned number = 0;
             if (std::sscanf(name.c_str(), "%6u-", &number) == 1 && name.find(".mcap") != std::string::npos) {
                 session_ = std::max(session_, number);
                 if (name.ends_with(".part") || name.ends_with(".lost")) {
-                    left.push_back(one.path().string().substr(0, one.path().string().size() - 5));
+                    left.push_back(entry.path().string().substr(0, entry.path().string().size() - 5));
                 }
             }
         }
@@ -273,12 +273,12 @@ PacketArchive::PacketArchive(const std::string &folder, std::string craft, const
         ::close(lock_);
         throw Refusal("cannot read " + folder_ + ": " + failed.code().message());
     }
-    tell(++session_);
+    announce(++session_);
     disk_ = std::make_unique<Disk>(synced);
 }
 
-/// Readers see in the lock which session goes on.
-void PacketArchive::tell(std::uint32_t session) const
+/// Write the number of the open session into the lock, where readers see it.
+void PacketArchive::announce(std::uint32_t session) const
 {
     char text[16];
     std::snprintf(text, sizeof text, "%06u\n", session);
@@ -294,13 +294,13 @@ PacketArchive::~PacketArchive()
     }
 }
 
-/// Make NAME of NAME.part, which a lost program has left: as NAME.lost it is read until NAME is whole. If that is not
-/// possible, it stays NAME.part, and is read as it is.
+/// Make NAME of NAME.part, which a killed program has left: readers read it as NAME.lost until NAME is complete. If
+/// that is not possible, it stays NAME.part, and readers read what is in it.
 void PacketArchive::recover(const std::string &name) const
 {
     const std::string lost = name + ".lost", part = name + ".part";
     std::error_code ignored;
-    if (fs::exists(name, ignored)) { // whole, by a program that was killed behind that
+    if (fs::exists(name, ignored)) { // complete: the program was killed before it removed the other
         fs::remove(lost, ignored);
         return;
     }
@@ -309,22 +309,22 @@ void PacketArchive::recover(const std::string &name) const
     }
     try {
         PacketFile old(lost);
-        File made(name);
+        File complete(name);
         if (old.count != 0 && old.missing.empty()) {
-            made.open(old.channels.size());
+            complete.open(old.channels.size());
             for (const auto &[about, pairs] : old.metadata) {
-                made.metadata(about, {pairs.begin(), pairs.end()});
+                complete.metadata(about, {pairs.begin(), pairs.end()});
             }
             for (const auto &chunk : old.chunks) {
-                old.each(chunk, [&](const Stored &one) {
-                    made.put(old.channels[one.channel].topic, one.t, one.received, one.packet);
+                old.each(chunk, [&](const Stored &stored) {
+                    complete.put(old.channels[stored.channel].topic, stored.t, stored.received, stored.packet);
                     return true;
                 });
             }
         }
         if (old.missing.empty()) {
             if (old.count != 0) {
-                made.close();
+                complete.close();
             }
             fs::remove(lost, ignored);
             return;
@@ -337,8 +337,8 @@ void PacketArchive::recover(const std::string &name) const
 const std::string &PacketArchive::topic(Id container)
 {
     if (topics_.empty()) {
-        for (const Container &one : db_.containers) {
-            topics_.push_back("/" + craft_ + one.path);
+        for (const Container &entry : db_.containers) {
+            topics_.push_back("/" + craft_ + entry.path);
         }
         topics_.push_back("/" + craft_ + "/undecoded");
     }
@@ -381,7 +381,7 @@ void PacketArchive::save()
         throw Refusal(problem_);
     }
     retry_ = now;
-    // A file that took no more is left for a new one at once: its own limit may be the reason.
+    // After a failed write, try a new file at once: the limit of the old file's size may be the reason.
     for (int attempts = problem_.empty() ? 2 : 1; attempts-- != 0;) {
         try {
             write();
@@ -401,22 +401,21 @@ void PacketArchive::save()
     }
 }
 
-/// All that is pending, into the file of its session and period.
+/// Write all pending packets, each into the file of its session and period.
 void PacketArchive::write()
 {
     std::size_t done = 0;
-    const auto forget = [&] { // what is in a file that has ended
+    const auto forget = [&] { // the packets in a file that has ended
         pending_.erase(pending_.begin(), pending_.begin() + static_cast<std::ptrdiff_t>(done));
         done = 0;
     };
     for (; done < pending_.size(); done++) {
-        const Pending &one = pending_[done];
-        if (file_ != nullptr && (file_->session != one.session || file_->period != one.t / period_ ||
+        Pending next = pending_[done];
+        if (file_ != nullptr && (file_->session != next.session || file_->period != next.t / period_ ||
                                  file_->writer.n_chunks >= most_chunks)) {
-            end(file_->session != one.session ? "the clock stepped back" : nullptr);
+            end(file_->session != next.session ? "the clock stepped back" : nullptr);
             forget();
         }
-        const Pending &next = pending_[done];
         if (file_ == nullptr) {
             begin(next);
         }
@@ -448,14 +447,14 @@ void PacketArchive::begin(const Pending &first)
     std::string name;
     const auto taken = [&](const char *suffix) { return fs::exists(name + suffix, ignored); };
     for (std::int64_t t = first.t; name.empty() || taken("") || taken(".part") || taken(".lost"); t++) {
-        name = folder_ + "/" + session + std::to_string(t) + ".mcap"; // a file that was left may have the time
+        name = folder_ + "/" + session + std::to_string(t) + ".mcap"; // an older file may have this time
     }
-    auto made = std::make_unique<File>(name);
-    made->open(db_.containers.size() + 1);
-    made->session = first.session;
-    made->period = first.t / period_;
-    file_ = std::move(made);
-    tell(first.session);
+    auto file = std::make_unique<File>(name);
+    file->open(db_.containers.size() + 1);
+    file->session = first.session;
+    file->period = first.t / period_;
+    file_ = std::move(file);
+    announce(first.session);
     file_->metadata("archive", {{"craft", craft_},
                                 {"session", std::to_string(first.session)},
                                 {"database", hash_text(db_)},
@@ -463,7 +462,7 @@ void PacketArchive::begin(const Pending &first)
     file_->save();
 }
 
-/// The file gets its name. why: the session ends with it.
+/// Close the file, which gets its final name. why: of the session's end, if it ends with this file.
 void PacketArchive::end(const char *why)
 {
     if (why != nullptr) {

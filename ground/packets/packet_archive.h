@@ -2,9 +2,9 @@
 // The packets of a spacecraft in MCAP files, as they arrive.
 //
 // FOLDER/CRAFT has a file for each period of a session, SESSION-T.mcap by the time of its first packet [ns]; while it
-// is written, SESSION-T.mcap.part. A session is a stretch whose times do not step back: one of the program's own, or
-// from a step of the clock on. The file has a channel for each container, /CRAFT/path/of/container, and
-// /CRAFT/undecoded for packets that fit none. Metadata:
+// is written, SESSION-T.mcap.part. A session is a stretch of time that begins when a program opens the archive, or when
+// the clock steps back. The file has a channel for each container, /CRAFT/path/of/container, and /CRAFT/undecoded for
+// packets that no container fits. Metadata:
 //   archive   craft, session, database (the hash of its files)
 //   gap       from, to [ns], why, packets (how many arrived and are not in the archive)
 //   ended     why: the session ended with this file
@@ -34,21 +34,21 @@ namespace fledge::ground {
 
 class PacketArchive final : public PacketSink {
 public:
-    /// Open for writing, and make whole what a program that was killed has left. period: [ns] of the spacecraft's
-    /// clock. Throws Refusal, as when another program writes there.
-    /// synced: within that time, what was saved is on the disk, safe also from a loss of power.
+    /// Open for writing, and complete the files that a killed program has left. period: [ns] of the spacecraft's clock.
+    /// synced: within that time after save(), packets are on the disk, safe also from a loss of power. Throws Refusal,
+    /// as when another program writes there.
     PacketArchive(const std::string &folder, std::string craft, const Database &database, std::int64_t period,
                   std::chrono::milliseconds synced = std::chrono::seconds(5));
     ~PacketArchive() override;
 
-    /// Until it is saved, a packet is in memory. A time that steps back by up to a second is as the last one.
+    /// Add a packet; it is in memory until save(). A time that steps back by up to a second becomes the last time.
     void put(const Arrival &arrival, Id container) override;
 
-    /// Throws Refusal when the disk does not take the packets. They stay in memory, up to 64 MiB of them, and are
-    /// written into a new file as soon as there is room; the files tell the gap of those that are lost.
+    /// Throws Refusal when the packets cannot be written. They stay in memory, up to 64 MiB of them, until a later
+    /// save() can write them into a new file; a gap in the files' metadata counts those that are lost.
     void save() override;
 
-    /// Note that packets of these times [ns] went lost before they came here.
+    /// Record that packets of these times [ns] were lost before they arrived here.
     void missing(std::int64_t from, std::int64_t to, std::string why);
 
     /// End the session: another program may write there then. Throws as save().
@@ -57,11 +57,11 @@ public:
     /// Why packets are not saved; "": they are.
     const std::string &problem() const { return problem_; }
 
-    /// Packets that were not kept, so far: memory did not have room for them, either.
+    /// How many packets were dropped so far, because memory had no room for them either.
     std::uint64_t lost() const { return lost_; }
 
 private:
-    struct File; ///< that is being written
+    struct File; ///< the file that is being written
     class Disk;
     struct Pending {
         std::uint32_t session;
@@ -76,7 +76,7 @@ private:
     };
 
     void recover(const std::string &name) const;
-    void tell(std::uint32_t session) const;
+    void announce(std::uint32_t session) const;
     void write();
     void begin(const Pending &first);
     void end(const char *why);
@@ -95,7 +95,7 @@ private:
     std::vector<Pending> pending_;
     std::vector<std::uint8_t> bytes_;
     Gap gap_;
-    std::vector<Gap> missing_; ///< that are not in a file yet
+    std::vector<Gap> missing_; ///< gaps that are not in a file yet
     std::uint64_t lost_ = 0;
     std::string problem_;
 };

@@ -41,12 +41,12 @@ PacketFile::PacketFile(std::string name) : path(std::move(name))
         throw Refusal(path + " is no MCAP file");
     }
     scanned_ = record::magic.size();
-    bool read_it = false;
+    bool has_summary = false;
     try {
-        read_it = read_summary();
-    } catch (const record::Damage &) { // then what is in front of it counts
+        has_summary = read_summary();
+    } catch (const record::Damage &) { // then the records before the summary are read
     }
-    if (!read_it) {
+    if (!has_summary) {
         channels.clear(), chunks.clear(), metadata.clear();
         count = 0;
         scan();
@@ -76,7 +76,7 @@ void PacketFile::close()
     std::vector<std::uint8_t>().swap(buffer_); // there are many files
 }
 
-/// So many bytes, or those up to the end of the file.
+/// Read n bytes, or fewer at the end of the file.
 std::span<const std::uint8_t> PacketFile::read(std::uint64_t at, std::uint64_t n, std::vector<std::uint8_t> &into) const
 {
     n = at < size_ ? std::min(n, size_ - at) : 0;
@@ -95,42 +95,42 @@ std::span<const std::uint8_t> PacketFile::read(std::uint64_t at, std::uint64_t n
     return {into.data(), done};
 }
 
-void PacketFile::damaged(std::uint64_t at, std::int64_t from, std::int64_t to, const std::string &what)
+void PacketFile::damaged(std::uint64_t at, std::int64_t from, std::int64_t to, const std::string &problem)
 {
-    const std::string why = path + " is damaged at byte " + std::to_string(at) + ": " + what;
-    if (std::none_of(missing.begin(), missing.end(), [&](const Missing &one) { return one.why == why; })) {
+    const std::string why = path + " is damaged at byte " + std::to_string(at) + ": " + problem;
+    if (std::none_of(missing.begin(), missing.end(), [&](const Missing &gap) { return gap.why == why; })) {
         missing.push_back({from, to, why});
     }
 }
 
-std::span<const std::uint8_t> PacketFile::records(const Chunk &one)
+std::span<const std::uint8_t> PacketFile::records(const Chunk &chunk)
 {
     open();
-    const auto bytes = read(one.at, record::chunk_head + (one.ended ? one.size : most_chunk), buffer_);
+    const auto bytes = read(chunk.at, record::chunk_head + (chunk.ended ? chunk.size : most_chunk), buffer_);
     const std::uint8_t *const p = bytes.data();
     if (bytes.size() < record::chunk_head || *p != record::op_chunk) {
-        damaged(one.at, one.first, one.last, "there is no chunk");
+        damaged(chunk.at, chunk.first, chunk.last, "there is no chunk");
         return {};
     }
     const auto inside = bytes.subspan(record::chunk_head);
-    if (!one.ended) {
+    if (!chunk.ended) {
         return inside;
     }
     const std::uint64_t stated = record::number(p + 33, 4);
-    const char *const what = inside.size() < one.size || record::number(p + 41, 8) != one.size
-                                 ? "the chunk has another size"
-                             : record::number(p + 37, 4) != 0 ? "the chunk is compressed, which is not read here"
-                             : stated != 0 && record::crc(inside) != stated ? "the checksum of the chunk is wrong"
-                                                                            : nullptr;
-    if (what != nullptr) {
-        damaged(one.at, one.first, one.last, what);
+    const char *const problem = inside.size() < chunk.size || record::number(p + 41, 8) != chunk.size
+                                    ? "the chunk has another size"
+                                : record::number(p + 37, 4) != 0 ? "the chunk is compressed, which is not read here"
+                                : stated != 0 && record::crc(inside) != stated ? "the checksum of the chunk is wrong"
+                                                                               : nullptr;
+    if (problem != nullptr) {
+        damaged(chunk.at, chunk.first, chunk.last, problem);
         return {};
     }
     return inside;
 }
 
-/// The record at a place; its channel is 0 if it is no packet. False at the end of what can be read.
-bool PacketFile::next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &one)
+/// Read the record at a place; its channel is 0 if it is no packet. Returns false at the end of the readable bytes.
+bool PacketFile::next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &stored)
 {
     if (bytes.size() - at < record::prefix) {
         return false;
@@ -142,15 +142,15 @@ bool PacketFile::next(std::span<const std::uint8_t> bytes, std::size_t &at, Stor
         return false;
     }
     at += record::prefix + n;
-    one.channel = 0;
+    stored.channel = 0;
     if (*p == record::op_message && n >= message_head + cdr + packet_at) {
         const std::uint8_t *const content = p + record::prefix + message_head + cdr;
         const std::size_t size = n - message_head - cdr - packet_at;
         if (content[-3] == 1 && record::number(content + 16, 4) == size) { // little-endian
-            one = {static_cast<std::int64_t>(record::number(content, 8)),
-                   static_cast<std::int64_t>(record::number(content + 8, 8)),
-                   static_cast<std::uint16_t>(record::number(p + record::prefix, 2)),
-                   {content + packet_at, size}};
+            stored = {static_cast<std::int64_t>(record::number(content, 8)),
+                      static_cast<std::int64_t>(record::number(content + 8, 8)),
+                      static_cast<std::uint16_t>(record::number(p + record::prefix, 2)),
+                      {content + packet_at, size}};
         }
     } else if (*p == record::op_channel) {
         record::Fields fields{{p + record::prefix, n}};
@@ -158,7 +158,7 @@ bool PacketFile::next(std::span<const std::uint8_t> bytes, std::size_t &at, Stor
             const auto id = static_cast<std::uint16_t>(fields.integer(2));
             fields.take(2);
             channels.try_emplace(id, Channel{fields.text()});
-        } catch (const record::Damage &) { // its packets are as undecoded ones
+        } catch (const record::Damage &) { // its packets count as undecoded
         }
     }
     return true;
@@ -214,29 +214,29 @@ bool PacketFile::read_summary()
             }
             counted = true;
         } else if (op == record::op_chunk_index) {
-            Chunk made;
-            made.first = time(fields);
-            made.last = time(fields);
-            made.at = fields.integer(8);
-            made.size = fields.integer(8) - record::chunk_head;
+            Chunk chunk;
+            chunk.first = time(fields);
+            chunk.last = time(fields);
+            chunk.at = fields.integer(8);
+            chunk.size = fields.integer(8) - record::chunk_head;
             for (record::Fields ids{fields.take(fields.integer(4))}; !ids.rest.empty(); ids.take(8)) {
-                made.channels.push_back(static_cast<std::uint16_t>(ids.integer(2)));
+                chunk.channels.push_back(static_cast<std::uint16_t>(ids.integer(2)));
             }
-            if (made.size > most_chunk || made.at > size_ || made.size + record::chunk_head > size_ - made.at) {
+            if (chunk.size > most_chunk || chunk.at > size_ || chunk.size + record::chunk_head > size_ - chunk.at) {
                 throw record::Damage{0, "a chunk lies outside of the file"};
             }
-            made.ended = true;
-            chunks.push_back(std::move(made));
+            chunk.ended = true;
+            chunks.push_back(std::move(chunk));
         } else if (op == record::op_metadata_index) {
             const std::uint64_t at = fields.integer(8), n = fields.integer(8);
             if (n > most_summary) {
                 throw record::Damage{0, "metadata are too long"};
             }
-            record::Fields found{read(at, n, more)};
-            if (found.integer(1) != record::op_metadata) {
+            record::Fields record{read(at, n, more)};
+            if (record.integer(1) != record::op_metadata) {
                 throw record::Damage{0, "there are no metadata where the index says"};
             }
-            read_metadata(found.take(found.integer(8)));
+            read_metadata(record.take(record.integer(8)));
         }
     }
     if (!counted || n_chunks != chunks.size()) { // as if the memory for the index was full
@@ -254,14 +254,14 @@ void PacketFile::refresh()
     }
 }
 
-/// Whether a chunk begins there whose first packets are written, but not its head, which its writer writes last.
+/// Whether a chunk begins there that has packets but no head yet: the writer writes the head last.
 bool PacketFile::is_unsaved(std::uint64_t at) const
 {
     std::vector<std::uint8_t> memory;
     const auto bytes = read(at, record::chunk_head + 1, memory);
     return bytes.size() == record::chunk_head + 1 && bytes.back() >= record::op_schema &&
            bytes.back() <= record::op_message &&
-           std::all_of(bytes.begin(), bytes.end() - 1, [](std::uint8_t one) { return one == 0; });
+           std::all_of(bytes.begin(), bytes.end() - 1, [](std::uint8_t byte) { return byte == 0; });
 }
 
 /// Read the records from where the last scan ended, chunk by chunk.
@@ -283,23 +283,23 @@ void PacketFile::scan()
         const std::uint8_t op = head[0];
         const std::uint64_t n = record::number(head.data() + 1, 8), content = scanned_ + record::prefix;
         if (op == record::op_data_end) {
-            whole = true; // without a summary that can be used
+            whole = true; // the file is complete, but its summary is unusable
             return;
         }
         if (op == record::op_chunk && head.size() == record::chunk_head) {
-            Chunk made;
-            made.at = scanned_;
-            made.size = record::number(head.data() + 41, 8);
-            made.first = static_cast<std::int64_t>(record::number(head.data() + 9, 8));
-            made.last = static_cast<std::int64_t>(record::number(head.data() + 17, 8));
-            // A record behind it that is none of a chunk's says that nothing is added to it.
-            const bool agrees = made.size <= most_chunk && n == made.size + record::chunk_head - record::prefix;
-            const std::uint64_t end = made.at + record::chunk_head + made.size;
+            Chunk chunk;
+            chunk.at = scanned_;
+            chunk.size = record::number(head.data() + 41, 8);
+            chunk.first = static_cast<std::int64_t>(record::number(head.data() + 9, 8));
+            chunk.last = static_cast<std::int64_t>(record::number(head.data() + 17, 8));
+            // The chunk has ended if the next record is of a kind that stands outside of chunks.
+            const bool agrees = chunk.size <= most_chunk && n == chunk.size + record::chunk_head - record::prefix;
+            const std::uint64_t end = chunk.at + record::chunk_head + chunk.size;
             const auto behind = agrees ? read(end, record::prefix, bytes) : std::span<const std::uint8_t>();
             const bool ended =
                 behind.size() == record::prefix && behind[0] > record::op_message && behind[0] <= record::op_data_end;
-            made.ended = ended;
-            scan_chunk(std::move(made));
+            chunk.ended = ended;
+            scan_chunk(std::move(chunk));
             if (!ended) {
                 return;
             }
@@ -323,33 +323,33 @@ void PacketFile::scan()
     }
 }
 
-void PacketFile::scan_chunk(Chunk made)
+void PacketFile::scan_chunk(Chunk chunk)
 {
     std::map<std::uint16_t, std::uint64_t> counts;
     std::uint64_t n = 0;
     std::int64_t t_first = 0, t_last = 0;
-    each(made, [&](const Stored &one) {
-        counts[one.channel]++;
-        t_first = n == 0 ? one.t : std::min(t_first, one.t);
-        t_last = n++ == 0 ? one.t : std::max(t_last, one.t);
+    each(chunk, [&](const Stored &stored) {
+        counts[stored.channel]++;
+        t_first = n == 0 ? stored.t : std::min(t_first, stored.t);
+        t_last = n++ == 0 ? stored.t : std::max(t_last, stored.t);
         return true;
     });
     if (n == 0) {
         return;
     }
-    made.first = t_first;
-    made.last = t_last;
+    chunk.first = t_first;
+    chunk.last = t_last;
     first = count == 0 ? t_first : std::min(first, t_first);
     last = count == 0 ? t_last : std::max(last, t_last);
     count += n;
     for (const auto &[id, times] : counts) {
         channels[id].count += times;
-        made.channels.push_back(id);
+        chunk.channels.push_back(id);
     }
-    if (!made.ended) {
+    if (!chunk.ended) {
         open_counts_ = std::move(counts);
     }
-    chunks.push_back(std::move(made));
+    chunks.push_back(std::move(chunk));
 }
 
 } // namespace fledge::ground

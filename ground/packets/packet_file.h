@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file of the packet archive that is read: by its index, or from the beginning if it is unfinished or damaged.
+// Reads a file of the packet archive by its index, or from the beginning if it is unfinished or damaged.
 #pragma once
 
 #include "ground/database/model.h"
@@ -17,7 +17,7 @@ inline constexpr char packet_schema[] = "int64 t  # t [ns] of the spacecraft's c
                                         "int64 received  # received [ns] UTC since 1970\n"
                                         "uint8[] packet  # packet\n";
 
-/// How the metadata of a file name a database: its hash as 16 hexadecimal digits.
+/// The hash of a database as 16 hexadecimal digits, as it is in a file's metadata.
 std::string hash_text(const Database &database);
 
 /// A packet in a file.
@@ -40,8 +40,8 @@ public:
         std::uint64_t count = 0;
     };
     struct Chunk {
-        std::uint64_t at = 0, size = 0; ///< [bytes] where its record begins, and of what is in it
-        bool ended = false;             ///< else packets may be added
+        std::uint64_t at = 0, size = 0; ///< [bytes] where its record begins; of the records in it
+        bool ended = false;             ///< false: packets may be added
         std::int64_t first = 0, last = 0;
         std::vector<std::uint16_t> channels;
     };
@@ -53,19 +53,19 @@ public:
     PacketFile(const PacketFile &) = delete;
     PacketFile &operator=(const PacketFile &) = delete;
 
-    /// Read what was added to an unfinished file. Throws Refusal if it is no longer there.
+    /// Read what was added to an unfinished file. Throws Refusal if the file is no longer there.
     void refresh();
-    /// Let go of the file until it is read again.
+    /// Close the descriptor; the next read opens it again.
     void close();
 
-    /// Each packet of a chunk in its order, until `take` returns false. A chunk that is damaged is left out, and
-    /// becomes one of `missing`. The packets live until the next call.
-    template <class Take> bool each(const Chunk &chunk, const Take &take)
+    /// Visit each packet of a chunk in its order, until `visit` returns false. A damaged chunk is skipped and added to
+    /// `missing`. The packets live until the next call.
+    template <class Visit> bool each(const Chunk &chunk, const Visit &visit)
     {
         const auto bytes = records(chunk);
-        Stored one{};
-        for (std::size_t at = 0; next(bytes, at, one);) {
-            if (one.channel != 0 && !take(std::as_const(one))) {
+        Stored stored{};
+        for (std::size_t at = 0; next(bytes, at, stored);) {
+            if (stored.channel != 0 && !visit(std::as_const(stored))) {
                 return false;
             }
         }
@@ -73,25 +73,25 @@ public:
     }
 
     const std::string path;
-    bool whole = false;      ///< it has its end, and nothing is added
+    bool whole = false;      ///< the file has its end, and nothing is added
     std::uint64_t count = 0; ///< of packets
     std::int64_t first = 0, last = 0;
     std::map<std::uint16_t, Channel> channels;
     std::vector<Chunk> chunks;
     Metadata metadata;
-    std::vector<Missing> missing; ///< what is damaged
+    std::vector<Missing> missing; ///< the damaged parts
 
 private:
     void open();
     std::span<const std::uint8_t> read(std::uint64_t at, std::uint64_t n, std::vector<std::uint8_t> &into) const;
     std::span<const std::uint8_t> records(const Chunk &chunk);
-    bool next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &one);
+    bool next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &stored);
     bool read_summary();
     void read_metadata(std::span<const std::uint8_t> content);
     bool is_unsaved(std::uint64_t at) const;
     void scan();
     void scan_chunk(Chunk chunk);
-    void damaged(std::uint64_t at, std::int64_t from, std::int64_t to, const std::string &what);
+    void damaged(std::uint64_t at, std::int64_t from, std::int64_t to, const std::string &problem);
 
     int fd_ = -1;
     std::uint64_t size_ = 0, scanned_ = 0;

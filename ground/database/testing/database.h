@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of the database share: short files, and values as text.
+// Shared by the tests of the database: short files, and values as text.
 #pragma once
 
 #include "ground/database/decoder.h"
@@ -41,7 +41,7 @@ inline std::string integer(const std::string &name, int bits, const std::string 
            attributes + ">" + inside + "</IntegerDataEncoding></IntegerParameterType>";
 }
 
-/// A container with entries of parameters ("a b c"), or with what is written.
+/// A container with entries of parameters ("a b c"), or with entries in XML.
 inline std::string container(const std::string &name, const std::string &entries, const std::string &more = "",
                              const std::string &attributes = "")
 {
@@ -99,14 +99,14 @@ inline std::string text(const Database &database, const Decoder &decoder, const 
     return all + (packet.reason.empty() ? "" : (all.empty() ? "" : " ") + ("(" + packet.reason + ")"));
 }
 
-/// The same of a packet, by plans and entry by entry, which must agree.
+/// Decode a packet by plans and entry by entry, which must agree.
 inline std::string decoded(const std::string &xml, const Bytes &packet)
 {
     const Database database = read_xtce_text(xml, "s.xml");
     Decoder fast(database), slow(database, false);
-    const std::string one = text(database, fast, fast.decode(packet)),
-                      other = text(database, slow, slow.decode(packet));
-    return one == other ? one : one + " by plans, " + other + " entry by entry";
+    const std::string planned = text(database, fast, fast.decode(packet)),
+                      walked = text(database, slow, slow.decode(packet));
+    return planned == walked ? planned : planned + " by plans, " + walked + " entry by entry";
 }
 
 } // namespace fledge::ground::testing

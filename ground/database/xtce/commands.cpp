@@ -68,7 +68,7 @@ Verifier CommandReader::verifier(Node node)
     for (Node child : elements(node)) {
         const View name = tag(child);
         if (ValueReader::is_condition(child)) {
-            result.condition = values_.one_condition(child);
+            result.condition = values_.condition_of(child);
         } else if (name == "ContainerRef") {
             result.container = declared_.container(child, needed(child, "containerRef"));
         } else if (name == "ParameterValueChange") {
@@ -91,7 +91,7 @@ Verifier CommandReader::verifier(Node node)
             refuse_element(child);
         }
     }
-    if (result.condition.what == Condition::What::always && result.container == no_id && result.algorithm.empty() &&
+    if (result.condition.kind == Condition::Kind::always && result.container == no_id && result.algorithm.empty() &&
         result.changes.of == Reference::Of::nothing) {
         refuse(node, "<" + std::string(tag(node)) +
                          "> needs a Comparison, ComparisonList, BooleanExpression, ContainerRef or "

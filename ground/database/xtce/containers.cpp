@@ -18,7 +18,7 @@ Entry::From place_of(Node node)
 
 void fixed_value(Entry &result, Node node)
 {
-    result.what = Entry::What::fixed;
+    result.kind = Entry::Kind::fixed;
     result.bytes = hexadecimal(node, needed(node, "binaryValue"));
     const std::string all = std::to_string(8 * result.bytes.size());
     result.bits = count(node, node.attribute("sizeInBits").as_string(all.c_str()), 1, 8 * 65542);
@@ -70,7 +70,7 @@ Entry ContainerReader::entry(Node node)
     Entry result;
     result.place = declared_.place(node);
     begin_entry(result, node);
-    const bool parameter = result.what == Entry::What::parameter;
+    const bool parameter = result.kind == Entry::Kind::parameter;
     std::uint64_t n = parameter ? types_.n_values(db_.parameters[result.id].type) : 1;
     for (Node child : elements(node)) {
         if (tag(child) == "DimensionList") {
@@ -94,15 +94,15 @@ void ContainerReader::begin_entry(Entry &result, Node node)
         result.id = declared_.parameter(node, needed(node, "parameterRef"));
         types_.need_encoding(node, db_.parameters[result.id].type);
     } else if (name == "ContainerRefEntry") {
-        result.what = Entry::What::container;
+        result.kind = Entry::Kind::container;
         result.id = declared_.container(node, needed(node, "containerRef"));
     } else if (one_of(name, {"ArgumentRefEntry", "ArrayArgumentRefEntry"})) {
-        result.what = Entry::What::argument;
+        result.kind = Entry::Kind::argument;
         result.name = needed(node, "argumentRef");
     } else if (name == "FixedValueEntry") {
         fixed_value(result, node);
     } else if (name == "IndirectParameterRefEntry") {
-        result.what = Entry::What::indirect;
+        result.kind = Entry::Kind::indirect;
         result.name = node.attribute("aliasNameSpace").value();
         const Node instance = element(node, "ParameterInstance");
         result.selector = instance
@@ -164,7 +164,7 @@ void ContainerReader::refuse_loops()
                 to = container.base;
             } else if (next <= container.entries.size()) {
                 const Entry &entry = container.entries[next - 1];
-                to = entry.what == Entry::What::container ? entry.id : no_id;
+                to = entry.kind == Entry::Kind::container ? entry.id : no_id;
             } else {
                 state[at] = 2;
                 path.pop_back();
@@ -188,9 +188,9 @@ void ContainerReader::refuse_doubtful_ends()
     std::vector<std::pair<Id, const Entry *>> doubtful;
     for (Id i = 0; i < db_.containers.size(); i++) {
         for (const Entry &entry : db_.containers[i].entries) {
-            const bool parameter = entry.what == Entry::What::parameter;
+            const bool parameter = entry.kind == Entry::Kind::parameter;
             if (entry.from != Entry::From::end || !entry.offset.is_fixed() ||
-                (!parameter && entry.what != Entry::What::fixed)) {
+                (!parameter && entry.kind != Entry::Kind::fixed)) {
                 continue;
             }
             const Encoding *encoding = parameter ? &db_.types[db_.parameters[entry.id].type].encoding : nullptr;

@@ -29,7 +29,7 @@ std::string absolute(const std::string &from, View reference)
 
 } // namespace
 
-// --- what the documents declare
+// --- declarations
 
 void Declarations::declare()
 {
@@ -41,14 +41,14 @@ void Declarations::declare()
     declare_command_containers();
 }
 
-/// Do it for each element of a node that has not been left out.
-template <class Do> void Declarations::parts(Node node, const std::string &path, Do what)
+/// Do an action for each element of a node that is not left out.
+template <class Do> void Declarations::parts(Node node, const std::string &path, Do action)
 {
     for (Node child : elements(node)) {
         if (!faults_.left_out(child)) {
             const std::string name = trimmed(child.attribute("name").value());
             attempt(child, name.empty() ? "<" + std::string(tag(child)) + ">" : path + "/" + name,
-                    [&] { what(child); });
+                    [&] { action(child); });
         }
     }
 }
@@ -100,7 +100,7 @@ void Declarations::declare_part(Node node, View set, const std::string &path)
     } else if (set == "ParameterSet" && kind == "Parameter") {
         declare(node, path, db_.parameters, parameters, parameter_names_);
     } else if (set == "ParameterSet" && kind == "ParameterRef") {
-        return; // a parameter of another system, which needs no second name here
+        return; // a reference to a parameter of another system declares nothing
     } else if (set == "ContainerSet" || set == "CommandContainerSet") {
         if (kind != "SequenceContainer" && (kind != "CommandContainer" || set == "ContainerSet")) {
             refuse_element(node);
@@ -141,7 +141,7 @@ void Declarations::declare_command_containers()
         const char *const given = node.attribute("name").value();
         result.name = *given ? given : db_.commands[command].name;
         result.path = at.system + "/" + result.name;
-        if (container_names_.contains(result.path)) { // as of a command that calls all of them alike
+        if (container_names_.contains(result.path)) { // as in a database whose command containers have equal names
             result.path = db_.commands[command].path + "/" + result.name;
         }
         result.place = place(node);
@@ -195,7 +195,7 @@ void Declarations::refuse_size(const char *reason) const
 
 // --- names
 
-/// In this system, or in one around it.
+/// Find a name in this system, or in a system around it.
 std::optional<Id> Declarations::find(const Names &names, const std::vector<Declared> &things, View reference) const
 {
     for (std::string from = system_;; from.erase(from.rfind('/'))) {
@@ -215,10 +215,10 @@ std::optional<Id> Declarations::find(const Names &names, const std::vector<Decla
 }
 
 Id Declarations::find(Node node, const Names &names, const std::vector<Declared> &things, const std::string &reference,
-                      const char *what) const
+                      const char *kind) const
 {
     const auto found = find(names, things, reference);
-    return found ? *found : refuse_as<Id>(node, std::string("there is no ") + what + " " + reference);
+    return found ? *found : refuse_as<Id>(node, std::string("there is no ") + kind + " " + reference);
 }
 
 Id Declarations::type(Node node, const char *attribute, bool argument) const

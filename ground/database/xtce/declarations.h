@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What XTCE files declare, by name, before it is filled in.
+// The items that XTCE files declare, by name, before readers fill them in.
 #pragma once
 
 #include "ground/database/xtce/xml.h"
@@ -17,7 +17,7 @@ struct Declared {
 
 class Declarations {
 public:
-    /// searched: what all rounds have spent on finding names.
+    /// searched: the effort of all rounds for finding names.
     Declarations(Database &database, const Documents &documents, Faults &faults, std::size_t &searched)
         : db_(database), documents_(documents), faults_(faults), searched_(searched)
     {
@@ -26,7 +26,7 @@ public:
     /// The space systems of all files. The containers of commands have no set of their own: they are declared last.
     void declare();
 
-    /// Look names up from the system of a thing. Returns the thing.
+    /// Look up names from the system of a thing from now on. Returns the thing.
     Declared &enter(Declared &thing);
 
     void describe(Node node, const std::string &under, Named &thing);
@@ -36,7 +36,7 @@ public:
     }
     Place place(Node node) const { return documents_.place(node); }
 
-    // --- names: each refuses what is not there, and what has faults
+    // --- names: each function refuses items that do not exist or have faults
 
     Id type(Node node, const char *attribute, bool argument) const;
     std::optional<Id> parameter(View reference) const { return find(parameter_names_, parameters, reference); }
@@ -47,12 +47,12 @@ public:
 
     // --- faults
 
-    /// Do what is needed for a thing: one that has a fault is left out.
-    template <class Do> bool attempt(Node thing, const std::string &path, Do what)
+    /// Do an action for a thing, which is left out if the action finds a fault.
+    template <class Do> bool attempt(Node thing, const std::string &path, Do action)
     {
         const std::uint32_t file = file_;
         try {
-            what();
+            action();
             return true;
         } catch (const Fault &fault) {
             file_ = file;
@@ -68,24 +68,24 @@ public:
 
     bool left_out(const Declared &thing) const { return faults_.left_out(thing.node); }
 
-    /// Do it for each thing that is not left out.
-    template <class Things, class Do> void each(Things &things, std::vector<Declared> &declared, Do what)
+    /// Do an action for each thing that is not left out.
+    template <class Things, class Do> void each(Things &things, std::vector<Declared> &declared, Do action)
     {
         for (Id i = 0; i < things.size(); i++) {
             if (!left_out(declared[i])) {
                 enter(declared[i]);
-                attempt(declared[i].node, things[i].path, [&] { what(i); });
+                attempt(declared[i].node, things[i].path, [&] { action(i); });
             }
         }
     }
 
-    /// Count what grows faster than the files: [bytes] of paths, and of what types inherit.
+    /// Count the data that grow faster than the files: [bytes] of paths, and of what types inherit.
     void spend_copied(std::size_t n);
 
     /// Throw Refusal with the file of the thing that was entered.
     [[noreturn]] void refuse_size(const char *reason) const;
 
-    std::vector<Declared> types, parameters, containers, commands; ///< of the database's, in their order
+    std::vector<Declared> types, parameters, containers, commands; ///< in the order of the database's
 
 private:
     using Names = std::unordered_map<std::string, Id>;
@@ -96,10 +96,10 @@ private:
     void declare_command_containers();
     template <class Things>
     Id declare(Node node, const std::string &path, Things &things, std::vector<Declared> &declared, Names &names);
-    template <class Do> void parts(Node node, const std::string &path, Do what);
+    template <class Do> void parts(Node node, const std::string &path, Do action);
     std::optional<Id> find(const Names &names, const std::vector<Declared> &things, View reference) const;
     Id find(Node node, const Names &names, const std::vector<Declared> &things, const std::string &reference,
-            const char *what) const;
+            const char *kind) const;
 
     Database &db_;
     const Documents &documents_;

@@ -22,7 +22,7 @@ void number_form(Encoding &result, Node node)
                                                      {"IEEE754_1985", NumberForm::ieee754},
                                                      {"IEEE754", NumberForm::ieee754},
                                                      {"MILSTD_1750A", NumberForm::mil1750a}};
-    const bool real = result.what == Encoding::What::real;
+    const bool real = result.kind == Encoding::Kind::real;
     const std::string name = node.attribute("encoding").as_string(real ? "IEEE754" : "unsigned");
     const auto form = forms.find(name);
     if (form == forms.end() || (form->second >= NumberForm::ieee754) != real) {
@@ -120,13 +120,13 @@ void EncodingReader::math(Calibrator &result, Node node)
         if (name == "ValueOperand") {
             step.number = real(child, child.text().get());
         } else if (name == "ThisParameterOperand") {
-            step.what = MathStep::What::this_value;
+            step.kind = MathStep::Kind::this_value;
         } else if (name == "ParameterInstanceRefOperand") {
-            step.what = MathStep::What::value;
+            step.kind = MathStep::Kind::value;
             step.value = values_.reference(child);
             result.refers = true;
         } else if (name == "Operator") {
-            step.what = MathStep::What::function;
+            step.kind = MathStep::Kind::function;
             const auto found = math_function(trimmed(child.text().get()));
             if (!found) {
                 refuse(child, "the operator " + trimmed(child.text().get()) + " is not known");
@@ -144,40 +144,40 @@ void EncodingReader::math(Calibrator &result, Node node)
         depth += gives - takes;
         result.steps.push_back(std::move(step));
     }
-    if (depth != 1 || !sound) { // a stack that has too few or too many values
+    if (depth != 1 || !sound) { // the stack has too few or too many values
         result.steps.clear();
     }
 }
 
 Calibrator EncodingReader::calibrator(Node node)
 {
-    using What = Calibrator::What;
+    using Kind = Calibrator::Kind;
     Calibrator result;
     for (Node child : elements(node)) {
         const View name = tag(child);
-        if (result.what != What::none) {
+        if (result.kind != Kind::none) {
             refuse(child, "<" + std::string(tag(node)) + "> holds more than one calibrator");
         }
         if (name == "PolynomialCalibrator") {
-            result.what = What::polynomial;
+            result.kind = Kind::polynomial;
             polynomial(result, child);
         } else if (name == "SplineCalibrator") {
-            result.what = What::spline;
+            result.kind = Kind::spline;
             spline(result, child);
         } else if (name == "MathOperationCalibrator") {
-            result.what = What::math;
+            result.kind = Kind::math;
             math(result, child);
         } else if (!is_common(child)) {
             refuse_element(child);
         }
-        if (result.what != What::none && result.coefficients.empty() && result.points.empty() && result.steps.empty()) {
+        if (result.kind != Kind::none && result.coefficients.empty() && result.points.empty() && result.steps.empty()) {
             declared_.note(child, "<" + std::string(name) + "> has no result: the values have none but the raw one");
         }
     }
     return result;
 }
 
-/// The size of text and binary: [bits] of the whole, with what says where text ends in it.
+/// Read the size of text and binary: [bits] of the whole, and how text ends in it.
 void EncodingReader::string_size(Encoding &result, Node node, bool text)
 {
     bool ignored = false;
@@ -191,7 +191,7 @@ void EncodingReader::string_size(Encoding &result, Node node, bool text)
             refuse_element(child);
         } else if (name == "DynamicValue" &&
                    element(child, "ParameterInstanceRef").attribute("parameterRef").value() == View("_yamcs_ignore")) {
-            ignored = true; // a common way to say that the value alone has a size
+            ignored = true; // a common way to write that the value alone has a size
         } else {
             result.sized = true;
             result.size = values_.quantity(node);
@@ -209,7 +209,7 @@ void EncodingReader::string_size(Encoding &result, Node node, bool text)
 void EncodingReader::part(Encoding &result, Node child)
 {
     const View name = tag(child);
-    const bool text = result.what == Encoding::What::text;
+    const bool text = result.kind == Encoding::Kind::text;
     if (name == "DefaultCalibrator") {
         result.calibrator = calibrator(child);
     } else if (name == "ContextCalibratorList") {
@@ -235,32 +235,32 @@ void EncodingReader::part(Encoding &result, Node child)
 
 Encoding EncodingReader::encoding(Node node)
 {
-    using What = Encoding::What;
-    static const std::map<View, What> whats = {{"IntegerDataEncoding", What::integer},
-                                               {"FloatDataEncoding", What::real},
-                                               {"StringDataEncoding", What::text},
-                                               {"BinaryDataEncoding", What::binary}};
+    using Kind = Encoding::Kind;
+    static const std::map<View, Kind> whats = {{"IntegerDataEncoding", Kind::integer},
+                                               {"FloatDataEncoding", Kind::real},
+                                               {"StringDataEncoding", Kind::text},
+                                               {"BinaryDataEncoding", Kind::binary}};
     const auto what = whats.find(tag(node));
     if (what == whats.end()) {
         refuse_element(node);
     }
     Encoding result;
-    result.what = what->second;
+    result.kind = what->second;
     result.bits_reversed = node.attribute("bitOrder").as_string() == View("leastSignificantBitFirst");
-    if (result.what == What::integer || result.what == What::real) {
+    if (result.kind == Kind::integer || result.kind == Kind::real) {
         number_form(result, node);
     }
     for (Node child : elements(node)) {
         part(result, child);
     }
-    if (result.what == What::text) {
+    if (result.kind == Kind::text) {
         result.charset = charset(node);
     }
-    if (result.what == What::binary && !result.sized && !result.algorithm.empty()) {
+    if (result.kind == Kind::binary && !result.sized && !result.algorithm.empty()) {
         result.sized = true;
         result.size.fixed = -1;
     }
-    if ((result.what == What::text || result.what == What::binary) && !result.sized && result.size_tag == 0 &&
+    if ((result.kind == Kind::text || result.kind == Kind::binary) && !result.sized && result.size_tag == 0 &&
         result.terminator.empty()) {
         refuse(node, "<" + std::string(tag(node)) + "> has no size");
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A reader for each concept of XTCE. Each fills in what Declarations has declared, from its node.
+// A reader for each concept of XTCE: it fills in the items that Declarations has declared, from their nodes.
 #pragma once
 
 #include "ground/database/xtce/declarations.h"
@@ -10,16 +10,16 @@ namespace fledge::ground::xtce {
 
 inline constexpr std::uint64_t most_values = 1 << 20; // of a type; of all entries, 16 times as many
 
-/// References to values, conditions of them, and numbers that they give.
+/// Reads references to values, conditions, and numbers that follow from values.
 class ValueReader {
 public:
     ValueReader(Database &database, const Declarations &declared) : db_(database), declared_(declared) {}
 
     Reference reference(Node node) const;
 
-    /// The condition that a node holds, and nothing else.
+    /// The condition that is the only child of a node; and a condition's own node.
     Condition condition(Node node) const;
-    Condition one_condition(Node node, std::size_t depth = 0) const;
+    Condition condition_of(Node node, std::size_t depth = 0) const;
     static bool is_condition(Node node)
     {
         return one_of(tag(node), {"Comparison", "ComparisonList", "BooleanExpression"});
@@ -27,8 +27,8 @@ public:
     Quantity quantity(Node node) const;
     std::vector<Dimension> dimensions(Node node) const;
 
-    std::set<std::string> members; ///< a reference may name a member beside it
-    bool outside = false;          ///< a reference may lead to what another program knows
+    std::set<std::string> members; ///< a reference may name one of these members of the same aggregate
+    bool outside = false;          ///< a reference may mean a value of another program
 
 private:
     std::optional<Reference> parameter(Node node, const std::string &text) const;
@@ -40,10 +40,17 @@ private:
     const Declarations &declared_;
 };
 
-/// How values lie in packets, and their calibrators.
-class EncodingReader {
+/// Shared by the readers of items.
+struct Context {
+    Database &db_;
+    Declarations &declared_;
+    ValueReader &values_;
+};
+
+/// Reads the encodings of values in packets, and their calibrators.
+class EncodingReader : Context {
 public:
-    EncodingReader(Declarations &declared, const ValueReader &values) : declared_(declared), values_(values) {}
+    explicit EncodingReader(const Context &context) : Context(context) {}
 
     Encoding encoding(Node node);
 
@@ -52,39 +59,29 @@ private:
     void string_size(Encoding &encoding, Node node, bool text);
     Calibrator calibrator(Node node);
     void math(Calibrator &calibrator, Node node);
-
-    Declarations &declared_;
-    const ValueReader &values_;
 };
 
 Range range(Node node);
 
-class AlarmReader {
+class AlarmReader : Context {
 public:
-    AlarmReader(Declarations &declared, const ValueReader &values) : declared_(declared), values_(values) {}
+    explicit AlarmReader(const Context &context) : Context(context) {}
 
     Alarm alarm(Node node);
-
-private:
-    Declarations &declared_;
-    const ValueReader &values_;
 };
 
-class TypeReader {
+class TypeReader : Context {
 public:
-    TypeReader(Database &database, Declarations &declared, ValueReader &values)
-        : db_(database), declared_(declared), values_(values), encodings_(declared, values), alarms_(declared, values)
-    {
-    }
+    explicit TypeReader(const Context &context) : Context(context), encodings_(context), alarms_(context) {}
 
-    /// The sort, the members and the element of each type, after those of its base.
+    /// Read the sort, the members and the element of each type, after those of its base.
     void read_structures();
     void fill();
 
-    /// What stands in a packet has a size, and not more values than a packet.
+    /// Refuse a type that packets cannot have: without a size, or with more values than a packet.
     void need_encoding(Node node, Id id);
 
-    /// How many values a type has, and how many an array, if its dimensions are fixed.
+    /// The number of values of a type, and of an array if its dimensions are fixed.
     std::uint64_t n_values(Id id) const { return n_values_[id]; }
     std::uint64_t n_values(Node node, Id element, const std::vector<Dimension> &dimensions) const;
 
@@ -99,9 +96,6 @@ private:
     void time_encoding(Type &type, Node node);
     void reference_time(Type &type, Node node);
 
-    Database &db_;
-    Declarations &declared_;
-    ValueReader &values_;
     EncodingReader encodings_;
     AlarmReader alarms_;
     std::map<Id, Id> bases_;
@@ -109,18 +103,15 @@ private:
     std::vector<bool> encoded_; ///< types that have an encoding
 };
 
-class ContainerReader {
+class ContainerReader : Context {
 public:
-    ContainerReader(Database &database, Declarations &declared, const ValueReader &values, TypeReader &types)
-        : db_(database), declared_(declared), values_(values), types_(types)
-    {
-    }
+    ContainerReader(const Context &context, TypeReader &types) : Context(context), types_(types) {}
 
     void fill();
     void refuse_loops();
 
-    /// The standard counts from the end of a container to the end of an entry; others write where the entry begins. A
-    /// database whose entries never reach the end, unless begins are meant, may mean either.
+    /// The standard counts from the end of a container to the end of an entry; some authors count to its begin. Refuse a
+    /// database in which no entry reaches the container's end, although one would if begins were meant.
     void refuse_doubtful_ends();
 
 private:
@@ -130,19 +121,13 @@ private:
     void begin_entry(Entry &entry, Node node);
     void part(Entry &entry, Node node);
 
-    Database &db_;
-    Declarations &declared_;
-    const ValueReader &values_;
     TypeReader &types_;
     std::uint64_t n_values_ = 0; ///< of all entries
 };
 
-class CommandReader {
+class CommandReader : Context {
 public:
-    CommandReader(Database &database, Declarations &declared, ValueReader &values)
-        : db_(database), declared_(declared), values_(values)
-    {
-    }
+    explicit CommandReader(const Context &context) : Context(context) {}
 
     void fill();
     void refuse_loops();
@@ -151,10 +136,6 @@ private:
     void part(Id id, Node node);
     Verifier verifier(Node node);
     void window(Verifier &verifier, Node node);
-
-    Database &db_;
-    Declarations &declared_;
-    ValueReader &values_;
 };
 
 } // namespace fledge::ground::xtce

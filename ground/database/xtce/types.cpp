@@ -59,13 +59,13 @@ void complete(Type &type, Node node)
         const auto given = node.attribute("numberOfDimensions");
         type.dimensions.resize(given ? count(node, given.value(), 1, 16) : 1);
         for (Dimension &dimension : type.dimensions) {
-            dimension.last.fixed = -1; // the entry of a container says how many
+            dimension.last.fixed = -1; // the entry of a container has the number
         }
     }
-    if (type.encoding.what == Encoding::What::binary && type.encoding.algorithm.empty() &&
+    if (type.encoding.kind == Encoding::Kind::binary && type.encoding.algorithm.empty() &&
         type.encoding.size.is_fixed() && type.encoding.size.fixed > 0 && type.encoding.size.fixed <= 64 &&
-        type.sort != Type::Sort::binary && type.sort != Type::Sort::text) { // a number all the same
-        type.encoding.what = Encoding::What::integer;
+        type.sort != Type::Sort::binary && type.sort != Type::Sort::text) { // it is a number
+        type.encoding.kind = Encoding::Kind::integer;
         type.encoding.bits = static_cast<std::uint32_t>(type.encoding.size.fixed);
     }
     if (type.sort != Type::Sort::enumerated || type.alarms.empty()) {
@@ -104,7 +104,7 @@ void TypeReader::structure(Id id, std::size_t depth)
     }
 }
 
-/// From the base of a type.
+/// Copy the structure of the base to a type.
 void TypeReader::inherit_structure(Id id, std::size_t depth)
 {
     Declared &at = declared_.types[id];
@@ -192,7 +192,7 @@ void TypeReader::fill()
     }
 }
 
-/// All that a type does not give itself.
+/// Copy from the base all that a type does not define itself.
 void TypeReader::inherit(Id id, Id base)
 {
     const Type &from = db_.types[base];
@@ -228,8 +228,8 @@ void TypeReader::fill(Id id)
     Type &type = db_.types[id];
     const Node node = at.node;
     type.is_signed = is_true(node, "signed", type.is_signed);
-    type.zero = node.attribute("zeroStringValue").as_string(type.zero.c_str());
-    type.one = node.attribute("oneStringValue").as_string(type.one.c_str());
+    type.zero_label = node.attribute("zeroStringValue").as_string(type.zero_label.c_str());
+    type.one_label = node.attribute("oneStringValue").as_string(type.one_label.c_str());
     if (const auto value = initial(node)) {
         type.initial = value;
     }
@@ -268,7 +268,7 @@ void TypeReader::part(Type &type, Node child)
     } else if (name == "ContextAlarmList") {
         for (Node item : elements(child)) {
             type.alarms.insert(type.alarms.end() -
-                                   (!type.alarms.empty() && type.alarms.back().when.what == Condition::What::always),
+                                   (!type.alarms.empty() && type.alarms.back().when.kind == Condition::Kind::always),
                                alarms_.alarm(item));
         }
     } else if (name == "DimensionList") {
@@ -331,9 +331,9 @@ void TypeReader::need_encoding(Node node, Id id)
             need_encoding(node, member.type);
             n_values_[id] += n_values_[member.type];
         }
-    } else if (type.encoding.what == Encoding::What::none) {
+    } else if (type.encoding.kind == Encoding::Kind::none) {
         refuse(node, "the type " + type.name + " (" + db_.where(type.place) + ") has no encoding");
-    } else if (type.encoding.what == Encoding::What::binary && type.encoding.algorithm.empty() &&
+    } else if (type.encoding.kind == Encoding::Kind::binary && type.encoding.algorithm.empty() &&
                type.sort != Type::Sort::binary && type.sort != Type::Sort::text) {
         refuse(node, "the type " + type.name + " (" + db_.where(type.place) +
                          ") is binary, and no algorithm makes a value of it");

@@ -35,8 +35,8 @@ void ValueReader::add_steps(Reference &to, Node node, View steps) const
         const std::size_t next = std::min(steps.find_first_of("/.[", i + 1), steps.size());
         const std::string step(steps.substr(i + 1, next - i - 1));
         const Type &type = db_.types[at];
-        const auto member =
-            std::find_if(type.members.begin(), type.members.end(), [&](const Member &one) { return one.name == step; });
+        const auto member = std::find_if(type.members.begin(), type.members.end(),
+                                         [&](const Member &candidate) { return candidate.name == step; });
         if (steps[i] == '[' && type.sort == Type::Sort::array && step.ends_with(']')) {
             to.steps.push_back(count(node, View(step).substr(0, step.size() - 1), 0, 1 << 20));
             at = type.element;
@@ -76,7 +76,7 @@ Reference ValueReader::reference(Node node) const
         if (auto found = parameter(node, text)) {
             result = *found;
         } else if ((outside && text.starts_with("/yamcs/")) || members.contains(text)) {
-            result.of = Reference::Of::argument; // beside it, or of another program, which has arguments in this way
+            result.of = Reference::Of::argument; // a member beside it, or a value of another program by its name
             result.name = text.starts_with(of_argument) ? text.substr(of_argument.size()) : text;
         } else {
             refuse(node, "there is no parameter " + text);
@@ -94,7 +94,7 @@ Reference ValueReader::reference(Node node) const
 Condition ValueReader::comparison(Node node) const
 {
     Condition result;
-    result.what = Condition::What::compare;
+    result.kind = Condition::Kind::compare;
     const auto inside = elements(node);
     const char *const op = node.attribute("comparisonOperator").as_string("==");
     result.left = reference(inside.empty() ? node : inside.front());
@@ -109,7 +109,7 @@ Condition ValueReader::comparison(Node node) const
 Condition ValueReader::two_values(Node node) const
 {
     Condition result;
-    result.what = Condition::What::compare;
+    result.kind = Condition::Kind::compare;
     int place = 0;
     for (Node child : elements(node)) {
         if (is_reference(child) && place < 2) {
@@ -134,7 +134,7 @@ Condition ValueReader::two_values(Node node) const
     return result;
 }
 
-Condition ValueReader::one_condition(Node node, std::size_t depth) const
+Condition ValueReader::condition_of(Node node, std::size_t depth) const
 {
     const View name = tag(node);
     if (depth > deepest) {
@@ -144,12 +144,12 @@ Condition ValueReader::one_condition(Node node, std::size_t depth) const
         return name == "Comparison" ? comparison(node) : two_values(node);
     }
     Condition result;
-    result.what = name == "ORedConditions" ? Condition::What::any : Condition::What::all;
+    result.kind = name == "ORedConditions" ? Condition::Kind::any : Condition::Kind::all;
     if (!one_of(name, {"ComparisonList", "BooleanExpression", "ANDedConditions", "ORedConditions"})) {
         refuse_element(node);
     }
     for (Node child : elements(node)) {
-        result.parts.push_back(one_condition(child, depth + 1));
+        result.parts.push_back(condition_of(child, depth + 1));
     }
     if (result.parts.empty()) {
         refuse(node, "<" + std::string(name) + "> has no condition");
@@ -165,7 +165,7 @@ Condition ValueReader::condition(Node node) const
                                                          "> must hold one Comparison, ComparisonList or "
                                                          "BooleanExpression");
     }
-    return one_condition(inside[0]);
+    return condition_of(inside[0]);
 }
 
 // --- quantities
@@ -204,7 +204,7 @@ Quantity ValueReader::quantity(Node node) const
                     refuse(lookup, "a lookup has one condition and a value");
                 }
                 result.cases.emplace_back(
-                    one_condition(elements(lookup)[0]),
+                    condition_of(elements(lookup)[0]),
                     std::clamp(whole(lookup, needed(lookup, "value")), -most_quantity, most_quantity));
             }
             return result;
@@ -218,7 +218,7 @@ std::vector<Dimension> ValueReader::dimensions(Node node) const
     std::vector<Dimension> result;
     for (Node child : elements(node)) {
         Dimension dimension;
-        if (tag(child) == "Size") { // how many, not the last index
+        if (tag(child) == "Size") { // the number, not the last index
             dimension.last = quantity(child);
             dimension.last.fixed--;
             dimension.last.intercept--;

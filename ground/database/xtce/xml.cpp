@@ -9,7 +9,7 @@ constexpr std::ptrdiff_t most_elements = 1 << 23; // of all files
 constexpr std::size_t most_of_fault = 1000;       // characters of a fault
 constexpr std::size_t most_shown = 100;           // faults of a message
 
-/// Whether a text is UTF-8 of characters that XML has, which pugixml does not look at.
+/// Whether a text is UTF-8 of characters that XML allows; pugixml does not check that.
 bool is_text(const char *at)
 {
     while (const auto first = static_cast<std::uint8_t>(*at++)) {
@@ -245,7 +245,7 @@ void Documents::parse(Document &document, std::uint32_t file)
     if (document.text.starts_with("\xFE\xFF") || document.text.starts_with("\xFF\xFE")) {
         throw Fault(files_[file] + ": write the file in UTF-8; it is in UTF-16", Place{file, 1});
     }
-    // A document type, and with it entities of its own, is passed over: an entity stays as it is written.
+    // A document type with its entities is skipped: an entity stays as it is written.
     const auto result = document.xml.load_buffer(document.text.data(), document.text.size(),
                                                  pugi::parse_default | pugi::parse_trim_pcdata);
     file_of_[document.xml.internal_object()] = file;

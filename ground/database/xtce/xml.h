@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The XML of XTCE files: where its nodes stand, and what attributes and texts hold. Functions that refuse throw Fault.
+// The XML of XTCE files: places of nodes, values of attributes and texts. Functions that refuse throw Fault.
 #pragma once
 
 #include "ground/database/model.h"
@@ -24,21 +24,21 @@ inline constexpr std::size_t deepest = 64;         // of nested systems, types a
 inline constexpr std::size_t most_text = 1 << 27;  // of all files
 inline constexpr std::size_t most_faults = 10'000; // of all files
 
-/// What is wrong at a node; at none: of the whole thing that is read.
+/// A fault at a node; without a node, of the item that is read.
 struct Fault : Refusal {
     explicit Fault(const std::string &reason, Node at = {}) : Refusal(reason), node(at) {}
     Fault(const std::string &message, Place at) : Refusal(message), place(at) {}
     Node node;
-    std::optional<Place> place; ///< which the text names already
-    bool follows = false;       ///< because something else has a fault
+    std::optional<Place> place; ///< if the text names it already
+    bool follows = false;       ///< it follows from another fault
 };
 
 [[noreturn]] void refuse(Node node, const std::string &reason);
 
-/// Of an element that its parent does not know.
+/// Refuse an element that its parent must not have.
 [[noreturn]] void refuse_element(Node node);
 
-/// What refers to a thing that has faults has one, too.
+/// Refuse a reference to an item that has faults.
 [[noreturn]] void refuse_reference(const std::string &to);
 
 template <class Result> [[noreturn]] Result refuse_as(Node node, const std::string &reason)
@@ -53,7 +53,7 @@ View tag(Node node);
 std::vector<Node> elements(Node node);
 Node element(Node node, View name);
 
-/// Whether all elements may have it.
+/// Whether any element may have this child.
 bool is_common(Node node);
 
 inline bool one_of(View name, std::initializer_list<View> names)
@@ -120,21 +120,21 @@ private:
     std::ptrdiff_t n_elements_ = 0;
 };
 
-/// The faults of files, and the nodes that are left out for them.
+/// The faults of files, and the nodes that are left out because of them.
 class Faults {
 public:
     explicit Faults(const Documents &documents) : documents_(documents) {}
 
-    /// A thing, whose name or path is given, is left out.
+    /// Leave out an item, whose name or path is given.
     void add(const Fault &fault, Node thing, const std::string &path);
     bool empty() const { return faults_.empty(); }
     const std::string &first() const { return faults_[0].message; }
     bool left_out(Node node) const { return !left_out_.empty() && left_out_.contains(node.internal_object()); }
 
-    /// Throw Refusal with all of them in a message, those that follow from others left away; nothing if there are none.
+    /// Throw Refusal if there are faults; its message has all except those that follow from others.
     void refuse();
 
-    /// The texts of all, with what is left out; then there are none. The nodes stay left out.
+    /// Return the texts of all faults with the items left out, and clear the faults. The nodes stay left out.
     std::vector<std::string> take();
 
 private:
