@@ -84,9 +84,9 @@ static bool pairs_valid(const McapPair *pairs, size_t n)
 
 static bool little_endian_machine(void)
 {
-    const uint16_t one = 1;
+    const uint16_t word = 1;
     uint8_t first;
-    memcpy(&first, &one, 1);
+    memcpy(&first, &word, 1);
     return first == 1u;
 }
 

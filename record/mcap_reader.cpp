@@ -34,20 +34,20 @@ std::string name_of(std::uint8_t op)
     return op >= op_header && op <= op_data_end ? std::string(names[op - 1]) : hex(op, 2);
 }
 
-/// The records that may stand in the data section and in the summary, a bit for each.
+/// The records that the data section and the summary may have, a bit for each.
 constexpr std::uint32_t in_data = 1u << op_schema | 1u << op_channel | 1u << op_message | 1u << op_chunk |
                                   1u << op_message_index | 1u << op_attachment | 1u << op_metadata | 1u << op_data_end;
 constexpr std::uint32_t in_summary = 1u << op_schema | 1u << op_channel | 1u << op_chunk_index |
                                      1u << op_attachment_index | 1u << op_statistics | 1u << op_metadata_index |
                                      1u << op_summary_offset | 1u << op_footer;
 
-/// Whether the record has no place among these; those from 0x80 on are private, and may stand anywhere.
+/// Whether the record is not among these; records from 0x80 on are private, and allowed anywhere.
 bool is_misplaced(std::uint8_t op, std::uint32_t among)
 {
     return op < 0x80 && (op > op_data_end || (among >> op & 1u) == 0);
 }
 
-/// Whether bytes are UTF-8 as the Unicode Standard's table 3-7 has it.
+/// Whether bytes are UTF-8, by table 3-7 of the Unicode Standard.
 bool is_utf8(Bytes bytes)
 {
     for (std::size_t i = 0; i < bytes.size();) {
@@ -78,9 +78,9 @@ bool is_utf8(Bytes bytes)
 std::uint32_t crc(Bytes bytes)
 {
     static const McapCrc tables = [] {
-        McapCrc made;
-        mcap_crc_init(&made);
-        return made;
+        McapCrc crc_tables;
+        mcap_crc_init(&crc_tables);
+        return crc_tables;
     }();
     return mcap_crc_update(&tables, 0, bytes.data(), bytes.size());
 }
@@ -107,18 +107,18 @@ std::string Fields::text()
 Pairs Fields::pairs()
 {
     Fields inner{take(integer(4)), record};
-    Pairs found;
+    Pairs result;
     std::unordered_map<std::string, std::size_t> places;
     while (!inner.rest.empty()) {
         std::string key = inner.text(), value = inner.text();
-        const auto [place, is_new] = places.try_emplace(key, found.size());
+        const auto [place, is_new] = places.try_emplace(key, result.size());
         if (is_new) {
-            found.emplace_back(std::move(key), std::move(value));
+            result.emplace_back(std::move(key), std::move(value));
         } else {
-            found[place->second].second = std::move(value);
+            result[place->second].second = std::move(value);
         }
     }
-    return found;
+    return result;
 }
 
 namespace {
@@ -174,11 +174,11 @@ private:
 
     Counts counts() const
     {
-        Counts found;
+        Counts result;
         for (const Channel &channel : scan_.channels) {
-            found[channel.id] = channel.offsets.size();
+            result[channel.id] = channel.offsets.size();
         }
-        return found;
+        return result;
     }
 
     std::uint64_t count() const
@@ -232,7 +232,7 @@ private:
     /// Read the records of a chunk to its end, or of the data section to its DataEnd.
     std::uint64_t contents(std::uint64_t at, std::uint64_t end, bool in_chunk)
     {
-        struct Latest { // noted whether the records are right or not
+        struct Latest { // stored even if a record is wrong
             Reader &reader;
             bool in_chunk, any = false;
             std::uint64_t t = 0;
@@ -282,7 +282,7 @@ private:
                 return at;
             }
             other(found, at, in_chunk);
-            known = nullptr; // a new channel may have moved it
+            known = nullptr; // a new channel may move it
             at = found.end;
         }
         if (!in_chunk) {
@@ -312,8 +312,8 @@ private:
         } else if (in_chunk || is_misplaced(op, in_data)) {
             throw Damage{at, "record " + name_of(op) + " has no place here"};
         }
-        // Attachments, private records and fields of a later MCAP are harmless, unless damage turned another record
-        // into one.
+        // Attachments, private records and fields of a later MCAP are skipped; but damage may have turned another record
+        // into one of these.
         passed_over_ = passed_over_ || !rest.rest.empty();
     }
 
@@ -337,33 +337,34 @@ private:
 
     void take_channel(Fields &rest)
     {
-        Channel made;
-        made.id = static_cast<std::uint16_t>(rest.integer(2));
-        made.schema = static_cast<std::uint16_t>(rest.integer(2));
-        const auto schema = schemas_.find(made.schema);
-        const std::string name = "channel " + std::to_string(made.id);
-        if (made.schema != 0 && schema == schemas_.end()) {
-            throw Damage{rest.record, name + " has schema " + std::to_string(made.schema) + ", which is not declared"};
+        Channel channel;
+        channel.id = static_cast<std::uint16_t>(rest.integer(2));
+        channel.schema = static_cast<std::uint16_t>(rest.integer(2));
+        const auto schema = schemas_.find(channel.schema);
+        const std::string name = "channel " + std::to_string(channel.id);
+        if (channel.schema != 0 && schema == schemas_.end()) {
+            throw Damage{rest.record,
+                         name + " has schema " + std::to_string(channel.schema) + ", which is not declared"};
         }
-        made.topic = rest.text();
-        made.encoding = rest.text();
-        made.metadata = rest.pairs();
-        const auto place = places_.find(made.id);
+        channel.topic = rest.text();
+        channel.encoding = rest.text();
+        channel.metadata = rest.pairs();
+        const auto place = places_.find(channel.id);
         if (place == places_.end()) {
             if (data_end_at_) {
                 throw Damage{rest.record, name + " is declared in the summary alone"};
             }
             if (schema != schemas_.end()) {
-                made.definition = schema->second;
+                channel.definition = schema->second;
             }
-            made.length = length_(made);
-            places_.emplace(made.id, scan_.channels.size());
-            scan_.channels.push_back(std::move(made));
+            channel.length = length_(channel);
+            places_.emplace(channel.id, scan_.channels.size());
+            scan_.channels.push_back(std::move(channel));
             return;
         }
         const Channel &known = scan_.channels[place->second];
-        if (known.schema != made.schema || known.topic != made.topic || known.encoding != made.encoding ||
-            !std::ranges::is_permutation(known.metadata, made.metadata)) {
+        if (known.schema != channel.schema || known.topic != channel.topic || known.encoding != channel.encoding ||
+            !std::ranges::is_permutation(known.metadata, channel.metadata)) {
             throw Damage{rest.record, name + " is declared twice, differently"};
         }
     }
@@ -392,7 +393,7 @@ private:
         contents(begin, begin + size, true);
     }
 
-    /// Read what is there of a chunk in which the file ends.
+    /// Read the messages of a chunk in which the file ends.
     void take_cut_chunk(std::uint64_t at)
     {
         constexpr std::uint64_t compression_at = 37;
@@ -465,7 +466,7 @@ private:
             return;
         }
         statistics_.emplace();
-        for (const Channel &channel : scan_.channels) { // other writers leave out channels without messages
+        for (const Channel &channel : scan_.channels) { // some writers omit channels without messages
             (*statistics_)[channel.id] = 0;
         }
         std::uint64_t sum = 0;
@@ -484,11 +485,11 @@ private:
     std::map<std::uint16_t, std::array<std::string, 3>> schemas_;
     std::map<std::uint16_t, std::size_t> places_; ///< of the channels, by their ids
     std::optional<Counts> statistics_;
-    std::optional<std::uint64_t> last_;        ///< [ns] the latest message
-    bool loose_ = false;                       ///< messages outside of chunks: no checksum of their own
-    bool cut_ = false;                         ///< the file ends within a chunk, whose checksum is then of no use
-    bool passed_over_ = false;                 ///< some records were not, or not wholly, decoded
-    std::optional<std::uint64_t> data_end_at_; ///< the DataEnd record, once it is reached
+    std::optional<std::uint64_t> last_; ///< [ns] the latest message
+    bool loose_ = false;                ///< there are messages outside of chunks, without a checksum of their own
+    bool cut_ = false;                  ///< the file ends within a chunk, whose checksum cannot be checked
+    bool passed_over_ = false;          ///< some records were not decoded, or not completely
+    std::optional<std::uint64_t> data_end_at_; ///< place of the DataEnd record, once it was read
     std::optional<bool> data_is_right_;        ///< whether its checksum is right; none: it has none
 };
 
@@ -501,7 +502,7 @@ Scan::Scan(Bytes file, const Length &length)
 
 Metadata metadata_of(Bytes file)
 {
-    Metadata found;
+    Metadata result;
     for (std::uint64_t at = magic.size(); at <= file.size() && file.size() - at >= prefix;) {
         const std::uint8_t op = file[at];
         const std::uint64_t length = number(&file[at + 1], 8);
@@ -512,14 +513,14 @@ Metadata metadata_of(Bytes file)
             try {
                 Fields fields{file.subspan(at + prefix, length), at};
                 std::string name = fields.text();
-                found.emplace_back(std::move(name), fields.pairs());
+                result.emplace_back(std::move(name), fields.pairs());
             } catch (const Damage &) {
                 break;
             }
         }
         at += prefix + length;
     }
-    return found;
+    return result;
 }
 
 } // namespace fledge::record

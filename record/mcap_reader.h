@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// An MCAP file (https://mcap.dev/spec) that is read: the records of the container, and what a whole file has.
+// Reads MCAP files (https://mcap.dev/spec): the records of the container, and whole files.
 //
-// Scan reads the file from its beginning, with or without a summary: one way for whole, truncated and unindexed files,
-// which checks every checksum. It stops at the first fault. The messages before it stay readable, and `problem` names
-// the fault and the data that are still good.
+// Scan reads a file from its beginning, with or without a summary, so that whole, truncated and unindexed files are read
+// alike, and checks every checksum. It stops at the first fault. The messages before it stay readable, and `problem`
+// names the fault and the data that are still good.
 //
 // Example:
 //
@@ -49,12 +49,12 @@ struct Damage {
     std::string what;
 };
 
-/// The file is whole, but has what is not read here.
+/// The file has a feature of MCAP that is not supported.
 struct Unsupported {
     std::string what;
 };
 
-/// Little-endian.
+/// A little-endian number of n bytes.
 inline std::uint64_t number(const std::uint8_t *at, std::size_t n)
 {
     std::uint64_t value = 0;
@@ -66,32 +66,32 @@ inline std::uint64_t number(const std::uint8_t *at, std::size_t n)
 
 std::uint32_t crc(Bytes bytes);
 
-/// The fields of a record in their order; throws Damage at the byte of the record where one reaches beyond it.
+/// The fields of a record in their order; throws Damage if a field reaches beyond the record.
 struct Fields {
     Bytes rest;
     std::uint64_t record = 0;
 
     Bytes take(std::uint64_t n);
     std::uint64_t integer(std::size_t n) { return number(take(n).data(), n); }
-    std::string text(); ///< Damage, too, if it is not UTF-8
-    Pairs pairs();      ///< of a key that comes again the last value counts
+    std::string text(); ///< throws Damage, too, if it is not UTF-8
+    Pairs pairs();      ///< if a key is repeated, its last value counts
 };
 
-/// A Channel record, its Schema, and where its messages are.
+/// A Channel record, its Schema, and the places of its messages.
 struct Channel {
     std::uint16_t id = 0, schema = 0;
     std::string topic, encoding;
     std::array<std::string, 3> definition; ///< of the schema: name, encoding, text
     Pairs metadata;
     std::vector<std::uint64_t> offsets;  ///< of its Message records in the file
-    std::optional<std::uint64_t> length; ///< that each Message record has to state
+    std::optional<std::uint64_t> length; ///< required of each Message record
 };
 
 using Metadata = std::vector<std::pair<std::string, Pairs>>;
 
 /// The contents of a file.
 struct Scan {
-    /// The length that each Message record of a new channel has to state behind its prefix; none: any.
+    /// The length, without the prefix, that each Message record of a new channel must have; none: any.
     using Length = std::function<std::optional<std::uint64_t>(const Channel &)>;
 
     /// Throws Unsupported.
@@ -100,12 +100,12 @@ struct Scan {
     std::vector<Channel> channels; ///< in the order of their declaration
     Metadata metadata;             ///< records of one name are not merged
     std::string profile, library;
-    std::string problem; ///< the fault in words; "": there is none
+    std::string problem; ///< the fault; "": there is none
     std::uint64_t problem_at = 0;
-    std::optional<std::uint64_t> good_until; ///< [ns] all messages before it are there and right; none: not known
+    std::optional<std::uint64_t> good_until; ///< [ns] all messages before it are complete and right; none: not known
 };
 
-/// The metadata of a file without its messages: only the heads of chunks are read. It ends at the first fault.
+/// The metadata of a file, up to the first fault; of chunks only the heads are read.
 Metadata metadata_of(Bytes file);
 
 } // namespace fledge::record

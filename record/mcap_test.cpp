@@ -735,13 +735,13 @@ TEST(Mcap, TheCdrHeadTellsTheByteOrder)
     mcap_add_channel(&a.w, "/native", schema, MCAP_ORDER_NATIVE, nullptr, 0, &native);
     mcap_add_channel(&a.w, "/little", schema, MCAP_ORDER_LITTLE, nullptr, 0, &little);
     mcap_add_channel(&a.w, "/big", schema, MCAP_ORDER_BIG, nullptr, 0, &big);
-    const uint32_t one = 1;
+    const uint32_t word = 1;
     for (uint16_t channel : {native, little, big}) {
-        ASSERT_EQ(mcap_message(&a.w, channel, 0, 0, &one, sizeof one), MCAP_OK);
+        ASSERT_EQ(mcap_message(&a.w, channel, 0, 0, &word, sizeof word), MCAP_OK);
     }
     mcap_close(&a.w);
     File f = parse(a.file);
-    const Bytes given(reinterpret_cast<const uint8_t *>(&one), reinterpret_cast<const uint8_t *>(&one) + sizeof one);
+    const Bytes given(reinterpret_cast<const uint8_t *>(&word), reinterpret_cast<const uint8_t *>(&word) + sizeof word);
     EXPECT_EQ(f.messages[0].payload, with_cdr_head(given, given[0] == 1));
     EXPECT_EQ(f.messages[1].payload, with_cdr_head(given, true));
     EXPECT_EQ(f.messages[2].payload, with_cdr_head(given, false));
