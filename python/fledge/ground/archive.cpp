@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The archive of a spacecraft's packets for Python: its writer, and what reads it.
+// The archive of a spacecraft's packets for Python: its writer and its reader.
 #include "ground/loaded.h"
 #include "ground/packets/history.h"
 #include "ground/packets/packet_archive.h"
@@ -14,7 +14,7 @@ namespace {
 using NameList = std::vector<std::string>;
 constexpr std::int64_t end_of_time = std::numeric_limits<std::int64_t>::max();
 
-/// An array that owns what the vector has.
+/// An array that owns the values of a vector.
 template <class Value> py::array_t<Value> array(std::vector<Value> values, std::size_t columns = 0)
 {
     auto *const owner = new std::vector<Value>(std::move(values));
@@ -26,11 +26,6 @@ template <class Value> py::array_t<Value> array(std::vector<Value> values, std::
     return py::array_t<Value>(shape, owner->data(), free);
 }
 
-py::bytes bytes(const std::vector<std::uint8_t> &all)
-{
-    return {reinterpret_cast<const char *>(all.data()), all.size()};
-}
-
 using Batch = Typed<py::list, "list[tuple[int, int, bytes]]">;
 using SeriesDict =
     Typed<py::dict, "dict[str, tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, "
@@ -38,11 +33,11 @@ using SeriesDict =
 
 py::list gaps(const std::vector<Missing> &all)
 {
-    py::list made;
-    for (const Missing &one : all) {
-        made.append(py::make_tuple(one.from, one.to, one.why));
+    py::list result;
+    for (const Missing &gap : all) {
+        result.append(py::make_tuple(gap.from, gap.to, gap.why));
     }
-    return made;
+    return result;
 }
 
 DictRows sessions(History &history)
@@ -52,53 +47,53 @@ DictRows sessions(History &history)
         const py::gil_scoped_release free;
         all = history.sessions();
     }
-    py::list made;
-    for (const auto &one : all) {
+    py::list result;
+    for (const auto &session : all) {
         py::dict about;
-        about["session"] = one.number;
-        about["first"] = one.first;
-        about["last"] = one.last;
-        about["packets"] = one.packets;
-        about["ended"] = one.ended;
-        about["gaps"] = gaps(one.gaps);
-        made.append(std::move(about));
+        about["session"] = session.number;
+        about["first"] = session.first;
+        about["last"] = session.last;
+        about["packets"] = session.packets;
+        about["ended"] = session.ended;
+        about["gaps"] = gaps(session.gaps);
+        result.append(std::move(about));
     }
-    return made;
+    return result;
 }
 
-/// name -> (received, bands or None for the database's, persistence) of each setting.
+/// name -> (received, bands or None for those of the database, persistence) of each setting.
 using GivenParameters =
     std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<LimitDict>, std::uint32_t>>>;
 
 History::Settings settings_of(const GivenParameters &given)
 {
-    History::Settings made;
+    History::Settings result;
     for (const auto &[name, all] : given) {
         for (const auto &[received, bands, persistence] : all) {
-            made[name].push_back(
+            result[name].push_back(
                 {received, bands ? std::make_shared<const Limits>(bands_of(*bands), persistence) : nullptr});
         }
     }
-    return made;
+    return result;
 }
 
-/// The values of a series by their kind, None where there is none.
+/// The kind of a series, and its values as objects, None where there is none.
 std::pair<const char *, std::vector<Value>> exact_of(const Database &db, const History::Series &series)
 {
     const Type &type = db.types[series.type];
     const Kind kind = value_kind(type);
-    std::vector<Value> made;
-    for (const auto &one : series.exact) {
-        if (made.size() % 8192 == 8191) { // other threads go on
+    std::vector<Value> result;
+    for (const auto &exact : series.exact) {
+        if (result.size() % 8192 == 8191) { // let other threads run
             const py::gil_scoped_release free;
         }
-        const bool good = one.status == Status::good || one.status == Status::unlabelled;
-        made.push_back(good ? object(type, kind, one.value, one.bytes, one.raw) : Value(py::none()));
+        const bool good = exact.status == Status::good || exact.status == Status::unlabelled;
+        result.push_back(good ? object(type, kind, exact.value, exact.bytes, exact.raw) : Value(py::none()));
     }
-    return {name_of(kind), std::move(made)};
+    return {name_of(kind), std::move(result)};
 }
 
-/// The batches of a replay, each as Monitor.take has it.
+/// The batches of a replay, in the form of Monitor.take.
 class Replay {
 public:
     Replay(History &history, History::Query query, std::size_t most, std::int64_t span)
@@ -116,18 +111,18 @@ public:
         if (all.empty()) {
             throw py::stop_iteration();
         }
-        // The next one begins with those of the last time that are not in this one.
+        // The next batch begins behind those packets of the last time that are in this batch.
         std::size_t same = 0;
         while (same < all.size() && all[all.size() - 1 - same].t == all.back().t) {
             same++;
         }
         skip_ = same + (all.back().t == query_.from ? skip_ : 0);
         query_.from = all.back().t;
-        py::list made;
-        for (const auto &one : all) {
-            made.append(py::make_tuple(one.t, one.received, bytes(one.bytes)));
+        py::list result;
+        for (const auto &packet : all) {
+            result.append(py::make_tuple(packet.t, packet.received, bytes_of(packet.bytes)));
         }
-        return made;
+        return result;
     }
 
 private:
@@ -157,24 +152,22 @@ void bind_archive(py::module_ &m)
             "put",
             [](PacketArchive &archive, std::int64_t t, std::int64_t received, const py::bytes &packet,
                std::optional<Id> container) {
-                const std::string_view view = packet;
-                archive.put({t, received, {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}},
-                            container.value_or(no_id));
+                archive.put({t, received, octets(packet)}, container.value_or(no_id));
             },
             py::arg("t"), py::arg("received"), py::arg("packet"), py::arg("container") = py::none(),
-            "Take a packet, as Monitor.take does; container: its place in Database.containers.")
+            "Add a packet, as Monitor.take does; container: its place in Database.containers.")
         .def("missing", &PacketArchive::missing, py::arg("t0"), py::arg("t1"), py::arg("why"),
-             "Note that packets of these times [ns] went lost before they came here.")
-        .def("save", &PacketArchive::save, Free(), "Save what was put; raises SetupError.")
+             "Record that packets of these times [ns] were lost before they arrived here.")
+        .def("save", &PacketArchive::save, Free(), "Write the packets that were put to the file; raises SetupError.")
         .def("close", &PacketArchive::close, Free(), "End the session; raises SetupError.")
         .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.")
-        .def_property_readonly("lost", &PacketArchive::lost, "Packets that were not kept, so far.");
+        .def_property_readonly("lost", &PacketArchive::lost, "How many packets were dropped so far.");
 
     py::class_<Replay>(m, "Replay", "An iterator of batches for Monitor.take.")
         .def(
             "__iter__", [](const py::object &self) -> Typed<py::object, "Replay"> { return self; })
         .def("__next__", &Replay::next);
-    py::class_<History>(m, "History", "What is in the archive of a spacecraft.")
+    py::class_<History>(m, "History", "Reads the archive of a spacecraft.")
         .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database,
                          const std::optional<std::string> &root) {
                  return std::make_unique<History>(folder, craft, database.database(), root.value_or(""));
@@ -192,24 +185,22 @@ void bind_archive(py::module_ &m)
                     const py::gil_scoped_release free;
                     all = history.series(names, {from, to, of}, points, limits ? &settings : nullptr, exact);
                 }
-                py::dict made;
+                py::dict result;
                 for (std::size_t i = 0; i < names.size(); i++) {
                     auto values = exact ? std::optional(exact_of(history.database(), all[i])) : std::nullopt;
-                    made[py::str(names[i])] =
+                    result[py::str(names[i])] =
                         std::tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
                                    array(std::move(all[i].low)), array(std::move(all[i].high)),
                                    array(std::move(all[i].concern)), array(std::move(all[i].worst)), std::move(values));
                 }
-                return made;
+                return result;
             },
             py::arg("names"), t0, t1, py::arg("points") = 0, session, py::arg("limits") = py::none(),
             py::arg("exact") = false,
-            "name -> arrays of t [ns], value, low, high and concern, and None; points: at most so many, 0: all. "
-            "limits: "
-            "name -> (received [ns], bands as of Monitor.set_limits, persistence) of each setting; without it, no "
-            "value "
-            "is judged. exact: the last one is the kind and a list of the values by it, as Database.decode has them, "
-            "also of texts and bytes; None: there is none.")
+            "name -> arrays of t [ns], value, low, high, concern and worst concern, and None; points: at most so many, "
+            "0: all. limits: name -> (received [ns], bands as of Monitor.set_limits, persistence) of each setting; "
+            "without it, no value is judged. exact: instead of None, the kind and a list of the values as "
+            "Database.decode has them, also of texts and bytes; None: there is none.")
         .def(
             "rows",
             [](History &history, const NameList &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
@@ -231,14 +222,14 @@ void bind_archive(py::module_ &m)
                     const py::gil_scoped_release free;
                     all = history.packets({from, to, of}, container.value_or(""), limit, backwards, most_bytes);
                 }
-                std::vector<std::tuple<std::int64_t, std::int64_t, PathOrNone, py::bytes>> made;
-                made.reserve(all.size());
-                for (const auto &one : all) {
-                    made.emplace_back(one.t, one.received,
-                                      one.container.empty() ? std::nullopt : std::optional(one.container),
-                                      bytes(one.bytes));
+                std::vector<std::tuple<std::int64_t, std::int64_t, PathOrNone, py::bytes>> result;
+                result.reserve(all.size());
+                for (const auto &packet : all) {
+                    result.emplace_back(packet.t, packet.received,
+                                        packet.container.empty() ? std::nullopt : std::optional(packet.container),
+                                        bytes_of(packet.bytes));
                 }
-                return made;
+                return result;
             },
             t0, t1, py::arg("container") = py::none(), py::arg("limit") = 1000, py::arg("backwards") = false, session,
             py::arg("most_bytes") = UINT64_MAX,

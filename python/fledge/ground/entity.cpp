@@ -31,12 +31,12 @@ namespace {
 
 using TransactionId = std::pair<std::uint64_t, std::uint64_t>; // source, sequence
 
-/// A name of the other end's: bytes that are no UTF-8 become lone surrogates, as in Python's paths.
+/// A file name of the remote entity: bytes that are no UTF-8 become lone surrogates, as in Python's paths.
 using FileName = core::Typed<py::object, "str">;
 
-/// What an entity tells.
-struct Told {
-    int what;
+/// An event of an entity, as CfdpEvent.
+struct EntityEvent {
+    int kind;
     TransactionId id;
     bool receiver, incomplete;
     int condition, file_status;
@@ -49,31 +49,31 @@ struct Progress {
     bool suspended;
 };
 
-/// The store of an entity that replaces no file: one of the same name gets a number, as NAME.2. A name that is hidden,
-/// leads elsewhere or has control characters is refused, but for those that are expected.
+/// The store of an entity that replaces no file: a second file of a name gets a number, as NAME.2. Names that are
+/// hidden, lead elsewhere or have control characters are refused, except expected names.
 struct KeepingStore : PosixStore {
     std::set<std::string> expected;
-    std::deque<std::pair<std::string, std::string>> kept; ///< the name that was given, and the file's
+    std::deque<std::pair<std::string, std::string>> stored; ///< the name in the transaction, and the file's
 
-    static int keep(void *user, const char *from, const char *to)
+    static int rename(void *user, const char *from, const char *to)
     {
         auto *const store = static_cast<KeepingStore *>(static_cast<PosixStore *>(user));
         const std::string name = to;
         const bool control = std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < 32 || c == 127; });
         const bool hidden = name.empty() || name[0] == '.' || name.find('/') != std::string::npos;
-        const bool ours = store->expected.erase(name) != 0;
-        if (!ours && (hidden || control)) {
+        const bool is_expected = store->expected.erase(name) != 0;
+        if (!is_expected && (hidden || control)) {
             return CFDP_REFUSED;
         }
         if (const int file = openat(store->root, from, O_RDONLY | O_CLOEXEC | O_NOFOLLOW); file >= 0) {
-            const bool safe =
-                fdatasync(file) == 0 || errno == EINVAL || errno == ENOSYS; // before the sender forgets it
+            const bool safe = // on the disk, before the sender deletes its own
+                fdatasync(file) == 0 || errno == EINVAL || errno == ENOSYS;
             close(file);
             if (!safe) {
                 return CFDP_BROKEN;
             }
         }
-        if (ours) {
+        if (is_expected) {
             return renameat(store->root, from, store->root, to) == 0 ? 0 : CFDP_BROKEN;
         }
         const std::size_t dot = name.rfind('.');
@@ -84,7 +84,7 @@ struct KeepingStore : PosixStore {
             }
             if (linkat(store->root, from, store->root, place.c_str(), 0) == 0) {
                 unlinkat(store->root, from, 0);
-                store->kept.emplace_back(name, place);
+                store->stored.emplace_back(name, place);
                 return 0;
             }
             if (errno != EEXIST) {
@@ -108,16 +108,16 @@ public:
         remote_.ack_timer = remote_.nak_timer = remote_.check_timer = timeout;
         remote_.inactivity = inactivity;
         remote_.ack_limit = remote_.nak_limit = remote_.check_limit = static_cast<std::uint8_t>(limit);
-        remote_.segment = room; // and less by the header
+        remote_.segment = room; // the header makes it less
         remote_.crc = crc;
         remote_.allowed = static_cast<std::uint8_t>(allowed);
         CfdpSetup setup{};
         if (posix_store_open(&posix_, folder.c_str(), UINT64_MAX >> 1, &setup.store) == 0) {
             throw std::runtime_error(folder + ": " + std::strerror(errno));
         }
-        setup.store.rename = keeps ? KeepingStore::keep : setup.store.rename;
+        setup.store.rename = keeps ? KeepingStore::rename : setup.store.rename;
         setup.entity = own;
-        setup.notify = [](void *user, const CfdpEvent *event) { static_cast<Entity *>(user)->tell(*event); };
+        setup.notify = [](void *user, const CfdpEvent *event) { static_cast<Entity *>(user)->notify(*event); };
         setup.user = this;
         setup.remotes = &remote_;
         setup.remotes_n = 1;
@@ -141,43 +141,44 @@ public:
     static py::bytes message(int type, TransactionId about, const std::string &first, const std::string &second,
                              int value)
     {
-        CfdpMessage one{};
-        one.type = static_cast<std::uint8_t>(type);
-        one.entity = about.first;
-        one.sequence = about.second;
-        one.entity_bytes = entity_bytes;
-        one.sequence_bytes = sequence_bytes;
-        one.first = text(first);
-        one.second = text(second);
-        one.value = static_cast<std::uint8_t>(value);
+        CfdpMessage message{};
+        message.type = static_cast<std::uint8_t>(type);
+        message.entity = about.first;
+        message.sequence = about.second;
+        message.entity_bytes = entity_bytes;
+        message.sequence_bytes = sequence_bytes;
+        message.first = text(first);
+        message.second = text(second);
+        message.value = static_cast<std::uint8_t>(value);
         std::array<char, 600> bytes{};
-        const std::size_t n = cfdp_message_write(&one, reinterpret_cast<std::uint8_t *>(bytes.data()), bytes.size());
+        const std::size_t n =
+            cfdp_message_write(&message, reinterpret_cast<std::uint8_t *>(bytes.data()), bytes.size());
         return {bytes.data(), n};
     }
 
     static std::optional<std::tuple<int, TransactionId, int>> read_message(const std::string &value)
     {
-        CfdpMessage one{};
+        CfdpMessage message{};
         const CfdpTlv tlv{text(value), CFDP_TLV_MESSAGE};
-        if (cfdp_message_read(&one, &tlv) != CCSDS_OK) {
+        if (cfdp_message_read(&message, &tlv) != CCSDS_OK) {
             return std::nullopt;
         }
-        return std::tuple{int{one.type}, TransactionId{one.entity, one.sequence}, int{one.value}};
+        return std::tuple{int{message.type}, TransactionId{message.entity, message.sequence}, int{message.value}};
     }
 
     /// The transaction's id, or why there is none: a CfdpRefusal.
     std::variant<TransactionId, int> put(const std::string &from, const std::string &to, const std::string &options,
                                          bool class1)
     {
-        CfdpPut one{};
-        one.destination = remote_.entity;
-        one.from = from.c_str();
-        one.to = to.c_str();
-        one.options = reinterpret_cast<const std::uint8_t *>(options.data());
-        one.options_n = options.size();
-        one.class1 = class1;
+        CfdpPut request{};
+        request.destination = remote_.entity;
+        request.from = from.c_str();
+        request.to = to.c_str();
+        request.options = reinterpret_cast<const std::uint8_t *>(options.data());
+        request.options_n = options.size();
+        request.class1 = class1;
         CfdpId id{};
-        const int result = cfdp_put(&cfdp_, &one, &id);
+        const int result = cfdp_put(&cfdp_, &request, &id);
         if (result < 0) {
             return result;
         }
@@ -200,22 +201,23 @@ public:
         return {bytes.data(), n};
     }
 
-    std::optional<Told> told()
+    std::optional<EntityEvent> event()
     {
-        if (told_.empty()) {
+        if (events_.empty()) {
             return std::nullopt;
         }
-        Told one = std::move(told_.front());
-        told_.pop_front();
-        return one;
+        EntityEvent next_event = std::move(events_.front());
+        events_.pop_front();
+        return next_event;
     }
 
     /// Of a transaction that has not ended.
     std::optional<Progress> progress(TransactionId id) const
     {
-        for (const CfdpTransaction &one : transactions_) {
-            if (one.state != CFDP_FREE && one.id.source == id.first && one.id.sequence == id.second) {
-                return Progress{one.progress, one.size, one.suspended != 0};
+        for (const CfdpTransaction &transaction : transactions_) {
+            if (transaction.state != CFDP_FREE && transaction.id.source == id.first &&
+                transaction.id.sequence == id.second) {
+                return Progress{transaction.progress, transaction.size, transaction.suspended != 0};
             }
         }
         return std::nullopt;
@@ -223,8 +225,8 @@ public:
 
     bool busy() const
     {
-        for (const CfdpTransaction &one : transactions_) {
-            if (one.state != CFDP_FREE) {
+        for (const CfdpTransaction &transaction : transactions_) {
+            if (transaction.state != CFDP_FREE) {
                 return true;
             }
         }
@@ -244,24 +246,24 @@ private:
         return {reinterpret_cast<const std::uint8_t *>(value.data()), static_cast<std::uint8_t>(value.size())};
     }
 
-    void tell(const CfdpEvent &event)
+    void notify(const CfdpEvent &event)
     {
         const char *bytes = reinterpret_cast<const char *>(event.text.bytes);
         const bool ended = event.what == CFDP_EVENT_ENDED && event.receiver != 0;
-        const auto at = std::find_if(posix_.kept.begin(), posix_.kept.end(),
-                                     [&](const auto &one) { return ended && one.first == event.to; });
-        const std::string to = at != posix_.kept.end() ? at->second : event.to;
-        if (at != posix_.kept.end()) {
-            posix_.kept.erase(at);
+        const auto at = std::find_if(posix_.stored.begin(), posix_.stored.end(),
+                                     [&](const auto &names) { return ended && names.first == event.to; });
+        const std::string to = at != posix_.stored.end() ? at->second : event.to;
+        if (at != posix_.stored.end()) {
+            posix_.stored.erase(at);
         }
-        told_.push_back({static_cast<int>(event.what),
-                         {event.id.source, event.id.sequence},
-                         event.receiver != 0,
-                         event.incomplete != 0,
-                         event.condition,
-                         event.file_status,
-                         py::reinterpret_steal<FileName>(PyUnicode_DecodeFSDefault(to.c_str())),
-                         py::bytes(event.text.n != 0 ? bytes : "", event.text.n)});
+        events_.push_back({static_cast<int>(event.what),
+                           {event.id.source, event.id.sequence},
+                           event.receiver != 0,
+                           event.incomplete != 0,
+                           event.condition,
+                           event.file_status,
+                           py::reinterpret_steal<FileName>(PyUnicode_DecodeFSDefault(to.c_str())),
+                           py::bytes(event.text.n != 0 ? bytes : "", event.text.n)});
     }
 
     KeepingStore posix_{};
@@ -270,7 +272,7 @@ private:
     std::vector<CfdpRange> ranges_;
     std::vector<CfdpPast> past_;
     std::vector<std::uint8_t> work_;
-    std::deque<Told> told_;
+    std::deque<EntityEvent> events_;
     Cfdp cfdp_{};
 };
 
@@ -278,16 +280,16 @@ private:
 
 void bind_entity(py::module_ &m)
 {
-    py::class_<Told>(m, "Told", "What an entity tells: a CfdpEvent (ccsds/cfdp.h).")
-        .def_readonly("what", &Told::what)
-        .def_readonly("id", &Told::id, "(source, sequence)")
-        .def_readonly("receiver", &Told::receiver)
-        .def_readonly("incomplete", &Told::incomplete)
-        .def_readonly("condition", &Told::condition)
-        .def_readonly("file_status", &Told::file_status)
-        .def_readonly("to", &Told::to)
-        .def_readonly("text", &Told::text);
-    py::class_<Progress>(m, "Progress", "How far a transaction is.")
+    py::class_<EntityEvent>(m, "EntityEvent", "An event of an entity: a CfdpEvent (ccsds/cfdp.h).")
+        .def_readonly("kind", &EntityEvent::kind)
+        .def_readonly("id", &EntityEvent::id, "(source, sequence)")
+        .def_readonly("receiver", &EntityEvent::receiver)
+        .def_readonly("incomplete", &EntityEvent::incomplete)
+        .def_readonly("condition", &EntityEvent::condition)
+        .def_readonly("file_status", &EntityEvent::file_status)
+        .def_readonly("to", &EntityEvent::to)
+        .def_readonly("text", &EntityEvent::text);
+    py::class_<Progress>(m, "Progress", "The progress of a transaction.")
         .def_readonly("done", &Progress::done, "[bytes]")
         .def_readonly("size", &Progress::size, "[bytes]")
         .def_readonly("suspended", &Progress::suspended);
@@ -298,13 +300,13 @@ void bind_entity(py::module_ &m)
              py::arg("inactivity"), py::arg("limit"), py::arg("crc") = false, py::arg("allowed") = 0,
              py::arg("keeps") = false)
         .def("expect", &Entity::expect, py::arg("name"),
-             "Take a file by this name once, in place of another one; keeps: of others, none "
-             "is replaced, and hidden names are refused.")
+             "Let the next file of this name replace an existing one; keeps: other files are not replaced, and hidden "
+             "names are refused.")
         .def_static("message", &Entity::message, py::arg("type"), py::arg("about") = TransactionId{},
                     py::arg("first") = "", py::arg("second") = "", py::arg("value") = 0,
                     "A message to the user as a TLV: a CfdpMessage.")
         .def_static("read_message", &Entity::read_message, py::arg("value"),
-                    "(type, about, value) of such a message; None: it is none.")
+                    "(type, about, value) of such a message; None: it is no message.")
         .def("put", &Entity::put, py::arg("from_"), py::arg("to"), py::arg("options"), py::arg("class1"),
              "(source, sequence), or a CfdpRefusal.")
         .def("time", &Entity::time, py::arg("now"))
@@ -312,10 +314,10 @@ void bind_entity(py::module_ &m)
              "How many bytes may still be written; more is a filestore rejection.")
         .def("take", &Entity::take, py::arg("pdu"))
         .def("next", &Entity::next, "The next PDU; empty: there is none.")
-        .def("told", &Entity::told, "What it told next; None: nothing.")
+        .def("event", &Entity::event, "The next event; None: there is none.")
         .def("progress", &Entity::progress, py::arg("id"), "Of a transaction; None: it has ended.")
         .def_property_readonly("busy", &Entity::busy)
-        .def("freeze", &Entity::freeze, py::arg("on"), "Whether the link is out: nothing is sent, and timers rest.")
+        .def("freeze", &Entity::freeze, py::arg("on"), "on: the link is down, nothing is sent, and timers stop.")
         .def("suspend", &Entity::suspend, py::arg("id"))
         .def("resume", &Entity::resume, py::arg("id"))
         .def("cancel", &Entity::cancel, py::arg("id"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files;
-// the ground's end of a link of frames.
+// The extension `_ground`: databases of XTCE, which decode packets and encode commands; an entity of CFDP; the ground's
+// end of a link of frames.
 #include "ground/capture/packets.h"
 #include "ground/database/encoder.h"
 #include "ground/database/xtce.h"
@@ -85,7 +85,7 @@ private:
     {
         const bool array = db_.types[child.type].sort == Type::Sort::array;
         const auto fresh = [&]() -> py::object { return array ? py::object(py::list()) : py::object(py::dict()); };
-        if (at == 0) { // a parameter that comes again begins with its first place
+        if (at == 0) { // a lower place: the parameter is in the packet again
             if (parameter != parameter_ || child.place < place_) {
                 parameter_ = parameter;
                 outer_ = fresh();
@@ -123,23 +123,23 @@ private:
 
 Given given(const py::handle &value, int depth = 0)
 {
-    Given made;
+    Given result;
     if (depth > 64) {
         throw Refusal("a value is nested deeper than 64");
     }
     const py::object number = py::module_::import("numbers");
     if (py::isinstance<py::str>(value)) {
-        made.what = Given::What::text;
-        made.text = value.cast<std::string>();
+        result.kind = Given::Kind::text;
+        result.text = value.cast<std::string>();
     } else if (py::isinstance<py::bytes>(value) || PyByteArray_Check(value.ptr())) {
         const std::string text = py::bytes(py::reinterpret_borrow<py::object>(value));
-        made.what = Given::What::bytes;
-        made.bytes.assign(text.begin(), text.end());
+        result.kind = Given::Kind::bytes;
+        result.bytes.assign(text.begin(), text.end());
     } else if (py::isinstance<py::dict>(value)) {
-        made.what = Given::What::members;
-        for (const auto &[key, one] : py::reinterpret_borrow<py::dict>(value)) {
-            made.names.push_back(key.cast<std::string>());
-            made.list.push_back(given(one, depth + 1));
+        result.kind = Given::Kind::members;
+        for (const auto &[key, item] : py::reinterpret_borrow<py::dict>(value)) {
+            result.names.push_back(key.cast<std::string>());
+            result.list.push_back(given(item, depth + 1));
         }
     } else if (py::isinstance(value, number.attr("Integral")) || py::hasattr(value, "__index__")) {
         const py::int_ whole = py::reinterpret_steal<py::int_>(PyNumber_Index(value.ptr()));
@@ -149,49 +149,47 @@ Given given(const py::handle &value, int depth = 0)
         }
         const bool negative = py::bool_(whole.attr("__lt__")(0));
         const auto size = py::object(whole.attr("__abs__")()).cast<std::uint64_t>();
-        made.integer = negative ? -Wide(size) : Wide(size);
+        result.integer = negative ? -Wide(size) : Wide(size);
     } else if (py::isinstance<py::float_>(value) || py::hasattr(value, "__float__")) {
-        made.what = Given::What::real;
-        made.real = value.cast<double>();
+        result.kind = Given::Kind::real;
+        result.real = value.cast<double>();
     } else if (py::isinstance<py::sequence>(value) || py::hasattr(value, "__len__")) {
-        made.what = Given::What::list;
-        for (const auto &one : value) {
-            made.list.push_back(given(one, depth + 1));
+        result.kind = Given::Kind::list;
+        for (const auto &item : value) {
+            result.list.push_back(given(item, depth + 1));
         }
     } else {
         throw Refusal("a command's value is a number, text, bytes, a list or a dict; found " +
                       py::repr(value).cast<std::string>());
     }
-    return made;
+    return result;
 }
 
 template <class Things> std::vector<std::string> paths(const Things &things)
 {
-    std::vector<std::string> made;
-    made.reserve(things.size());
+    std::vector<std::string> result;
+    result.reserve(things.size());
     for (const auto &thing : things) {
-        made.push_back(thing.path);
+        result.push_back(thing.path);
     }
-    return made;
+    return result;
 }
 
 Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional<std::string> &root)
 {
     const Database &db = loaded.database();
-    const std::string_view view = bytes;
     const Id from = root ? db.container(*root) : no_id;
-    const Decoded &done =
-        loaded.decoder().decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, from);
-    Packet made{
+    const Decoded &done = loaded.decoder().decode(octets(bytes), from);
+    Packet result{
         path_of(db, done.container), path_of(db, done.nearest), done.reason, {}, py::dict(), py::dict(), done.bits};
     Tree raws(db, done), values(db, done);
     for (std::size_t i = 0; i < done.fields.size(); i++) {
         const auto [raw, value] = objects(db, done, i);
-        made.rows.emplace_back(loaded.decoder().name(done, i), raw, value);
-        raws.put(made.raw, done.fields[i], raw);
-        values.put(made.values, done.fields[i], value);
+        result.rows.emplace_back(loaded.decoder().name(done, i), raw, value);
+        raws.put(result.raw, done.fields[i], raw);
+        values.put(result.values, done.fields[i], value);
     }
-    return made;
+    return result;
 }
 
 Header header_of(const std::string &name)
@@ -214,29 +212,29 @@ CommandPacket decode_command(Loaded &loaded, const py::bytes &bytes, const std::
 {
     CommandDecoder &decoder = loaded.commands(header_of(header));
     const Database &db = decoder.database();
-    const std::string_view view = bytes;
-    const Decoded &done = decoder.decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
-    CommandPacket made{std::nullopt, {}, {}, done.reason, done.bits};
-    if (done.reason.empty() && (done.bits + 7) / 8 < view.size()) {
-        made.reason = "the packet is longer than a " + db.containers[done.container].path + ", which has " +
-                      std::to_string(done.bits) + " bits";
+    const auto packet = octets(bytes);
+    const Decoded &done = decoder.decode(packet);
+    CommandPacket result{std::nullopt, {}, {}, done.reason, done.bits};
+    if (done.reason.empty() && (done.bits + 7) / 8 < packet.size()) {
+        result.reason = "the packet is longer than a " + db.containers[done.container].path + ", which has " +
+                        std::to_string(done.bits) + " bits";
     } else if (done.reason.empty()) {
-        made.command = db.containers[done.container].path;
+        result.command = db.containers[done.container].path;
     }
     Tree arguments(db, done), parameters(db, done);
     for (std::size_t i = 0; i < done.fields.size(); i++) {
         const py::object value = objects(db, done, i).second;
         const CommandDecoder::Role role = decoder.role(done, i);
         if (role == CommandDecoder::Role::header) {
-            parameters.put(made.header, done.fields[i], value);
+            parameters.put(result.header, done.fields[i], value);
         } else if (role == CommandDecoder::Role::given) {
-            arguments.put(made.arguments, done.fields[i], value);
+            arguments.put(result.arguments, done.fields[i], value);
             if (const auto counter = decoder.counter(done, i)) {
-                made.arguments[py::str(counter->first)] = nearest(counter->second);
+                result.arguments[py::str(counter->first)] = nearest(counter->second);
             }
         }
     }
-    return made;
+    return result;
 }
 
 std::map<std::string, Given> all_given(const ArgumentDict &arguments)
@@ -250,8 +248,7 @@ std::map<std::string, Given> all_given(const ArgumentDict &arguments)
 
 py::bytes encode_command(const Loaded &loaded, const std::string &name, const ArgumentDict &arguments)
 {
-    const auto bytes = ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments));
-    return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+    return bytes_of(ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments)));
 }
 
 /// (name, whether it is an argument, first bit, bits) of each entry of a command's packet.
@@ -259,39 +256,32 @@ auto command_places(const Loaded &loaded, const std::string &name, const Argumen
 {
     std::vector<Placed> places;
     ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments), &places);
-    std::vector<std::tuple<std::string, bool, std::size_t, std::size_t>> made;
-    made.reserve(places.size());
+    std::vector<std::tuple<std::string, bool, std::size_t, std::size_t>> result;
+    result.reserve(places.size());
     for (const Placed &place : places) {
-        made.emplace_back(place.name, place.argument, place.bit, place.bits);
+        result.emplace_back(place.name, place.argument, place.bit, place.bits);
     }
-    return made;
+    return result;
 }
 
 std::vector<std::string> units(const Loaded &loaded, const std::string &parameter)
 {
     const Database &db = loaded.database();
-    for (const Parameter &one : db.parameters) {
-        if (one.name == parameter || one.path == parameter) {
-            return db.types[one.type].units;
+    for (const Parameter &candidate : db.parameters) {
+        if (candidate.name == parameter || candidate.path == parameter) {
+            return db.types[candidate.type].units;
         }
     }
     throw Refusal("the database has no parameter " + parameter);
 }
 
-std::span<const std::uint8_t> octets(const py::bytes &bytes)
-{
-    const std::string_view view = bytes;
-    return {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()};
-}
-
 /// (place, packet, problem, note) of each.
-auto tuples(const std::vector<Found> &found)
+auto tuples(const std::vector<Piece> &pieces)
 {
     std::vector<std::tuple<std::size_t, py::bytes, std::string, std::string>> all;
-    all.reserve(found.size());
-    for (const Found &one : found) {
-        all.emplace_back(one.at, py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
-                         one.problem, one.note);
+    all.reserve(pieces.size());
+    for (const Piece &piece : pieces) {
+        all.emplace_back(piece.at, bytes_of(piece.packet), piece.problem, piece.note);
     }
     return all;
 }
@@ -359,18 +349,18 @@ PYBIND11_MODULE(_ground, m)
         .def("places", &command_places, py::arg("name"), py::arg("arguments"))
         .def("units", &units, py::arg("parameter"), "The units of a parameter.")
         .def(
-            "forms", [](const Loaded &one) { return command_forms(one.database()); },
+            "forms", [](const Loaded &loaded) { return command_forms(loaded.database()); },
             "Of each command that can be sent: name (in Fledge's words where there are such), path, group, "
             "description, hazardous (why, or empty), and its arguments: name, type, unit, low, high, labels, initial, "
             "description, size [bits].")
         .def(
-            "container_names", [](const Loaded &one) { return container_names(one.database()); },
+            "container_names", [](const Loaded &loaded) { return container_names(loaded.database()); },
             "Path of each container -> its name in Fledge's words, or the path.")
-        .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
-        .def_property_readonly("left_out", [](const Loaded &one) { return one.database().left_out; })
-        .def_property_readonly("containers", [](const Loaded &one) { return paths(one.database().containers); })
-        .def_property_readonly("parameters", [](const Loaded &one) { return paths(one.database().parameters); })
-        .def_property_readonly("commands", [](const Loaded &one) { return paths(one.database().commands); });
+        .def_property_readonly("notes", [](const Loaded &loaded) { return loaded.database().notes; })
+        .def_property_readonly("left_out", [](const Loaded &loaded) { return loaded.database().left_out; })
+        .def_property_readonly("containers", [](const Loaded &loaded) { return paths(loaded.database().containers); })
+        .def_property_readonly("parameters", [](const Loaded &loaded) { return paths(loaded.database().parameters); })
+        .def_property_readonly("commands", [](const Loaded &loaded) { return paths(loaded.database().commands); });
     bind_monitor(m);
     bind_archive(m);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The commands of a database as forms: what an operator may fill in.
+// The commands of a database as forms that an operator fills in.
 #include "ground/loaded.h"
 
 #include <algorithm>
@@ -10,14 +10,14 @@ namespace fledge::ground {
 namespace {
 
 /// The name in the name space Fledge, else the path.
-const std::string &shown_name(const Named &one)
+const std::string &shown_name(const Named &named)
 {
-    for (const auto &[space, alias] : one.aliases) {
+    for (const auto &[space, alias] : named.aliases) {
         if (space == "Fledge") {
             return alias;
         }
     }
-    return one.path;
+    return named.path;
 }
 
 const char *kind_of(const Type &type)
@@ -45,43 +45,43 @@ template <class Text> py::object text_or_none(const Text &text)
     return text ? py::object(py::str(*text)) : py::object(py::none());
 }
 
-py::dict argument_form(const Database &db, const Argument &one)
+py::dict argument_form(const Database &db, const Argument &argument)
 {
-    const Type &type = db.types[one.type];
-    py::dict made;
-    made["name"] = one.name;
-    made["type"] = kind_of(type);
-    made["unit"] = type.units.empty() ? std::string() : type.units.front();
+    const Type &type = db.types[argument.type];
+    py::dict result;
+    result["name"] = argument.name;
+    result["type"] = kind_of(type);
+    result["unit"] = type.units.empty() ? std::string() : type.units.front();
     const Range range = type.valid.size() == 1 ? type.valid.front() : Range();
-    made["low"] = bound(range.low);
-    made["high"] = bound(range.high);
-    made["low_open"] = range.low_open;
-    made["high_open"] = range.high_open;
+    result["low"] = bound(range.low);
+    result["high"] = bound(range.high);
+    result["low_open"] = range.low_open;
+    result["high_open"] = range.high_open;
     py::list labels;
     for (const Enumerator &label : type.enumerators) {
         labels.append(label.label);
     }
     if (type.sort == Type::Sort::boolean) {
-        labels.append(type.zero);
-        labels.append(type.one);
+        labels.append(type.zero_label);
+        labels.append(type.one_label);
     }
-    made["labels"] = labels;
-    made["initial"] = text_or_none(one.initial ? one.initial : type.initial);
-    made["description"] = one.description.empty() ? type.description : one.description;
-    const Quantity &size = type.encoding.size; // how many bytes: no operator counts them
-    made["counted_by"] = size.from.of == Reference::Of::argument && size.slope == 8 ? size.from.name : std::string();
+    result["labels"] = labels;
+    result["initial"] = text_or_none(argument.initial ? argument.initial : type.initial);
+    result["description"] = argument.description.empty() ? type.description : argument.description;
+    const Quantity &size = type.encoding.size; // an argument with the number of bytes needs no entry by an operator
+    result["counted_by"] = size.from.of == Reference::Of::argument && size.slope == 8 ? size.from.name : std::string();
     const std::uint32_t bits = type.encoding.bits ? type.encoding.bits
                                : size.is_fixed()  ? static_cast<std::uint32_t>(size.fixed / 8)
                                                   : type.encoding.most_bits / 8;
-    made["size"] = bits ? py::object(py::int_(bits)) : py::object(py::none());
-    return made;
+    result["size"] = bits ? py::object(py::int_(bits)) : py::object(py::none());
+    return result;
 }
 
 std::string in_words(const Condition &condition)
 {
     std::string all = condition.text;
     for (const Condition &part : condition.parts) {
-        all += (all.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + in_words(part);
+        all += (all.empty() ? "" : condition.kind == Condition::Kind::any ? " or " : " and ") + in_words(part);
     }
     return all;
 }
@@ -92,23 +92,23 @@ bool compares_arguments(const Condition &condition)
            std::any_of(condition.parts.begin(), condition.parts.end(), compares_arguments);
 }
 
-py::dict verifier_form(const Database &db, const Verifier &one)
+py::dict verifier_form(const Database &db, const Verifier &verifier)
 {
     std::string text =
-        one.container != no_id ? shown_name(db.containers[one.container])
-        : one.changes.of != Reference::Of::nothing
-            ? "a change of " + one.changes.name + " by " + py::str(py::float_(one.change)).cast<std::string>()
-        : one.condition.what != Condition::What::always ? in_words(one.condition)
-                                                        : one.algorithm;
-    py::dict made;
-    made["stage"] = one.stage;
-    made["text"] = text;
-    made["start"] = one.start;
-    made["stop"] = one.stop > 0 ? py::object(py::float_(one.stop)) : py::object(py::none());
-    made["from_release"] = one.relative_to == "commandRelease";
-    made["percent"] = one.percent ? py::object(py::float_(*one.percent)) : py::object(py::none());
-    made["own"] = compares_arguments(one.condition);
-    return made;
+        verifier.container != no_id ? shown_name(db.containers[verifier.container])
+        : verifier.changes.of != Reference::Of::nothing
+            ? "a change of " + verifier.changes.name + " by " + py::str(py::float_(verifier.change)).cast<std::string>()
+        : verifier.condition.kind != Condition::Kind::always ? in_words(verifier.condition)
+                                                             : verifier.algorithm;
+    py::dict result;
+    result["stage"] = verifier.stage;
+    result["text"] = text;
+    result["start"] = verifier.start;
+    result["stop"] = verifier.stop > 0 ? py::object(py::float_(verifier.stop)) : py::object(py::none());
+    result["from_release"] = verifier.relative_to == "commandRelease";
+    result["percent"] = verifier.percent ? py::object(py::float_(*verifier.percent)) : py::object(py::none());
+    result["own"] = compares_arguments(verifier.condition);
+    return result;
 }
 
 } // namespace
@@ -116,7 +116,7 @@ py::dict verifier_form(const Database &db, const Verifier &one)
 /// Of each command that is not abstract: name, path, group, description, hazardous, arguments, verifiers.
 DictRows command_forms(const Database &db)
 {
-    py::list made;
+    py::list result;
     for (const Command &command : db.commands) {
         if (command.is_abstract) {
             continue;
@@ -128,17 +128,17 @@ DictRows command_forms(const Database &db)
         std::set<std::string> assigned;
         py::list arguments;
         std::string hazardous;
-        for (const Command *one : chain) { // the nearest significance counts
-            const std::string &level = one->consequence;
+        for (const Command *step : chain) { // the significance of the most derived command applies
+            const std::string &level = step->consequence;
             if (hazardous.empty() && !level.empty() && level != "none" && level != "watch") {
-                hazardous = one->reason.empty() ? level : one->reason;
+                hazardous = step->reason.empty() ? level : step->reason;
             }
-            for (const auto &[name, value] : one->assignments) {
+            for (const auto &[name, value] : step->assignments) {
                 assigned.insert(name);
             }
         }
-        for (auto one = chain.rbegin(); one != chain.rend(); ++one) {
-            for (const Argument &argument : (*one)->arguments) {
+        for (auto step = chain.rbegin(); step != chain.rend(); ++step) {
+            for (const Argument &argument : (*step)->arguments) {
                 if (!assigned.count(argument.name)) {
                     arguments.append(argument_form(db, argument));
                 }
@@ -152,23 +152,23 @@ DictRows command_forms(const Database &db)
         form["hazardous"] = hazardous;
         form["arguments"] = arguments;
         py::list verifiers;
-        for (const Verifier *one : db.verifiers(static_cast<Id>(&command - db.commands.data()))) {
-            verifiers.append(verifier_form(db, *one));
+        for (const Verifier *verifier : db.verifiers(static_cast<Id>(&command - db.commands.data()))) {
+            verifiers.append(verifier_form(db, *verifier));
         }
         form["verifiers"] = verifiers;
-        made.append(form);
+        result.append(form);
     }
-    return made;
+    return result;
 }
 
 /// Path of a container -> its name in the name space Fledge, or the path.
 Names container_names(const Database &db)
 {
-    py::dict made;
+    py::dict result;
     for (const Container &container : db.containers) {
-        made[py::str(container.path)] = shown_name(container);
+        result[py::str(container.path)] = shown_name(container);
     }
-    return made;
+    return result;
 }
 
 } // namespace fledge::ground

@@ -1,22 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ground's end of a link of frames, in objects of Python.
+// The ground's end of a link of frames for Python.
 #include "ccsds/security/key_file.h"
 #include "ccsds/space_link.h"
-#include "core/typed.h"
-
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
+#include "ground/loaded.h"
 
 #include <algorithm>
-#include <array>
-#include <memory>
-#include <optional>
-#include <string>
-#include <tuple>
-#include <utility>
-#include <vector>
-
-namespace py = pybind11;
 
 namespace fledge::ground {
 
@@ -24,8 +12,8 @@ namespace {
 
 class LinkEnd {
 public:
-    /// Of frames with security: the file of keys, SdlsService, association and key of commands and of telemetry, the
-    /// least number of the first command, and what no other end that commands by this key has.
+    /// For frames with security: the file of keys, SdlsService, association and key of commands and of telemetry, the
+    /// least number of the first command, and a session number that is unique among the ends with this key.
     using Secrets = std::tuple<std::string, int, int, int, int, int, std::uint64_t, std::uint32_t>;
     using Setup = core::Typed<py::dict, "dict[str, int]">;
 
@@ -66,26 +54,25 @@ public:
     }
     LinkEnd(const LinkEnd &) = delete;
 
-    /// False: later. Raises ValueError for what no frame takes.
+    /// False: not now. Raises ValueError if the packet does not fit into a frame.
     bool send(std::uint32_t tag, const py::bytes &packet)
     {
-        const std::string_view view = packet;
+        const auto bytes = octets(packet);
         if (!space_link_ground_is_ready(end_.get())) {
             return false;
         }
-        if (!space_link_ground_send(end_.get(), tag, reinterpret_cast<const std::uint8_t *>(view.data()),
-                                    view.size())) {
-            throw py::value_error("a command of " + std::to_string(view.size()) +
+        if (!space_link_ground_send(end_.get(), tag, bytes.data(), bytes.size())) {
+            throw py::value_error("a command of " + std::to_string(bytes.size()) +
                                   " bytes does not fit into a frame; a link with segments takes up to " +
                                   std::to_string(int{SPACE_LINK_PACKET}));
         }
         return true;
     }
 
-    std::vector<py::bytes> take(const py::bytes &bytes)
+    std::vector<py::bytes> take(const py::bytes &received)
     {
-        const std::string_view view = bytes;
-        space_link_ground_take(end_.get(), reinterpret_cast<const std::uint8_t *>(view.data()), view.size());
+        const auto bytes = octets(received);
+        space_link_ground_take(end_.get(), bytes.data(), bytes.size());
         return moved(packets_);
     }
 
@@ -102,29 +89,29 @@ public:
         static const char *const names[CCSDS_FAULTS] = {"ok",      "short",       "length", "version", "spacecraft",
                                                         "channel", "crc",         "type",   "gap",     "room",
                                                         "stray",   "association", "tag",    "replay"};
-        py::dict found;
-        found["frames"] = end_->receiver.frames;
-        found["missing"] = end_->receiver.missing;
-        found["clcws"] = end_->clcws;
-        found["ends"] = end_->alerts;
-        found["skipped"] = end_->skipped + end_->sync.skipped;
+        py::dict counts;
+        counts["frames"] = end_->receiver.frames;
+        counts["missing"] = end_->receiver.missing;
+        counts["clcws"] = end_->clcws;
+        counts["ends"] = end_->alerts;
+        counts["skipped"] = end_->skipped + end_->sync.skipped;
         const PacketZone &zone = end_->receiver.zone;
         const std::uint32_t unread =
             zone.faults[CCSDS_VERSION] + zone.faults[CCSDS_LENGTH] + zone.faults[CCSDS_ROOM] + zone.faults[CCSDS_GAP];
         for (const auto &[name, n] : {std::pair("encapsulated", zone.encapsulated), std::pair("unread", unread)}) {
             if (n != 0) {
-                found[name] = n;
+                counts[name] = n;
             }
         }
         for (std::size_t i = 1; i < CCSDS_FAULTS; i++) {
             if (end_->faults[i] != 0) {
-                found[names[i]] = end_->faults[i];
+                counts[names[i]] = end_->faults[i];
             }
         }
-        return found;
+        return counts;
     }
 
-    /// The state of FOP-1, what the last CLCW says, and why the service last ended.
+    /// The state of FOP-1, the flags of the last CLCW, and why the service last ended.
     core::Typed<py::dict, "dict[str, Any]"> cop1() const
     {
         static const char *const states[] = {
@@ -139,9 +126,9 @@ public:
                                              "the CLCW's flags contradict one another",
                                              "the link refused a frame",
                                              "terminated"};
-        py::dict found;
-        found["state"] = states[end_->fop.state];
-        found["ended"] = alerts[end_->alert];
+        py::dict state;
+        state["state"] = states[end_->fop.state];
+        state["ended"] = alerts[end_->alert];
         const Clcw &last = end_->clcw;
         const std::pair<const char *, std::uint8_t> flags[] = {{"no_rf", last.no_rf},
                                                                {"no_bit_lock", last.no_bit_lock},
@@ -150,10 +137,10 @@ public:
                                                                {"retransmit", last.retransmit}};
         for (const auto &[name, flag] : flags) {
             if (end_->clcws != 0) {
-                found[name] = flag != 0;
+                state[name] = flag != 0;
             }
         }
-        return found;
+        return state;
     }
 
 private:
@@ -165,36 +152,36 @@ private:
         if (keys_.n == 0) {
             throw py::value_error(why);
         }
-        const auto made = [&, &file = path, kind = service](int id, int with, bool command, std::uint8_t channel,
-                                                            std::uint64_t next) {
+        const auto association_of = [&, &file = path, service_kind = service](
+                                        int id, int with, bool command, std::uint8_t channel, std::uint64_t next) {
             if (std::none_of(expanded_.begin(), expanded_.begin() + static_cast<std::ptrdiff_t>(keys_.n),
-                             [&](const AesGcmKey &one) { return one.id == with; })) {
+                             [&](const AesGcmKey &candidate) { return candidate.id == with; })) {
                 throw py::value_error(file + " has no key " + std::to_string(with));
             }
-            SdlsAssociation one{};
-            one.spi = static_cast<std::uint16_t>(id);
-            one.fixed = static_cast<std::uint32_t>(id);
-            one.telecommand = command;
-            one.virtual_channel = channel;
-            one.service = static_cast<std::uint8_t>(kind);
-            one.window = 1;
-            sdls_rekey(&one, static_cast<std::uint16_t>(with), next);
-            sdls_start(&one);
-            return one;
+            SdlsAssociation association{};
+            association.spi = static_cast<std::uint16_t>(id);
+            association.fixed = static_cast<std::uint32_t>(id);
+            association.telecommand = command;
+            association.virtual_channel = channel;
+            association.service = static_cast<std::uint8_t>(service_kind);
+            association.window = 1;
+            sdls_rekey(&association, static_cast<std::uint16_t>(with), next);
+            sdls_start(&association);
+            return association;
         };
-        associations_ = {made(spi, key, true, setup.commands.virtual_channel, first),
-                         made(tm_spi, tm_key, false, setup.virtual_channel, 0)};
+        associations_ = {association_of(spi, key, true, setup.commands.virtual_channel, first),
+                         association_of(tm_spi, tm_key, false, setup.virtual_channel, 0)};
         associations_[0].fixed |= session << 3;
         sdls_ = {aes_gcm(&keys_), associations_.data(), 2, {}};
     }
 
     static std::vector<py::bytes> moved(std::vector<std::vector<std::uint8_t>> &from)
     {
-        std::vector<py::bytes> found;
-        for (const auto &one : std::exchange(from, {})) {
-            found.push_back(py::bytes(reinterpret_cast<const char *>(one.data()), one.size()));
+        std::vector<py::bytes> packets;
+        for (const auto &packet : std::exchange(from, {})) {
+            packets.push_back(bytes_of(packet));
         }
-        return found;
+        return packets;
     }
 
     std::unique_ptr<SpaceLinkGround> end_ = std::make_unique<SpaceLinkGround>();
@@ -213,12 +200,12 @@ void bind_link_end(py::module_ &m)
     py::class_<LinkEnd>(m, "SpaceLink", "The ground's end of a link of frames, ccsds/space_link.h.")
         .def(py::init<const LinkEnd::Setup &, std::int64_t, int, const std::optional<LinkEnd::Secrets> &>(),
              py::arg("setup"), py::arg("timer"), py::arg("limit"), py::arg("secrets") = py::none())
-        .def("send", &LinkEnd::send, py::arg("tag"), py::arg("packet"), "False: it takes none now.")
-        .def("take", &LinkEnd::take, py::arg("bytes"), "The packets in what came.")
-        .def("units", &LinkEnd::units, "What is to be sent.")
+        .def("send", &LinkEnd::send, py::arg("tag"), py::arg("packet"), "False: the link is not ready, send it later.")
+        .def("take", &LinkEnd::take, py::arg("bytes"), "The packets in received bytes.")
+        .def("units", &LinkEnd::units, "The units to send.")
         .def("answers", &LinkEnd::answers, "(tag, whether the spacecraft has it) since the last call.")
-        .def("time", &LinkEnd::time, py::arg("t"), "It is t [ns].")
-        .def_property_readonly("due", &LinkEnd::due, "[ns] when it must be told the time.")
+        .def("time", &LinkEnd::time, py::arg("t"), "Set the time to t [ns].")
+        .def_property_readonly("due", &LinkEnd::due, "[ns] when `time` must be called next.")
         .def_property_readonly("number", &LinkEnd::number, "Of the next secured command.")
         .def_property_readonly("counts", &LinkEnd::counts)
         .def_property_readonly("cop1", &LinkEnd::cop1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The database that Python holds, and values as objects of Python.
+// The database that Python holds, and conversions between values and objects of Python.
 #pragma once
 
 #include "core/typed.h"
@@ -30,14 +30,14 @@ public:
     const Database &database() const { return db_; }
     Decoder &decoder() { return decoder_; }
 
-    /// What decodes its commands, made when it is first needed.
+    /// The decoder of commands, which is built at its first use.
     CommandDecoder &commands(Header header)
     {
-        auto &made = commands_[static_cast<std::size_t>(header)];
-        if (!made) {
-            made = std::make_unique<CommandDecoder>(db_, header);
+        auto &decoder = commands_[static_cast<std::size_t>(header)];
+        if (!decoder) {
+            decoder = std::make_unique<CommandDecoder>(db_, header);
         }
-        return *made;
+        return *decoder;
     }
 
 private:
@@ -45,6 +45,17 @@ private:
     Decoder decoder_;
     std::array<std::unique_ptr<CommandDecoder>, 3> commands_; ///< by headers
 };
+
+/// The bytes of an object of Python, while it lives, and the object of bytes.
+inline std::span<const std::uint8_t> octets(std::string_view bytes)
+{
+    return {reinterpret_cast<const std::uint8_t *>(bytes.data()), bytes.size()};
+}
+
+inline py::bytes bytes_of(std::span<const std::uint8_t> octets)
+{
+    return {reinterpret_cast<const char *>(octets.data()), octets.size()};
+}
 
 /// The object of a word of this kind; bytes: of a text or a binary value; raw: of a label that no enumerator has.
 Value object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw);

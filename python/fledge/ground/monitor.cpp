@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The monitor of telemetry for Python. What takes time or waits for another thread releases the GIL.
+// The monitor of telemetry for Python. Functions that take long or wait for another thread release the GIL.
 #include "ground/monitor/monitor.h"
 #include "ground/loaded.h"
 
@@ -16,44 +16,39 @@ constexpr const char *levels[] = {"normal", "watch", "warning", "distress", "cri
 constexpr const char *kinds[] = {"none", "natural", "integer", "real", "label", "boolean", "text", "binary", "time"};
 constexpr const char *statuses[] = {"good", "uncalibrated", "unlabelled", "malformed"};
 
-std::span<const std::uint8_t> span_of(std::string_view bytes)
-{
-    return {reinterpret_cast<const std::uint8_t *>(bytes.data()), bytes.size()};
-}
-
-/// Numbers of 8 or 4 bytes, copied, because bytes lie anywhere.
-template <class Number> std::vector<Number> numbers(const py::bytes &bytes, const char *what)
+/// Numbers of 8 or 4 bytes, copied because the bytes may not be aligned.
+template <class Number> std::vector<Number> numbers(const py::bytes &bytes, const char *name)
 {
     const std::string_view view = bytes;
     if (view.size() % sizeof(Number) != 0) {
-        throw Refusal(std::string(what) + " have " + std::to_string(sizeof(Number)) + " bytes each; found " +
+        throw Refusal(std::string(name) + " have " + std::to_string(sizeof(Number)) + " bytes each; found " +
                       std::to_string(view.size()) + " bytes");
     }
-    std::vector<Number> made(view.size() / sizeof(Number));
-    std::copy(view.begin(), view.end(), reinterpret_cast<char *>(made.data()));
-    return made;
+    std::vector<Number> result(view.size() / sizeof(Number));
+    std::copy(view.begin(), view.end(), reinterpret_cast<char *>(result.data()));
+    return result;
 }
 
 LimitDict dict_of(const Bands &bands)
 {
     const auto end = [](double x) { return std::isinf(x) ? py::object(py::none()) : py::object(py::float_(x)); };
-    py::dict made;
+    py::dict result;
     for (const auto &[level, band] : bands) {
         py::list ends;
         ends.append(end(band.first));
         ends.append(end(band.second));
-        made[levels[static_cast<std::size_t>(level)]] = ends;
+        result[levels[static_cast<std::size_t>(level)]] = ends;
     }
-    return made;
+    return result;
 }
 
-/// Whether its parameters are the header of packets: others extend it, and it is none itself or where all begin.
-bool is_header(const Container &one)
+/// Whether its parameters are the header of packets: it is abstract, or others extend it and it extends none.
+bool is_header(const Container &container)
 {
-    return one.is_abstract || (one.base == no_id && !one.heirs.empty());
+    return container.is_abstract || (container.base == no_id && !container.heirs.empty());
 }
 
-/// What an action gives, which may wait for another thread.
+/// Run an action, which may wait for another thread, without the GIL.
 template <class Action> auto released(const Action &action)
 {
     const py::gil_scoped_release here;
@@ -63,7 +58,7 @@ template <class Action> auto released(const Action &action)
 using Batch = Typed<py::list, "list[tuple[int, int, bytes]]">;
 using Notes = Typed<py::list, "list[tuple[Any, ...]]">;
 
-/// A monitor, and the packets of inspections, which do not disturb it.
+/// A monitor, and a decoder for inspections, which do not disturb it.
 class Watcher {
 public:
     Watcher(const Loaded &loaded, const std::optional<std::string> &root)
@@ -77,94 +72,94 @@ public:
         const py::tuple held(batch); // another thread may change the list
         std::vector<Arrival> arrivals;
         arrivals.reserve(held.size());
-        for (const auto &one : held) {
-            const auto packet = py::cast<py::tuple>(one);
+        for (const auto &item : held) {
+            const auto packet = py::cast<py::tuple>(item);
             if (packet.size() != 3 || !py::isinstance<py::bytes>(packet[2])) {
                 throw py::type_error("a batch has tuples of t, received and the bytes of a packet");
             }
             arrivals.push_back({packet[0].cast<std::int64_t>(), packet[1].cast<std::int64_t>(),
-                                span_of(packet[2].cast<std::string_view>())});
+                                octets(packet[2].cast<std::string_view>())});
         }
         return with([&] { return monitor_.take(arrivals); }, &held);
     }
 
-    /// What an action notes, as tuples; batch: the packets.
+    /// Run an action and return its notes as tuples; batch: the packets.
     template <class Action> Notes with(const Action &action, const py::tuple *batch = nullptr)
     {
-        py::list made;
+        py::list result;
         for (const Note &note : released(action)) {
             const auto arrival = [&] { return batch != nullptr ? py::tuple((*batch)[note.packet]) : py::tuple(); };
-            switch (note.what) {
-            case Note::What::concern:
-                made.append(py::make_tuple("concern", note.slot, note.t, static_cast<int>(note.old),
-                                           static_cast<int>(note.now)));
+            switch (note.kind) {
+            case Note::Kind::concern:
+                result.append(py::make_tuple("concern", note.slot, note.t, static_cast<int>(note.old),
+                                             static_cast<int>(note.now)));
                 break;
-            case Note::What::undecoded:
-                made.append(py::make_tuple("undecoded", note.t, arrival()[1], arrival()[2], note.text));
+            case Note::Kind::undecoded:
+                result.append(py::make_tuple("undecoded", note.t, arrival()[1], arrival()[2], note.text));
                 break;
-            case Note::What::watched:
-                made.append(
+            case Note::Kind::watched:
+                result.append(
                     py::make_tuple("watched", db_.containers[note.container].path, note.t, arrival()[1], arrival()[2]));
                 break;
-            case Note::What::verified: made.append(py::make_tuple("verified", note.slot, note.t, note.text)); break;
-            case Note::What::slots: made.append(py::make_tuple("slots", note.slot)); break;
-            case Note::What::full: made.append(py::make_tuple("full", note.text)); break;
-            case Note::What::archive: made.append(py::make_tuple("archive", note.text)); break;
+            case Note::Kind::verified: result.append(py::make_tuple("verified", note.slot, note.t, note.text)); break;
+            case Note::Kind::slots: result.append(py::make_tuple("slots", note.slot)); break;
+            case Note::Kind::full: result.append(py::make_tuple("full", note.text)); break;
+            case Note::Kind::archive: result.append(py::make_tuple("archive", note.text)); break;
             }
         }
-        return made;
+        return result;
     }
 
     std::uint32_t slot(const std::string &name) const
     {
-        const std::uint32_t found = monitor_.find(name);
-        if (found == no_id) {
+        const std::uint32_t slot = monitor_.find(name);
+        if (slot == no_id) {
             py::list names;
-            for (const auto &one : monitor_.slots(0)) {
-                names.append(one.slot.name);
+            for (const auto &known : monitor_.slots(0)) {
+                names.append(known.slot.name);
             }
             const py::list near = py::module_::import("difflib").attr("get_close_matches")(name, names);
             throw Refusal("there is no parameter " + name +
                           (near.empty() ? "" : "; near it: " + py::str(", ").attr("join")(near).cast<std::string>()));
         }
-        return found;
+        return slot;
     }
 
     DictRows slots(std::uint32_t first, std::uint32_t most) const
     {
-        py::list made;
-        for (const auto &one : monitor_.slots(first, most)) {
+        py::list result;
+        for (const auto &described : monitor_.slots(first, most)) {
             py::dict row;
-            row["slot"] = first + made.size();
-            row["name"] = one.slot.name;
-            row["path"] = one.slot.path;
-            row["container"] = path_of(db_, one.slot.container);
-            row["header"] = one.slot.container != no_id && is_header(db_.containers[one.slot.container]);
-            row["kind"] = name_of(one.slot.kind);
+            row["slot"] = first + result.size();
+            row["name"] = described.slot.name;
+            row["path"] = described.slot.path;
+            row["container"] = path_of(db_, described.slot.container);
+            row["header"] = described.slot.container != no_id && is_header(db_.containers[described.slot.container]);
+            row["kind"] = name_of(described.slot.kind);
             std::vector<std::string> labels;
-            std::string unit = one.slot.unit, description = one.slot.description;
-            if (one.slot.parameter != no_id) {
-                const Type &type = db_.types[one.slot.type];
+            std::string unit = described.slot.unit, description = described.slot.description;
+            if (described.slot.parameter != no_id) {
+                const Type &type = db_.types[described.slot.type];
                 for (const Enumerator &label : type.enumerators) {
                     labels.push_back(label.label);
                 }
-                if (one.slot.kind == Kind::boolean) {
-                    labels = {type.zero, type.one};
+                if (described.slot.kind == Kind::boolean) {
+                    labels = {type.zero_label, type.one_label};
                 }
                 for (const std::string &part : type.units) {
                     unit += (unit.empty() ? "" : " ") + part;
                 }
-                description = db_.parameters[one.slot.parameter].description;
+                description = db_.parameters[described.slot.parameter].description;
             }
             row["unit"] = unit;
             row["labels"] = labels;
             row["description"] = description;
-            row["limits"] = dict_of(one.limits);
-            row["persistence"] = one.persistence;
-            row["replaced"] = one.replaced ? py::object(dict_of(*one.replaced)) : py::none();
-            made.append(row);
+            row["limits"] = dict_of(described.limits);
+            row["persistence"] = described.persistence;
+            row["replaced"] = described.replaced ? py::object(dict_of(*described.replaced)) : py::none();
+            result.append(row);
         }
-        return made;
+        return result;
     }
 
     /// (t, received, raw, value, status, concern, count)
@@ -176,24 +171,25 @@ public:
         if (!shown) {
             return std::nullopt;
         }
-        const Newest &one = shown->newest;
-        const Slot what = released([&] { return monitor_.slot(slot); });
+        const Newest &newest = shown->newest;
+        const Slot place = released([&] { return monitor_.slot(slot); });
         static const Type plain;
-        const Type &type = what.type != no_id ? db_.types[what.type] : plain;
-        const bool good = one.status == Status::good || one.status == Status::unlabelled;
-        return NewestRow(one.t, one.received, object(type, one.raw_kind, one.raw, shown->raw, one.raw),
-                         good ? object(type, what.kind, one.value, shown->value, one.raw) : Value(py::none()),
-                         statuses[static_cast<std::size_t>(one.status)], static_cast<int>(one.concern), one.count);
+        const Type &type = place.type != no_id ? db_.types[place.type] : plain;
+        const bool good = newest.status == Status::good || newest.status == Status::unlabelled;
+        return NewestRow(newest.t, newest.received, object(type, newest.raw_kind, newest.raw, shown->raw, newest.raw),
+                         good ? object(type, place.kind, newest.value, shown->value, newest.raw) : Value(py::none()),
+                         statuses[static_cast<std::size_t>(newest.status)], static_cast<int>(newest.concern),
+                         newest.count);
     }
 
     std::pair<std::uint64_t, py::bytes> changes(std::uint64_t since, const std::optional<py::bytes> &slots) const
     {
         const auto chosen = slots ? numbers<std::uint32_t>(*slots, "slots") : std::vector<std::uint32_t>();
-        const Frame made = released([&] {
+        const Frame result = released([&] {
             return monitor_.changes(since,
                                     slots ? std::optional(std::span<const std::uint32_t>(chosen)) : std::nullopt);
         });
-        return {made.version, py::bytes(made.bytes)};
+        return {result.version, py::bytes(result.bytes)};
     }
 
     void watch(const std::vector<std::string> &names)
@@ -215,14 +211,14 @@ public:
 
     py::bytes rows(std::uint32_t trigger)
     {
-        const auto made = released([&] { return monitor_.rows(trigger); });
-        return {reinterpret_cast<const char *>(made.data()), 8 * made.size()};
+        const auto result = released([&] { return monitor_.rows(trigger); });
+        return {reinterpret_cast<const char *>(result.data()), 8 * result.size()};
     }
 
     Typed<py::dict, "dict[str, Any]"> inspect(const py::bytes &bytes)
     {
         released([&] { monitor_.lend(inspector_); });
-        const Decoded &done = inspector_.decode(span_of(bytes), root_);
+        const Decoded &done = inspector_.decode(octets(bytes), root_);
         py::list rows;
         for (std::size_t i = 0; i < done.fields.size(); i++) {
             const auto [raw, value] = objects(db_, done, i);
@@ -230,13 +226,13 @@ public:
                                        statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at,
                                        done.places[i].n));
         }
-        py::dict made;
-        made["container"] = path_of(db_, done.container);
-        made["nearest"] = path_of(db_, done.nearest);
-        made["reason"] = done.reason;
-        made["bit"] = done.stopped ? py::object(py::int_(*done.stopped)) : py::object(py::none());
-        made["rows"] = rows;
-        return made;
+        py::dict result;
+        result["container"] = path_of(db_, done.container);
+        result["nearest"] = path_of(db_, done.nearest);
+        result["reason"] = done.reason;
+        result["bit"] = done.stopped ? py::object(py::int_(*done.stopped)) : py::object(py::none());
+        result["rows"] = rows;
+        return result;
     }
 
     Monitor &monitor() { return monitor_; }
@@ -252,7 +248,7 @@ private:
 
 Bands bands_of(const LimitDict &given)
 {
-    Bands made;
+    Bands result;
     for (const auto &[key, value] : given) {
         const auto name = key.cast<std::string>();
         const auto *const found = std::find(std::begin(levels) + 1, std::end(levels), name);
@@ -260,10 +256,10 @@ Bands bands_of(const LimitDict &given)
             throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
         }
         const auto ends = value.cast<std::array<std::optional<double>, 2>>();
-        made[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
-                                                                  ends[1].value_or(infinite)};
+        result[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
+                                                                    ends[1].value_or(infinite)};
     }
-    return made;
+    return result;
 }
 
 const char *name_of(Kind kind)
@@ -273,87 +269,88 @@ const char *name_of(Kind kind)
 
 void bind_monitor(py::module_ &m)
 {
-    [[maybe_unused]] const py::class_<PacketSink> base(m, "PacketSink", "What keeps packets.");
+    [[maybe_unused]] const py::class_<PacketSink> base(m, "PacketSink", "Stores packets.");
     py::class_<Watcher>(m, "Monitor", "The newest values of a spacecraft's telemetry, and their limits.")
         .def(py::init<const Loaded &, const std::optional<std::string> &>(), py::arg("database"),
              py::arg("root") = py::none(), py::keep_alive<1, 2>())
         .def(
             "sink",
-            [](Watcher &one, std::optional<PacketSink *> sink) {
-                released([&] { one.monitor().sink(sink.value_or(nullptr)); });
+            [](Watcher &watcher, std::optional<PacketSink *> sink) {
+                released([&] { watcher.monitor().sink(sink.value_or(nullptr)); });
             },
-            py::arg("sink"), py::keep_alive<1, 2>(), "The archive that keeps the packets, or None.")
+            py::arg("sink"), py::keep_alive<1, 2>(), "Set the archive that stores the packets, or None.")
         .def("take", &Watcher::take, py::arg("batch"),
-             "Decode, archive and show a batch: (t [ns of the spacecraft's clock], received [ns UTC], packet) of each. "
-             "What is notable, as tuples:\n"
+             "Decode, archive and publish a batch: (t [ns of the spacecraft's clock], received [ns UTC], packet) of "
+             "each. Returns notes as tuples:\n"
              "(\"concern\", slot, t, old, new): the state by its limits, 0 normal to 5 severe\n"
              "(\"undecoded\", t, received, packet, reason); (\"watched\", container, t, received, packet)\n"
              "(\"verified\", number, t, text): of expect()\n"
-             "(\"slots\", first): there are new ones; (\"full\", text): values are lost\n"
-             "(\"archive\", text): why it keeps no packets; \"\": it does again.")
+             "(\"slots\", first): there are new slots; (\"full\", text): values are lost\n"
+             "(\"archive\", text): why it stores no packets; \"\": it does again.")
         .def("slots", &Watcher::slots, py::arg("first") = 0, py::arg("most") = no_id,
-             "What the values are, at most so many from one slot on: dicts of slot, name, path, container, header "
-             "(whether it "
-             "is of a container that others extend, as the CCSDS header), unit, kind, labels, description, limits, "
-             "persistence, replaced (the database's limits if others are in force, else None).")
+             "At most `most` slots from the first on: dicts of slot, name, path, container, header (whether others "
+             "extend its container, as the CCSDS header), unit, kind, labels, description, limits, persistence, "
+             "replaced (the database's limits if others are in force, else None).")
         .def("slot", &Watcher::slot, py::arg("name"),
-             "The slot of a name or path. Raises SetupError with those near it.")
+             "The slot of a name or path. Raises SetupError with similar names.")
         .def("newest", &Watcher::newest, py::arg("slot"),
-             "(t, received, raw, value, status, concern, count), or None before the first one. status: good, "
+             "(t, received, raw, value, status, concern, count), or None before the first value. status: good, "
              "uncalibrated, unlabelled or malformed.")
         .def_property_readonly("version",
-                               [](Watcher &one) { return released([&] { return one.monitor().version(); }); })
+                               [](Watcher &watcher) { return released([&] { return watcher.monitor().version(); }); })
         .def("changes", &Watcher::changes, py::arg("since"), py::arg("slots") = py::none(),
-             "(version, frame) of the values that came after a version, of all slots or of those given as 32-bit "
-             "numbers; ground/monitor/monitor.h has the frame.")
+             "(version, frame) of the values after a version, of all slots or of those given as 32-bit numbers; "
+             "ground/monitor/monitor.h describes the frame.")
         .def("watch", &Watcher::watch, py::arg("containers"),
-             "Note the packets of these containers and of those that extend them.")
-        .def("expect", &Watcher::expect, py::arg("command"), py::arg("verifier"), py::arg("arguments"),
-             "Note each packet that fulfils a verifier, of its place in the command's form; the number of the notes. "
-             "arguments: in words. Raises SetupError if it cannot be computed.")
+             "Return a note for each packet of these containers and of those that extend them.")
         .def(
-            "forget", [](Watcher &one, std::uint32_t number) { released([&] { one.monitor().forget(number); }); },
-            py::arg("number"), "Expect it no longer.")
+            "expect", &Watcher::expect, py::arg("command"), py::arg("verifier"), py::arg("arguments"),
+            "Return a note for each packet that fulfils a verifier, which is given by its place in the command's form; "
+            "returns the number that the notes have. arguments: as text. Raises SetupError if it cannot be computed.")
+        .def(
+            "forget",
+            [](Watcher &watcher, std::uint32_t number) { released([&] { watcher.monitor().forget(number); }); },
+            py::arg("number"), "End what `expect` began.")
         .def(
             "set_limits",
-            [](Watcher &one, std::uint32_t slot, const std::optional<LimitDict> &limits, std::uint32_t persistence) {
+            [](Watcher &watcher, std::uint32_t slot, const std::optional<LimitDict> &limits,
+               std::uint32_t persistence) {
                 const auto bands = limits ? std::optional(bands_of(*limits)) : std::nullopt;
-                return one.with([&] { return one.monitor().set_limits(slot, bands, persistence); });
+                return watcher.with([&] { return watcher.monitor().set_limits(slot, bands, persistence); });
             },
             py::arg("slot"), py::arg("limits"), py::arg("persistence") = 1,
-            "Limits instead of the database's: {\"warning\": [low, high]}, None for an open end; None for all: those "
-            "of "
-            "the database again. They count for the newest value at once; what changes is noted. Raises SetupError.")
+            "Replace the database's limits: {\"warning\": [low, high]}, None for an open end; None for all restores "
+            "them. The newest value is judged at once; returns notes as `take`. Raises SetupError.")
         .def(
             "trigger",
-            [](Watcher &one, const std::vector<std::uint32_t> &inputs) {
-                return released([&] { return one.monitor().trigger(inputs); });
+            [](Watcher &watcher, const std::vector<std::uint32_t> &inputs) {
+                return released([&] { return watcher.monitor().trigger(inputs); });
             },
             py::arg("inputs"), "A number for `rows` of these slots.")
         .def("rows", &Watcher::rows, py::arg("trigger"),
-             "The rows since the last call, one for each packet with an input, once all have come: int64 t, and each "
-             "input as a double: times in seconds, raw values of enumerations, NaN where there is no number.")
+             "The rows since the last call, one for each packet with an input, once all inputs have a value: int64 t, "
+             "and each input as a double: times in seconds, raw values of enumerations, NaN where there is no number.")
         .def(
             "derive",
-            [](Watcher &one, const std::string &name, const std::string &unit, const std::string &description,
+            [](Watcher &watcher, const std::string &name, const std::string &unit, const std::string &description,
                const LimitDict &limits, std::uint32_t persistence) {
                 const Bands bands = bands_of(limits);
-                return released([&] { return one.monitor().derive(name, unit, description, bands, persistence); });
+                return released([&] { return watcher.monitor().derive(name, unit, description, bands, persistence); });
             },
             py::arg("name"), py::arg("unit") = "", py::arg("description") = "", py::arg("limits") = py::dict(),
-            py::arg("persistence") = 1, "A slot for numbers that `put` brings. Raises SetupError if the name is taken.")
+            py::arg("persistence") = 1, "Add a slot whose numbers `put` sets. Raises SetupError if the name is taken.")
         .def(
             "put",
-            [](Watcher &one, std::uint32_t slot, const py::bytes &t, const py::bytes &values) {
+            [](Watcher &watcher, std::uint32_t slot, const py::bytes &t, const py::bytes &values) {
                 const auto times = numbers<std::int64_t>(t, "times");
                 const auto all = numbers<double>(values, "values");
-                return one.with([&] { return one.monitor().put(slot, times, all); });
+                return watcher.with([&] { return watcher.monitor().put(slot, times, all); });
             },
             py::arg("slot"), py::arg("t"), py::arg("values"),
-            "Values of a derived slot: int64 t and doubles. NaN: there is none. Returns notes as `take`.")
+            "Set values of a derived slot: int64 t and doubles. NaN: no value. Returns notes as `take`.")
         .def("inspect", &Watcher::inspect, py::arg("packet"),
              "A packet's container, nearest, reason, rows (name, raw, value, status, first bit, bits), and bit: where "
-             "decoding stopped or the value of the comparison lies that failed.");
+             "decoding stopped, or the value of the failed comparison.");
 }
 
 } // namespace fledge::ground

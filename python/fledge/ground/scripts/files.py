@@ -240,14 +240,14 @@ class Files:
     # --- what the entity tells ---
 
     def _poll(self) -> None:
-        while event := self.entity.told():
-            if event.what == STARTED:
+        while event := self.entity.event():
+            if event.kind == STARTED:
                 for transfer in self._transfers:
                     if transfer.fetches and transfer.place == event.to:
                         transfer.data = event.id
-            elif event.what == MESSAGE:
+            elif event.kind == MESSAGE:
                 self._messages.setdefault(event.id, []).append(event.text)
-            elif event.what in (ENDED, ABANDONED):
+            elif event.kind in (ENDED, ABANDONED):
                 self._ended(event)
         for transfer in self._transfers:
             if progress := self.entity.progress(transfer.data):
