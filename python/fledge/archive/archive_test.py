@@ -113,12 +113,12 @@ class CWriter:
 
     def __init__(self, library, path, chunk_size):
         self.library = library
-        self.kept = []  # what the writer points to until it is closed
+        self.buffers = []  # to which the writer has pointers until it is closed
         assert library.shim_open(str(path).encode(), chunk_size) == 0
 
     def channel(self, topic, schema, text, pairs=None, big=False):
         args = [topic.encode(), schema.encode(), text.encode(), pair_array(pairs or {})]
-        self.kept.append(args)
+        self.buffers.append(args)
         id = self.library.shim_channel(*args[:3], 2 if big else 1, args[3], len(pairs or {}))
         assert id > 0
         return id
@@ -275,7 +275,7 @@ def run(request, tmp_path, shim):
     return path
 
 
-def test_what_was_written_is_read(run):
+def test_a_written_record_is_read(run):
     check_run(Archive(run))
 
 
@@ -344,7 +344,7 @@ def test_topics_heads_and_elements_have_names_too(run, key, shape):
     assert Archive(run)[key].shape == shape
 
 
-@pytest.mark.parametrize("key, says", [
+@pytest.mark.parametrize("key, why", [
     ("error.sigma_RB", r"no 'error.sigma_RB'; did you mean error.sigma_BR\?"),
     ("temperature", r"no 'temperature'; there are flight.tracking.error, flight.con"),
     ("control.sigma_br", r"did you mean flight.tracking.error.sigma_BR\?"),
@@ -354,8 +354,8 @@ def test_topics_heads_and_elements_have_names_too(run, key, shape):
     ("error.sigma_BR[3]", r"out of range: flight.tracking.error.sigma_BR has the shape \(3,\)"),
     ("", r"there is no ''; there are"),
 ])
-def test_a_wrong_name_lists_the_right_ones(run, key, says):
-    with pytest.raises(ArchiveError, match=says):
+def test_a_wrong_name_lists_the_right_ones(run, key, why):
+    with pytest.raises(ArchiveError, match=why):
         Archive(run)[key]
 
 
@@ -410,7 +410,7 @@ def test_definitions_of_other_origin_keep_their_ros_names(tmp_path):
     assert a["angular.y"].tolist() == [4]
 
 
-@pytest.mark.parametrize("definition, says", [
+@pytest.mark.parametrize("definition, why", [
     ("string s", "s has the type string, which is not of fixed size or not defined here"),
     ("float64[] x", r'line 1: expected "<type> <name>" of fixed size, found "float64\[\] x"'),
     ("uint8 a\nfloat64 b", "b needs padding before it"),
@@ -419,7 +419,7 @@ def test_definitions_of_other_origin_keep_their_ros_names(tmp_path):
     ("float64 x  # X [m] one\nfloat64 y  # X [m] two", "two members named X"),
     ("int32 ONE=1", 'of fixed size, found "int32 ONE=1"'),
 ])
-def test_a_definition_that_is_not_a_plain_struct_is_refused_when_read(tmp_path, definition, says):
+def test_a_definition_that_is_not_a_plain_struct_is_refused_when_read(tmp_path, definition, why):
     path = tmp_path / "x.mcap"
     maker = Maker(path)
     bad = maker.channel("/bad", "fledge/msg/Bad", definition)
@@ -429,7 +429,7 @@ def test_a_definition_that_is_not_a_plain_struct_is_refused_when_read(tmp_path, 
     maker.close()
     a = Archive(path)
     assert a.complete and a["good.x"].tolist() == [0]
-    with pytest.raises(ArchiveError, match="/bad .fledge/msg/Bad. cannot be decoded: .*" + says):
+    with pytest.raises(ArchiveError, match="/bad .fledge/msg/Bad. cannot be decoded: .*" + why):
         a["/bad"]
 
 
@@ -453,17 +453,17 @@ def test_an_unknown_cdr_header_is_named(tmp_path):
         Archive(path)["x"]
 
 
-# ---- what is no archive, and what is only part of one ----
+# ---- files that are no archive, or only a part of one ----
 
-@pytest.mark.parametrize("content, says", [
+@pytest.mark.parametrize("content, why", [
     (b"", "expected it to begin with 89 4d 43 41 50 30 0d 0a, found an empty file"),
     (b"time,x\n", r"not an MCAP file.*found 74 69 6d 65 2c 78 0a .b'time,x"),
     (MAGIC[:5], r"found 89 4d 43 41 50 "),
 ])
-def test_what_is_not_mcap_is_refused(tmp_path, content, says):
+def test_files_that_are_not_mcap_are_refused(tmp_path, content, why):
     path = tmp_path / "run.csv"
     path.write_bytes(content)
-    with pytest.raises(ArchiveError, match=says) as error:
+    with pytest.raises(ArchiveError, match=why) as error:
         Archive(path)
     assert str(path) in str(error.value)
 
@@ -732,7 +732,7 @@ def test_a_full_disk_leaves_no_half_of_a_file(run, tmp_path, write):
 # ---- the writer where it is used ----
 
 def test_the_writer_needs_nothing_but_string_h(tmp_path):
-    """What a target must bring: four functions, no heap, no I/O, no static data."""
+    """A target must provide four functions, and no heap, I/O or static data."""
     for source in SOURCES[:2]:
         subprocess.run(["gcc", "-std=c99", "-ffreestanding", "-O2", "-c", f"-I{ROOT}", source, "-o",
                         tmp_path / (source.stem + ".o")], check=True)

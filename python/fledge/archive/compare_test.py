@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two records against each other: what differs is found, named, and nothing else is."""
+"""Two records compared: all differences are named, and nothing else."""
 
 import math
 import struct
@@ -57,7 +57,7 @@ def test_the_first_difference_is_named_with_both_values(run, tmp_path, capsys):
     assert " of 21 messages, by up to " in capsys.readouterr().out
 
 
-def test_what_the_runs_began_with_is_reported_apart_from_what_they_did(run, tmp_path, capsys):
+def test_differences_in_set_ups_are_reported_apart_from_those_in_values(run, tmp_path, capsys):
     def differ(sim):
         sim.world.wheels.Omega_max[1] = 900      # which these runs do not reach
         sim.seed = 5
@@ -98,7 +98,7 @@ def test_enumerators_have_their_names(run):
     assert compare(run, changed(run, "flight.tracking.error", worse), ignore=["quality"]) == []
 
 
-def test_what_is_missing_shorter_or_later(run, tmp_path):
+def test_missing_shorter_and_later_topics(run, tmp_path):
     short = fly(tmp_path / "short.mcap", duration=15.0)
     found = compare(run, short)
     assert [(d.topic, d.t, d.what) for d in found] == [

@@ -48,7 +48,7 @@ def log():
     return log
 
 
-def test_what_is_drawn(log, tmp_path):
+def test_lines_labels_and_units(log, tmp_path):
     figure = plot(log, "craft.state.sigma_BN", ["omega_BN_B[2]", "error.omega_BR_B[2]"], titles=["attitude"],
                   units={"omega_BN_B[2]": "rpm"})
     first, second = figure.axes

@@ -61,7 +61,7 @@ def test_paths_of_a_log(log):
     assert still.off(np.array([1, 2, 3]) / np.sqrt(14)).max() < 1e-14
 
 
-def test_what_cannot_be_a_path(log):
+def test_wrong_paths_are_refused(log):
     with pytest.raises(SetupError, match="did you mean state.sigma_BN"):
         scan.path(log, "state.sigmaBN")
     with pytest.raises(SetupError, match="expected an axis 1, 2, 3, -1, -2 or -3; found 4"):
@@ -72,7 +72,7 @@ def test_what_cannot_be_a_path(log):
         scan.plane(log, {})
 
 
-def test_what_is_drawn(tmp_path):
+def test_lines_arrows_and_labels(tmp_path):
     from fledge.plot import save
 
     time = np.arange(101)
@@ -90,7 +90,7 @@ def test_what_is_drawn(tmp_path):
     assert scan.plane(None, {"b": other}, centre=2).axes[0].get_xlabel() == "roll $\\phi$  [deg]"
 
     figure = scan.sphere(None, {"wanted": line}, rays="wanted", view=(0.0, 0.0), name="b")
-    # Seen along axis 1: yaw runs to the right, and what is behind is not drawn in front.
+    # Seen along axis 1: yaw runs to the right, and lines behind are not drawn in front.
     drawn = next(line_ for line_ in figure.axes[0].lines if line_.get_label() == "wanted")
     np.testing.assert_allclose(drawn.get_xdata(), np.sin(angle), atol=1e-15)
     behind = scan.sphere(None, {"wanted": scan.Path(time, -line.direction)}, view=(0.0, 0.0))

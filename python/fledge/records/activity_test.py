@@ -196,14 +196,14 @@ def test_commands_and_their_answers_are_recorded(here):
     assert [name for _, name in modes(sim.activity)["flight"]] == ["coast", "science"]
 
 
-@pytest.mark.parametrize("path, says", [
+@pytest.mark.parametrize("path, why", [
     ("world.mode", "the process world has no modes"), ("flight.mood", "expected process.instance.name"),
     ("fligh.mode", "expected process.instance.name")])
-def test_paths_of_modes(here, path, says):
+def test_paths_of_modes(here, path, why):
     from fledge.montecarlo.dispersions import Dispersions
 
     d = Dispersions(fledge.load("modal"))
-    with pytest.raises(SetupError, match=says):
+    with pytest.raises(SetupError, match=why):
         d.retain(path)
     with pytest.raises(SetupError, match="flight.mode is no parameter"):
         d["flight.mode"] = d.choice("point", "coast")

@@ -74,7 +74,7 @@ def test_positions_may_be_relative_to_another_body(sky):
     ("take a shorter duration", {"within": 1 * m, "duration": 4000 * day}),
     ("within", {"within": 1 * s, "duration": 1 * day}),
 ])
-def test_what_cannot_be_done_is_refused(sky, words, given):
+def test_impossible_fits_are_refused(sky, words, given):
     with pytest.raises(SetupError, match=words):
         world.fit_ephemeris(sky, world.MOON, **given)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What surrounds a spacecraft, as a mission uses it."""
+"""The environment of a spacecraft in missions: bodies, air, light, magnetic field, ground stations."""
 
 import inspect
 from pathlib import Path
@@ -148,7 +148,7 @@ def test_the_world_magnetic_model_in_a_sky():
         field=world.Magnetism(body=EARTH, sky=world.Sky("2015-06-01", center=EARTH), coefficients="WMM")))
 
 
-# --- what is refused -------------------------------------------------------------------------------
+# --- errors ----------------------------------------------------------------------------------------
 
 def test_help_has_all_keywords_of_a_model():
     for name, cls in world.TYPES.items():
@@ -160,7 +160,7 @@ def test_help_has_all_keywords_of_a_model():
         "(*, dipole_P=0, spin=0, degree=0, sky=None, body=None, coefficients=None)")
 
 
-def test_what_cannot_be_is_refused_before_the_first_step():
+def test_wrong_set_ups_are_refused_before_the_first_step():
     says("world.craft.mass is 0, but one of its parts adds forces", lambda: fly(1, **surroundings(mass=0)))
     models = surroundings()
     models["drag"].areas = [1, 1, 1]

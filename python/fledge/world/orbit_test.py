@@ -96,7 +96,7 @@ def test_a_node_that_stands_still_gains_what_the_sun_goes(sky):
     ("ltan", {"ltan": 10 * deg}),
     ("altitude", {"altitude": 10 * s}),
 ])
-def test_what_cannot_be_is_refused(sky, words, given):
+def test_impossible_orbits_are_refused(sky, words, given):
     with pytest.raises(SetupError, match=words):
         Orbit.sun_synchronous(sky, **{"altitude": 500 * km, "ltan": 10 * hour, **given})
 
@@ -106,7 +106,7 @@ TLE = """1 99999U 26001A   26079.41666667  .00001000  00000+0  50000-4 0  9999
 """
 
 
-def test_from_mean_elements_the_world_begins_where_flight_says():
+def test_from_mean_elements_the_world_begins_at_flights_position():
     elements = mean_elements.read(TLE).parameters()
     sky = world.Sky("2026-03-20T12:00:00.25", center=world.EARTH)
     sim = Simulation("both")

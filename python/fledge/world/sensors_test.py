@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors in simulations: what they need besides the craft; with actuators and faults of all kinds, in campaigns."""
+"""Sensors in simulations: the models that they need; with actuators and faults of all kinds, in campaigns."""
 import numpy as np
 import pytest
 

@@ -36,7 +36,7 @@ dcm_PN (3, 3) maps N to P; omega_PN_P [rad/s] (3,) is the rate of P relative to 
 
 @suggesting()
 class EarthOrientation:
-    """How the Earth stands and turns, for Sky(earth=...): a theory of the IAU, and what the IERS measured.
+    """The orientation of the Earth, for Sky(earth=...): by a theory of the IAU and measurements of the IERS.
 
     eop: a file of the IERS, EOP 14 C04 or 20 C04 (with dX and dY): UT1 and polar motion, day by day.
     theory: "IAU 2006/2000A", or "IAU 1976/1980" to compare with older tools, without dX and dY and with N as the mean
@@ -75,8 +75,8 @@ class Sky:
     leap_seconds: a SPICE file (.tls). None: the leap seconds up to 2016-12-31.
     pck: a SPICE text file (.tpc) with the bodies' rotations. None: the constants of the IAU's report of 2000.
     earth: an EarthOrientation, in place of the Earth's constants, which are within 0.2 deg.
-    moon: "mean Earth", by the constants, or "principal axes", by the librations of DE405: what gravity fields of the
-        Moon refer to.
+    moon: "mean Earth", by the constants, or "principal axes", by the librations of DE405, to which gravity fields of
+        the Moon refer.
 
     Positions are geometric, without light time. For a planet that the ephemeris has only together with its
     moons (Jupiter in DE405), the Sky uses their barycentre; `assumptions` names such planets.

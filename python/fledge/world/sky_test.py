@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The solar system from Python: dates, places and orientations, flights in it, and what is refused."""
+"""The solar system from Python: dates, places and orientations, flights in it, and errors."""
 
 import os
 from pathlib import Path
@@ -34,7 +34,7 @@ def sky():
     return world.Sky(NOON, center=world.MARS)
 
 
-def says(words, action):
+def refused(words, action):
     with pytest.raises(SetupError) as error:
         action()
     assert words in str(error.value)
@@ -156,15 +156,17 @@ def test_earths_that_cannot_be(tmp_path):
     file = real("eopc04-2000-2020.txt")
     damaged = tmp_path / "eop.txt"
     damaged.write_text("\n".join(file.read_text().splitlines()[:20]) + "\n2000   1   7  515")
-    says(f"Sky: {damaged}:21: expected a day of EOP C04",
-         lambda: world.Sky("2000-01-02", 399, earth=world.EarthOrientation(damaged)))
-    says(f"Sky: {file}: the Earth's orientation is given from 2000-01-01T00:00:00Z to 2020-12-31T00:00:00Z; asked for "
-         "at 2026-01-01T00:00:00Z", lambda: world.Sky("2026-01-01", 399, earth=world.EarthOrientation(file)))
-    says("Sky: the Earth's orientation needs UT1", lambda: world.Sky(NOON, 399, earth=world.EarthOrientation()))
-    says("EarthOrientation: theory: expected", lambda: world.EarthOrientation(file, theory="IAU 2000"))
-    says("EarthOrientation: ut1_tai: expected a quantity in s", lambda: world.EarthOrientation(ut1_tai=5 * m))
-    says("EarthOrientation: polar_motion: expected two angles", lambda: world.EarthOrientation(file, polar_motion=[1]))
-    says("Sky: earth: expected world.EarthOrientation(...)", lambda: world.Sky(NOON, 399, earth=str(file)))
+    refused(f"Sky: {damaged}:21: expected a day of EOP C04",
+            lambda: world.Sky("2000-01-02", 399, earth=world.EarthOrientation(damaged)))
+    refused(f"Sky: {file}: the Earth's orientation is given from 2000-01-01T00:00:00Z to 2020-12-31T00:00:00Z; "
+            "asked for at 2026-01-01T00:00:00Z",
+            lambda: world.Sky("2026-01-01", 399, earth=world.EarthOrientation(file)))
+    refused("Sky: the Earth's orientation needs UT1", lambda: world.Sky(NOON, 399, earth=world.EarthOrientation()))
+    refused("EarthOrientation: theory: expected", lambda: world.EarthOrientation(file, theory="IAU 2000"))
+    refused("EarthOrientation: ut1_tai: expected a quantity in s", lambda: world.EarthOrientation(ut1_tai=5 * m))
+    refused("EarthOrientation: polar_motion: expected two angles",
+            lambda: world.EarthOrientation(file, polar_motion=[1]))
+    refused("Sky: earth: expected world.EarthOrientation(...)", lambda: world.Sky(NOON, 399, earth=str(file)))
 
 
 def test_a_run_beyond_the_series_is_refused_before_it_begins():
@@ -184,7 +186,7 @@ def test_a_run_beyond_the_series_is_refused_before_it_begins():
         assert line.startswith(what) and "the Earth's orientation is given from 2000-01-01" in line
     assert sim.time == 10
     sim.run(20 * minute)
-    says("the Earth's orientation is given", lambda: sky.orientation(399, 2 * day))
+    refused("the Earth's orientation is given", lambda: sky.orientation(399, 2 * day))
 
 
 def test_the_moons_principal_axes_stand_beside_its_mean_axes():
@@ -204,10 +206,10 @@ def test_the_moons_principal_axes_stand_beside_its_mean_axes():
     np.testing.assert_allclose([slope[2, 1], slope[0, 2], slope[1, 0]], at.omega_PN_P, atol=1e-13)
     earth = at.dcm_PN @ principal.state(world.EARTH, 1000).r_PN_N
     assert earth[0] / np.linalg.norm(earth) > 0.98
-    says('Sky: moon: expected "mean Earth" or "principal axes"; found "PA"'.replace('"PA"', "'PA'"),
-         lambda: world.Sky(NOON, world.MOON, moon="PA"))
-    says("the librations of the Moon are given from 1959-12-10",
-         lambda: principal.orientation(world.MOON, 50 * 365 * day))
+    refused('Sky: moon: expected "mean Earth" or "principal axes"; found "PA"'.replace('"PA"', "'PA'"),
+            lambda: world.Sky(NOON, world.MOON, moon="PA"))
+    refused("the librations of the Moon are given from 1959-12-10",
+            lambda: principal.orientation(world.MOON, 50 * 365 * day))
 
 
 # --- frames of orbits ------------------------------------------------------------------------------
@@ -245,12 +247,12 @@ def test_orbits_about_the_true_equator_and_equinox_of_date():
 def test_frames_that_cannot_be(sky):
     def orbit(frame):
         return lambda: Orbit(world.MARS, a=1e7, frame=frame)
-    says("Orbit: frame: the axes must be unit vectors at right angles", orbit(2 * np.eye(3)))
-    says("Orbit: frame: the axes must be unit vectors at right angles", orbit(-np.eye(3)))
-    says("Orbit: frame: expected three rows", orbit([1, 0, 0, 0]))
-    says("Orbit: frame: expected three axes; found a method: write equator(...)", orbit(sky.equator))
-    says("MARS.with_mu: mu must be > 0", lambda: world.MARS.with_mu(0))
-    says("MARS.with_mu: expected a quantity in m^3/s^2", lambda: world.MARS.with_mu(5 * m))
+    refused("Orbit: frame: the axes must be unit vectors at right angles", orbit(2 * np.eye(3)))
+    refused("Orbit: frame: the axes must be unit vectors at right angles", orbit(-np.eye(3)))
+    refused("Orbit: frame: expected three rows", orbit([1, 0, 0, 0]))
+    refused("Orbit: frame: expected three axes; found a method: write equator(...)", orbit(sky.equator))
+    refused("MARS.with_mu: mu must be > 0", lambda: world.MARS.with_mu(0))
+    refused("MARS.with_mu: expected a quantity in m^3/s^2", lambda: world.MARS.with_mu(5 * m))
 
 
 # --- flights ---------------------------------------------------------------------------------------
@@ -294,7 +296,7 @@ def test_a_field_turns_with_its_planet(sky):
     craft = world.Spacecraft(I_B=1, sky=sky, gravity=[mars], orbit=Orbit(mars, altitude=400 * km, i=93 * deg))
     sim = fly(10 * minute, 10 * s, craft=craft)
     state = sim.world.craft.state
-    # About a point of the same mass, by finite differences of what the field's own frame would say.
+    # Relative to a point of the same mass, by finite differences of the potential in the field's own frame.
     dcm = sky.orientation(world.MARS, 10 * minute).dcm_PN
     r_P = dcm @ state.r_BN_N
     point = -mars.mu * state.r_BN_N / np.linalg.norm(state.r_BN_N)**3
@@ -324,7 +326,7 @@ def test_the_assumptions_name_the_bodies_that_replace_others(sky):
         "world.jupiter.state: the ephemeris has no JUPITER (599); it is that of JUPITER BARYCENTER (5)"]
 
 
-# --- what is refused -------------------------------------------------------------------------------
+# --- errors ----------------------------------------------------------------------------------------
 
 def test_skies_that_cannot_be(tmp_path):
     kernel = real("de430-2015-03-02.bsp")
@@ -343,51 +345,51 @@ def test_skies_that_cannot_be(tmp_path):
             (f"Sky: {damaged}: ", (NOON, "MARS", [damaged])),
             ("is no SPICE SPK kernel", (NOON, "MARS", real("pck00008.tpc"))),
             ("Sky: kernels: expected the path of a file; found 5", (NOON, "MARS", [5]))):
-        says(words, lambda: world.Sky(*arguments))
-    says("Sky: nope.tls: cannot be opened", lambda: world.Sky(NOON, "MARS", leap_seconds="nope.tls"))
-    says(f"Sky: {kernel}: holds binary data", lambda: world.Sky(NOON, "MARS", pck=kernel))
+        refused(words, lambda: world.Sky(*arguments))
+    refused("Sky: nope.tls: cannot be opened", lambda: world.Sky(NOON, "MARS", leap_seconds="nope.tls"))
+    refused(f"Sky: {kernel}: holds binary data", lambda: world.Sky(NOON, "MARS", pck=kernel))
     leaps = real("naif0011.tls")
-    says(f"Sky: {leaps}: says of no body how it turns", lambda: world.Sky(NOON, "MARS", pck=leaps))
+    refused(f"Sky: {leaps}: says of no body how it turns", lambda: world.Sky(NOON, "MARS", pck=leaps))
 
 
 def test_questions_without_an_answer(sky):
-    says(f"{DE405}: no IO (501); asked for", lambda: sky.state("Io"))
-    says("is given from 1959-12-10", lambda: sky.state("SUN", 100 * 365 * day))
-    says("Sky.state: t: expected a time, found 5.0 m", lambda: sky.state("SUN", 5 * m))
-    says("Sky.utc: t: expected a time within 292 years", lambda: sky.utc(1e12))
-    says("no orientation is built in for IO (501); it is for SUN (10), ", lambda: sky.orientation("Io"))
-    says("MARS.harmonics: nope.gfc: cannot be opened", lambda: world.MARS.harmonics("nope.gfc"))
-    says("MARS.harmonics: degree must be a whole number >= 0; found -1",
-         lambda: world.MARS.harmonics("nope.gfc", degree=-1))
+    refused(f"{DE405}: no IO (501); asked for", lambda: sky.state("Io"))
+    refused("is given from 1959-12-10", lambda: sky.state("SUN", 100 * 365 * day))
+    refused("Sky.state: t: expected a time, found 5.0 m", lambda: sky.state("SUN", 5 * m))
+    refused("Sky.utc: t: expected a time within 292 years", lambda: sky.utc(1e12))
+    refused("no orientation is built in for IO (501); it is for SUN (10), ", lambda: sky.orientation("Io"))
+    refused("MARS.harmonics: nope.gfc: cannot be opened", lambda: world.MARS.harmonics("nope.gfc"))
+    refused("MARS.harmonics: degree must be a whole number >= 0; found -1",
+            lambda: world.MARS.harmonics("nope.gfc", degree=-1))
     mars = real("mars-ggm2bc80.shadr.csv")
-    says("degree 100 was asked for; it has 80", lambda: world.MARS.harmonics(mars, degree=100))
-    says(f"VENUS.harmonics: {mars} is another body's field: its mu is 4.28283719e+13 m^3/s^2",
-         lambda: world.VENUS.harmonics(mars, degree=2))
-    says("MARS.zonal(2): it has a whole field", lambda: world.MARS.harmonics(mars, degree=2).zonal(2))
+    refused("degree 100 was asked for; it has 80", lambda: world.MARS.harmonics(mars, degree=100))
+    refused(f"VENUS.harmonics: {mars} is another body's field: its mu is 4.28283719e+13 m^3/s^2",
+            lambda: world.VENUS.harmonics(mars, degree=2))
+    refused("MARS.zonal(2): it has a whole field", lambda: world.MARS.harmonics(mars, degree=2).zonal(2))
 
 
 def test_flights_that_cannot_be(sky):
-    says("world.earth.sky is missing: the sky in which EARTH (399) is",
-         lambda: fly(earth=world.CelestialBody(body=world.EARTH)))
-    says("world.io: " + str(DE405) + ": no IO (501); asked for",
-         lambda: fly(io=world.CelestialBody(body="Io", sky=sky)))
-    says("world.nothing.id is required", lambda: fly(nothing=world.CelestialBody(sky=sky)))
-    says('CelestialBody.body: no body is named "Vulcan"', lambda: world.CelestialBody(body="Vulcan"))
-    says("Spacecraft.sky: expected world.Sky(epoch, center, ...); found 'DE405'",
-         lambda: world.Spacecraft(sky="DE405"))
-    says("CelestialBody.sky: it already has one, <Sky from 2015",
-         lambda: setattr(world.CelestialBody(sky=sky), "sky", sky))
-    says("world.craft.gravity: MARS was given a position, but the sky holds its position",
-         lambda: fly(craft=orbiter(sky, gravity=[world.MARS.at([1e9, 0, 0])])))
-    says("world.craft.gravity: ROCK has no NAIF number, by which the sky would find it",
-         lambda: fly(craft=orbiter(sky, gravity=[world.Body("ROCK", 1e3, 1.0)])))
-    says("world.craft.gravity: EARTH MOON BARYCENTER (3) holds MOON (301): name the system or its members, not both",
-         lambda: fly(craft=orbiter(sky, gravity=[world.EMB, world.MOON])))
-    says("world.craft.r_BN_N: must lie outside MARS",
-         lambda: fly(craft=orbiter(sky, orbit=Orbit(world.MARS.with_surface(0), altitude=-1 * km))))
+    refused("world.earth.sky is missing: the sky in which EARTH (399) is",
+            lambda: fly(earth=world.CelestialBody(body=world.EARTH)))
+    refused("world.io: " + str(DE405) + ": no IO (501); asked for",
+            lambda: fly(io=world.CelestialBody(body="Io", sky=sky)))
+    refused("world.nothing.id is required", lambda: fly(nothing=world.CelestialBody(sky=sky)))
+    refused('CelestialBody.body: no body is named "Vulcan"', lambda: world.CelestialBody(body="Vulcan"))
+    refused("Spacecraft.sky: expected world.Sky(epoch, center, ...); found 'DE405'",
+            lambda: world.Spacecraft(sky="DE405"))
+    refused("CelestialBody.sky: it already has one, <Sky from 2015",
+            lambda: setattr(world.CelestialBody(sky=sky), "sky", sky))
+    refused("world.craft.gravity: MARS was given a position, but the sky holds its position",
+            lambda: fly(craft=orbiter(sky, gravity=[world.MARS.at([1e9, 0, 0])])))
+    refused("world.craft.gravity: ROCK has no NAIF number, by which the sky would find it",
+            lambda: fly(craft=orbiter(sky, gravity=[world.Body("ROCK", 1e3, 1.0)])))
+    refused("world.craft.gravity: EARTH MOON BARYCENTER (3) holds MOON (301): name the system or its members, not both",
+            lambda: fly(craft=orbiter(sky, gravity=[world.EMB, world.MOON])))
+    refused("world.craft.r_BN_N: must lie outside MARS",
+            lambda: fly(craft=orbiter(sky, orbit=Orbit(world.MARS.with_surface(0), altitude=-1 * km))))
     mars = world.MARS.harmonics(real("mars-ggm2bc80.shadr.csv"), degree=4)
-    says("world.craft.gravity: the field of MARS turns with it: give a sky",
-         lambda: fly(craft=world.Spacecraft(I_B=1, gravity=[mars], orbit=Orbit(mars, a=2e7))))
+    refused("world.craft.gravity: the field of MARS turns with it: give a sky",
+            lambda: fly(craft=world.Spacecraft(I_B=1, gravity=[mars], orbit=Orbit(mars, a=2e7))))
 
 
 def test_runs_beyond_the_ephemeris_are_refused_before_they_begin(sky, tmp_path):
@@ -420,7 +422,7 @@ IN_THE_SKY = """
 
 def test_campaigns_share_the_sky_and_are_refused_beyond_it(tmp_path):
     mission(tmp_path, CAMPAIGN.format(days=2), IN_THE_SKY)
-    says("world.craft.gravity: SUN (10) is given from", lambda: Campaign(tmp_path).fly(3))
+    refused("world.craft.gravity: SUN (10) is given from", lambda: Campaign(tmp_path).fly(3))
     mission(tmp_path, CAMPAIGN.format(days=0.005), IN_THE_SKY)
     alone, parallel = (Campaign(tmp_path).fly(4, seed=1, threads=n) for n in (1, 2))
     assert not any(alone.failures)
