@@ -43,12 +43,12 @@ IN_RELEASE = [ROOT / path for path in (
     "tests/mistakes_test.py", "tests/module_hash_test.py", "tests/notebook_test.py", "tests/project_test.py")]
 
 
-def pytest_addoption(parser):
+def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", default="all", metavar="all|none|I/N",
                      help="which tests that are marked long run: all, none, or the share I of N")
 
 
-def pytest_configure(config):
+def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "spread: the tests of this file share no folder; workers take them one by "
                             "one, where each other file is one worker's")
     config.addinivalue_line("markers", "long(why): this takes long, and says why; a shorter test of the same folder "
@@ -57,16 +57,16 @@ def pytest_configure(config):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
 
 
-COLLECTED = pytest.StashKey()
+COLLECTED = pytest.StashKey[list[pytest.Item]]()
 
 
 @pytest.fixture
-def collected(request):
+def collected(request: pytest.FixtureRequest) -> list[pytest.Item]:
     """All tests that pytest collected, also those that are left out."""
     return request.config.stash[COLLECTED]
 
 
-def runs_now(item, wanted):
+def runs_now(item: pytest.Item, wanted: str) -> bool:
     """Whether a test is in the first circle, or among the long tests that are wanted."""
     mark = item.get_closest_marker("long")
     if mark is None:
@@ -80,7 +80,7 @@ def runs_now(item, wanted):
 
 
 @pytest.hookimpl(tryfirst=True)     # before pytest-xdist reads the marks
-def pytest_collection_modifyitems(config, items):
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give each worker whole files, except for those that are spread. Leave out the long tests that are not wanted, and
     under the sanitizers the tests of IN_RELEASE."""
     config.stash[COLLECTED] = list(items)

@@ -58,7 +58,7 @@ class Machine:
         self.text = self.text[match.end():]
         return match
 
-    def say(self, text: str) -> None:
+    def send(self, text: str) -> None:
         assert self.process.stdin is not None
         self.process.stdin.write(text.encode())
         self.process.stdin.flush()

@@ -210,7 +210,7 @@ def of_modules(names: set[str], wide: bool) -> set[str]:
     """The tests of the missions X, X/X_test.py, and those among the other tests, that use these modules and models: of
     the smallest, without flights on targets, for which more must be built; wide: of all, and all tests of the missions.
     """
-    by_mission = defaultdict(set)
+    by_mission: dict[str, set[str]] = defaultdict(set)
     for path in files():
         if path.parts[0] == "missions" and len(path.parts) > 2 and path.suffix == ".py" and not is_test(path):
             user = f"missions/{path.parts[1]}/{'' if wide else f'{path.parts[1]}_test.py'}"

@@ -41,13 +41,13 @@ def case(item: pytest.Item) -> Case:
     path = item.path.relative_to(ROOT)
     mark = item.get_closest_marker("long")
     words = [*path.with_suffix("").parts, *item.nodeid.split("::")[1:-1]]
-    return Case(path.parent.as_posix(), f"{'.'.join(words)}::{item.name}", mark and mark.args[0])
+    return Case(path.parent.as_posix(), f"{'.'.join(words)}::{item.name}", mark.args[0] if mark else None)
 
 
 class Collector:
     cases: list[Case] = []
 
-    def pytest_collection_modifyitems(self, items):
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         self.cases = [case(item) for item in items]
 
 
@@ -72,7 +72,7 @@ def seconds(report: Path) -> dict[str, float]:
 
 def table(cases: list[Case], times: dict[str, float]) -> str:
     """Folder, quick cases and their seconds, long cases and their seconds, and why these are long."""
-    folders = defaultdict(lambda: ([], []))
+    folders: dict[str, tuple[list[Case], list[Case]]] = defaultdict(lambda: ([], []))
     for case in cases:
         folders[case.folder][case.why is not None].append(case)
     lines = [f"{'folder':36} {'quick':>6} {'s':>7} {'long':>6} {'s':>7}"]

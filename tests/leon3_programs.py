@@ -91,12 +91,13 @@ def main() -> int:
     end, seed, compared = time.monotonic() + 60 * options.minutes, options.seed, 0
     while time.monotonic() < end:
         with tempfile.TemporaryDirectory() as folder:
-            program = random_program(seed, Path(folder))
-            for where, printed in everywhere(program[0]).items() if program else ():
-                if printed != program[1]:
-                    print(f"seed {seed}, {where}: {printed.strip()!r} instead of {program[1].strip()!r}")
-                    return 1
-            compared += program is not None
+            if result := random_program(seed, Path(folder)):
+                program, expected = result
+                for where, printed in everywhere(program).items():
+                    if printed != expected:
+                        print(f"seed {seed}, {where}: {printed.strip()!r} instead of {expected.strip()!r}")
+                        return 1
+                compared += 1
         seed += 1
     print(f"programs {compared}\nendless {seed - options.seed - compared}\ndifferences 0")
     return 0

@@ -22,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,9 +117,9 @@ class Line:
                 pass
 
     @staticmethod
-    def receive(how):
+    def receive(read: Callable[[], bytes]) -> bytes:
         try:
-            return how()
+            return read()
         except OSError:
             return b""
 
@@ -217,7 +218,7 @@ class Campaign:
 
     def fork_world(self, common: list[str], out: int) -> int:
         """The world's node, in a copy of this program, which has the mission loaded already."""
-        options = cli.parsed(["node", self.job.asked, self.world, self.job.scenario, *common])
+        options = cli.parsed(["node", self.job.source, self.world, self.job.scenario, *common])
         pid = os.fork()
         if pid == 0:
             try:

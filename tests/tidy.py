@@ -23,27 +23,28 @@ MOST = 30   # sources in a file: with more, a processor would have no work at th
 # Sources for other systems, copies, tests and fuzzers, which no build for this machine compiles.
 ELSEWHERE = {"testing", "templates", "examples", "guest", "cortex_m7", "leon3", "leon3_rtems", "micropython",
              "riscv64"}
+Unit = tuple[list[str], list[Path]]     # (flags, sources)
 
 
-def sources():
+def sources() -> list[Path]:
     """The product's; those of generated tables and of other machines are not among them."""
     return [path for path in files() if path.suffix in {".c", ".cpp"} and not ELSEWHERE & set(path.parts)
             and not path.stem.endswith(("_test", "_fuzz"))]
 
 
-def flags(command):
+def flags(command: str) -> list[str]:
     """The words of a compiler's command that change the meaning of a source."""
     words = shlex.split(command)
     return [word for word, before in zip(words, ["", *words])
             if word.startswith(("-I", "-D", "-std", "-isystem")) or before == "-isystem"]
 
 
-def is_program(text):
+def is_program(text: str) -> bool:
     """Whether it uses a namespace in all that follows it in a file."""
     return "\nusing namespace fledge" in text
 
 
-def own_names(text):
+def own_names(text: str) -> set[str]:
     """The names that only one source in a file may declare, by the layout of clang-format."""
     inner = re.findall(r"^namespace \{$.*?^\} // namespace$", text, re.M | re.S)
     inner += re.findall(r"^(?:static|extern|int main).*", text, re.M)
@@ -53,9 +54,9 @@ def own_names(text):
     return {*declared, *enumerators, *macros, *["using"] * is_program(text)}
 
 
-def units(chosen):
-    """[(flags, [source])]: sources that a file may include."""
-    commands = {}
+def units(chosen: list[Path]) -> list[Unit]:
+    """Sources that a file may include."""
+    commands: dict[str, list[str]] = {}
     for entry in json.loads((ROOT / "build/release/compile_commands.json").read_text(encoding="utf-8")):
         together = Path(entry["file"])      # FLEDGE_UNITY: a file that includes the sources
         compiled = (re.findall(r'^#include "(.*)"', together.read_text(encoding="utf-8"), re.M)
@@ -63,7 +64,7 @@ def units(chosen):
         for source in compiled:
             commands.setdefault(source.removeprefix(f"{ROOT}/"), flags(entry["command"]))
     texts = {source: (ROOT / source).read_text(encoding="utf-8") for source in chosen}
-    groups = defaultdict(list)
+    groups: dict[tuple[str, ...], list[tuple[set[str], list[Path]]]] = defaultdict(list)
     for source, text in sorted(texts.items(), key=lambda item: is_program(item[1])):
         plain = [f"-I{ROOT}", f"-I{ROOT}/targets/cfs/inc", "-std=c++20" if source.suffix == ".cpp" else "-std=c99"]
         group = groups[source.suffix, *commands.get(str(source), plain)]
@@ -79,7 +80,7 @@ def units(chosen):
                   key=lambda unit: -sum(len(texts[source]) for source in unit[1]))
 
 
-def tidy(unit):
+def tidy(unit: Unit) -> str:
     """The findings of clang-tidy in the sources of a unit."""
     options, chosen = unit
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -94,7 +95,7 @@ def tidy(unit):
     return done.stdout or done.stderr if done.returncode else ""
 
 
-def findings(chosen):
+def findings(chosen: list[Path]) -> str:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return "".join(pool.map(tidy, units(chosen)))
 

@@ -3,13 +3,13 @@
 import time
 from collections.abc import Callable
 from subprocess import Popen
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 PATIENCE = 600.0    # [s] for interfaces that need a limit; shorter than the limit of a test
 
 
-def wait_for(condition: Callable[[], T], process: Popen | None = None, details: Callable[[], object] = str) -> T:
+def wait_for(condition: Callable[[], T], process: Popen[Any] | None = None, details: Callable[[], object] = str) -> T:
     """Call the condition until its result is true, and return that; meanwhile the process must not end. details: for
     the message of a timeout."""
     end = time.monotonic() + PATIENCE

@@ -37,10 +37,10 @@ SAYS = {"cortex-m7": (r"0x(\w{8})(?:, called from 0x\w{8})?", "number"),
 
 @pytest.fixture(scope="module", params=FAULTS)
 def target(request):
-    found = TARGETS[request.param]
-    if found.missing():
-        pytest.skip(f"{found.missing()} not installed")
-    return found
+    target = TARGETS[request.param]
+    if target.missing():
+        pytest.skip(f"{target.missing()} not installed")
+    return target
 
 
 @pytest.fixture(scope="module")
@@ -50,38 +50,38 @@ def check(target, tmp_path_factory):
         build.ROOT / "targets/bare/testing/check.c"], "-Werror", "-Wconversion", "-DBOARD_PATIENCE_MS=500")
 
 
-@pytest.mark.parametrize("asked, status", [(".", 0), ("e", 7)])
-def test_the_board_support_does_what_a_program_needs(target, check, asked, status):
+@pytest.mark.parametrize("action, status", [(".", 0), ("e", 7)])
+def test_the_board_support_does_what_a_program_needs(target, check, action, status):
     """Initial data, registers over interrupts, denormal numbers, errno of the C library, the line in both directions,
     and the status at the end."""
     with Machine(target, check) as board:
         assert board.until("^start 1\nchecked\n")
         assert board.process.poll() is None
-        board.say("0123456789" * 100 + asked)
+        board.send("0123456789" * 100 + action)
         assert board.process.wait() == status
 
 
-@pytest.mark.parametrize("target, asked", [(name, asked) for name, faults in FAULTS.items() for asked in faults],
+@pytest.mark.parametrize("target, action", [(name, fault) for name, faults in FAULTS.items() for fault in faults],
                          indirect=["target"], scope="module")
-def test_a_fault_says_what_and_where_and_resets_the_board(target, check, asked):
+def test_a_fault_says_what_and_where_and_resets_the_board(target, check, action):
     """Null pointers, code, and what is below the stack are protected. Initial data are fresh after the reset; what is
     kept, is kept."""
-    (what, function), (where, registers) = FAULTS[target.name][asked], SAYS[target.name]
+    (what, function), (where, registers) = FAULTS[target.name][action], SAYS[target.name]
     with Machine(target, check) as board:
         assert board.until(r"^start 1\nchecked\n")
-        board.say(asked)
-        said = board.until(rf"^fault: (.*) at {where}\n({registers} .*)\n")
-        assert said[1] == what and len(re.findall(r"\w+ [0-9a-f]+\b", said[3])) > 15
+        board.send(action)
+        match = board.until(rf"^fault: (.*) at {where}\n({registers} .*)\n")
+        assert match[1] == what and len(re.findall(r"\w+ [0-9a-f]+\b", match[3])) > 15
         if function:
-            place = subprocess.run([target.addr2line, "-f", "-e", check, said[2]], capture_output=True, text=True,
+            place = subprocess.run([target.addr2line, "-f", "-e", check, match[2]], capture_output=True, text=True,
                                    check=True).stdout
             assert re.fullmatch(function, place.splitlines()[0])
         else:
-            assert said[2] == "00000010"
+            assert match[2] == "00000010"
         assert board.until(r"^start 2\nchecked\n")
-        board.say("r")
+        board.send("r")
         assert board.until(r"^start 3\nchecked\n")
-        board.say(".")
+        board.send(".")
         assert board.process.wait() == 0
 
 
@@ -107,9 +107,10 @@ def test_gdb_stops_in_flight(target, tmp_path):
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
         words = ["set tcp connect-timeout 500", f"target remote :{port}", "break mrp_feedback_update", "continue",
                  "print m->par.K", "backtrace", "delete", "continue"]
-        asked = [word for one in words for word in ("-ex", one)]
-        said = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *asked, tmp_path / target.name / "nadir_spin"],
-                              capture_output=True, text=True).stdout
+        commands = [option for word in words for option in ("-ex", word)]
+        program = tmp_path / target.name / "nadir_spin"
+        output = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *commands, program],
+                                capture_output=True, text=True).stdout
         printed = flight.communicate()[0]
-    assert "Breakpoint 1, mrp_feedback_update" in said and "$1 = 2.531" in said and "run_gnc" in said, said
+    assert "Breakpoint 1, mrp_feedback_update" in output and "$1 = 2.531" in output and "run_gnc" in output, output
     assert flight.returncode == 0 and f"passed   desktop, {target.name}" in printed, printed
