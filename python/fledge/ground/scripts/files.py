@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 GROUND, CRAFT = 1, 2        # entities
 RATE = 4000.0               # [bytes/s] of packets to the spacecraft
-TICK = 50_000_000           # [ns] between looks at timers and at the room of the link
+TICK = 50_000_000           # [ns] between checks of the timers and of the link's room
 BURST = 1.0                 # [s] of the rate that may go at once after a pause
 LISTING = 1_000_000         # characters of the names in a directory on board
 
@@ -91,7 +91,7 @@ class Transfer:
         return self
 
     def suspend(self) -> None:
-        """Rest, at both ends, if the other one does what is asked."""
+        """Suspend it at both ends, if the other end accepts the request."""
         self._files.entity.suspend(self.data)
         self._files.ask(Message.REMOTE_SUSPEND, self.data)
 
@@ -101,7 +101,7 @@ class Transfer:
         self._files.entity.resume(self.data)
 
     def cancel(self) -> None:
-        """End it without a file; completed() then says so."""
+        """End it without a file; completed() then raises NoAnswer."""
         entity = self._files.entity
         entity.cancel(self.data)
         if self.fetches:
@@ -123,7 +123,7 @@ class Files:
 
     folder: where files arrive that flight sends unasked; None: a temporary one
     rate: [bytes/s] of the packets that go up
-    timeout: a duration, longer than light takes there and back, after which something is sent or asked for again,
+    timeout: a duration, longer than light takes there and back, after which something is sent or requested again,
     limit: so many times
     inactivity: a duration without a word of the other end that ends a file
     own, peer: numbers of the entities
@@ -237,7 +237,7 @@ class Files:
         for transfer in list(self._transfers):
             self._end(transfer, "this flight software has no service for files")
 
-    # --- what the entity tells ---
+    # --- events of the entity ---
 
     def _poll(self) -> None:
         while event := self.entity.event():
