@@ -51,7 +51,7 @@ def event(text: str) -> Event:
     """The words behind the id of an event. Raises Refusal."""
     before, colon, meaning = text.partition(":")
     severity, *named = [part.strip() for part in before.split(",")]
-    arguments = [re.fullmatch(r"([a-z]\w*) \[([^\]]*)\]", one) for one in named]
+    arguments = [re.fullmatch(r"([a-z]\w*) \[([^\]]*)\]", argument) for argument in named]
     if not colon or not meaning.strip() or severity not in SEVERITIES or not all(arguments) or len(named) > 4:
         raise Refusal("an event's comment is a severity, up to 4 arguments with their units, and the meaning",
                       f"`{text}`", f"write `{' | '.join(SEVERITIES)}, name [unit], ...: what has happened`")

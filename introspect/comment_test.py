@@ -8,15 +8,15 @@ from introspect.model import Bounds
 
 def parse(text):
     """(unit, clauses, bounds, count, meaning) of a comment."""
-    said = comment.parse(text)
-    return (said.unit.text if said.unit else None, set(said.clauses), said.bounds, said.count,
-            said.meaning)
+    parsed = comment.parse(text)
+    return (parsed.unit.text if parsed.unit else None, set(parsed.clauses), parsed.bounds, parsed.count,
+            parsed.meaning)
 
 
 def test_the_comment_of_an_event():
-    said = comment.event("medium, monitor [-], value [SI]: it fired: a check stayed wrong")
-    assert (said.severity, said.meaning) == ("medium", "it fired: a check stayed wrong")
-    assert said.arguments == (("monitor", "-"), ("value", "SI"))
+    event = comment.event("medium, monitor [-], value [SI]: it fired: a check stayed wrong")
+    assert (event.severity, event.meaning) == ("medium", "it fired: a check stayed wrong")
+    assert event.arguments == (("monitor", "-"), ("value", "SI"))
     assert comment.event("info: done") == comment.Event("info", (), "done")
 
 

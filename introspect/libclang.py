@@ -99,7 +99,7 @@ def is_group(member: Cursor) -> bool:
 
 def offsets(record: cindex.Type, groups: bool) -> list[int]:
     """The offsets in bytes of all members, or of those of its groups, with the offset of each group."""
-    found = [(member, member.get_field_offsetof() // 8) for member in record.get_fields()]
+    members = [(member, member.get_field_offsetof() // 8) for member in record.get_fields()]
     if not groups:
-        return [offset for _, offset in found]
-    return [start + offset for group, start in found for offset in offsets(group.type.get_canonical(), False)]
+        return [offset for _, offset in members]
+    return [start + offset for group, start in members for offset in offsets(group.type.get_canonical(), False)]

@@ -83,9 +83,9 @@ def test_a_refused_header_leaves_everything_as_it_was(tree, capsys):
     header = tree / "w/b.h"
     header.write_text(header.read_text().replace("[m] x", "x"))
     assert run(tree) == 1
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith(f"{header}:8: a number has a unit; ")
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith(f"{header}:8: a number has a unit; ")
     assert times(tree) == before
 
 
@@ -101,7 +101,7 @@ def test_schemas_on_demand(tree):
     assert sorted(times(tree)) == ["MsgA.msg", "MsgB.msg"]
 
 
-@pytest.mark.parametrize("folders, said", [
+@pytest.mark.parametrize("folders, message", [
     ((), "give a --library, and a folder with --modules or --models"),
     (("--modules", "m"), "--modules m: give its --library before"),
     (("--modules", "m", "--library", "a", "--library", "b"),
@@ -113,9 +113,9 @@ def test_schemas_on_demand(tree):
      "library `empty`: no module, model or message in its folders"),
     (("--library", "one", "--modules", "nowhere"), "no such folder or header"),
 ])
-def test_wrong_options_are_explained(tree, capsys, folders, said):
+def test_wrong_options_are_explained(tree, capsys, folders, message):
     assert run(tree, folders=folders) == 1
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tree / "out").exists()
 
 

@@ -162,7 +162,7 @@ class Struct:
     header: str                 # relative to its root, with "/"
     path: str                   # of the header, for messages to people
     line: int
-    library: str = ""           # empty: declared outside the folders that were asked for
+    library: str = ""           # empty: declared outside the folders that the command names
     service: bool = False       # a module with a CommandService
     events: Enumeration | None = None   # a module with an output FlightEvent: what it says
 
@@ -240,7 +240,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Model:
-    """All that was read: structs and enums by name, the libraries in the order they were asked for,
+    """All that was read: structs and enums by name, the libraries in the order of the command,
     functions of numbers, the files and folders on which this depends, and constants."""
     structs: dict[str, Struct]
     enums: dict[str, Enumeration]

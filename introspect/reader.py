@@ -5,7 +5,7 @@ All headers are parsed as one unsaved C99 translation unit without function bodi
 machine and once for each of TARGETS, so that a layout which differs anywhere is refused here.
 
 What the model holds: the interfaces (structs with the groups in, out, par, mem) and the messages
-(structs that begin with `Head head`) of the folders that were asked for, and everything these are
+(structs that begin with `Head head`) of the folders that the command names, and everything these are
 made of, from wherever it is included. They must keep every rule. Other plain structs of the folders
 are taken too if they keep the rules. If not, the model leaves them out: they are no interface.
 """
@@ -145,7 +145,7 @@ class _Reader:
     # Structs
 
     def _struct(self, cursor: Cursor) -> Struct:
-        """The struct, read once, its problems noted."""
+        """The struct, read once, its problems collected."""
         name = libclang.struct_name(cursor)
         if name in self._structs:
             return self._structs[name]
@@ -358,16 +358,16 @@ class _Reader:
             file = libclang.file_of(cursor)
             if file not in self._headers.sources:
                 continue
-            arguments = list(cursor.get_arguments())
-            pointers = [a.type.kind is TypeKind.POINTER for a in arguments]
+            cursors = list(cursor.get_arguments())
+            pointers = [a.type.kind is TypeKind.POINTER for a in cursors]
             if pointers != sorted(pointers):
                 continue
-            found = [_argument(a.spelling, a.type.get_pointee() if pointer else a.type)
-                     for a, pointer in zip(arguments, pointers)]
-            known = [one for one in found if one]
+            arguments = [_argument(a.spelling, a.type.get_pointee() if pointer else a.type)
+                         for a, pointer in zip(cursors, pointers)]
+            known = [argument for argument in arguments if argument]
             takes, fills = known[:pointers.count(False)], known[pointers.count(False):]
             returns = _argument("", cursor.result_type)
-            if len(known) < len(found) or not returns and cursor.result_type.kind is not TypeKind.VOID \
+            if len(known) < len(arguments) or not returns and cursor.result_type.kind is not TypeKind.VOID \
                     or not returns and not fills or any(take.ctype == "int" for take in takes):
                 continue
             doc = comment.doc_text(cursor.raw_comment) or comment.field_text(cursor.raw_comment) or ""

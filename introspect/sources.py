@@ -52,7 +52,7 @@ def is_cpp(text: str) -> bool:
 
 
 class Headers:
-    """All C headers of some sources. Paths are absolute except where noted."""
+    """All C headers of some sources. Paths are absolute except where a comment says otherwise."""
 
     def __init__(self, sources: Sequence[Source], include: Iterable[Path]):
         self.sources: dict[str, Source] = {}  # by header, in the order of paths
@@ -88,7 +88,7 @@ class Headers:
         return path
 
     def library(self, path: str) -> str:
-        """The library that owns a header; empty if it was not asked for."""
+        """The library that owns a header; empty if the command does not name it."""
         source = self.sources.get(path)
         return source.library if source else ""
 

@@ -41,8 +41,8 @@ def parse(text: str, path: Path) -> tuple[dict, dict]:
     except RecursionError:
         raise TomlError(f"{path}:1: the file must be TOML; its arrays or tables are nested too deeply") from None
     except ValueError as error:     # TOMLDecodeError; a number of thousands of digits
-        found = re.search(r"at line (\d+)", str(error))
-        number = found[1] if found else str(len(text.splitlines())) if "end of document" in str(error) else "1"
+        match = re.search(r"at line (\d+)", str(error))
+        number = match[1] if match else str(len(text.splitlines())) if "end of document" in str(error) else "1"
         raise TomlError(f"{path}:{number}: the file must be TOML; {error}") from error
 
 

@@ -248,13 +248,13 @@ def parse(text: str, path: Path, carried: Carried | None = None) -> Board:
 def files_of(paths: Iterable[Path | str]) -> list[Path]:
     """The files of boards: those that are named, and all *.toml of the folders that are, by name. Raises TomlError for
     a folder without any."""
-    found: list[Path] = []
+    files: list[Path] = []
     for path in map(Path, paths):
         inside = sorted(path.glob("*.toml")) if path.is_dir() else [path]
         if not inside:
             raise TomlError(f"{path}: the folder of boards has no file *.toml")
-        found += inside
-    return found
+        files += inside
+    return files
 
 
 def read_all(paths: Iterable[Path | str], carried: Carried | None = None) -> list[Board]:
@@ -480,11 +480,11 @@ class _Reader(Tables):
             lane = self.lane(table, path, prefix, name + suffix, from_flight, lines,
                              shape | dict(unit=unit, swap=swap), numbers[prefix])
             key = prefix + "field"
-            if found := numbers[prefix]:
+            if numbers_ := numbers[prefix]:
                 if key in table:
                     self.refuse((*path, key), f"a packet has fields, or `{prefix}carries` that names its numbers",
                                 "both are there", "leave one out")
-                lane = replace(lane, fields=self.carried_fields(found, names_of_fields, lane, board_order,
+                lane = replace(lane, fields=self.carried_fields(numbers_, names_of_fields, lane, board_order,
                                                                 (*path, prefix + "carries")))
             elif prefix and "write_field" not in table:
                 lane = replace(lane, fields=lanes[0].fields)
@@ -501,22 +501,22 @@ class _Reader(Tables):
         key = prefix + "carries"
         value = table.get(key)
         paths = value if isinstance(value, list) else [value]
-        if form != "packet" or value is None or not all(isinstance(one, str) for one in paths) or not paths:
+        if form != "packet" or value is None or not all(isinstance(source, str) for source in paths) or not paths:
             if form == "packet" and value is not None:
                 self.refuse((*path, key), f"`{key}` names a message, a part of it, or a list of parts",
                             f"it is {shown(value)}", 'write for example "world.power.telemetry"')
             return None
-        found: list[Number] = []
-        for one in paths:
+        numbers_: list[Number] = []
+        for source in paths:
             try:
-                numbers = self.carried(one) if self.carried else None
+                numbers = self.carried(source) if self.carried else None
             except LookupError as error:
                 self.refuse((*path, key), "a packet carries numbers of the mission", str(error.args[0]), "name one")
                 continue
             if numbers is None and isinstance(value, list):
-                self.refuse((*path, key), "a list names numbers of a mission", f"{one} is none", "leave it out")
-            found += numbers or []
-        return found or None
+                self.refuse((*path, key), "a list names numbers of a mission", f"{source} is none", "leave it out")
+            numbers_ += numbers or []
+        return numbers_ or None
 
     def capacity(self, table: dict, path: tuple, form: str, known: bool) -> tuple[bool, int, int | None]:
         """(variable, bytes in a slot, bytes of a message's struct). known: by the numbers of each packet."""
@@ -657,7 +657,7 @@ class _Reader(Tables):
             bits, signed, _ = NUMBERS[number.type]
             stem = re.sub("[^a-z0-9]+", "_", number.path[len(common):].lower()).strip("_")
             tries = itertools.chain((stem, f"write_{stem}"), (f"{stem}_{n}" for n in itertools.count(2)))
-            name = next(one for one in tries if one not in names and one not in _KEYWORDS)
+            name = next(candidate for candidate in tries if candidate not in names and candidate not in _KEYWORDS)
             names[name] = path
             fields.append(Field(name, number.doc, 0, bits, signed, 1.0, 0.0, number.unit, number.path,
                                 line_of(self.lines, path), at, number.type, order, number.count))
@@ -682,30 +682,30 @@ class _Reader(Tables):
             if scale == 0.0:
                 self.refuse((*here, "scale"), "`scale` is not 0", "it is 0", "give the value of one count")
             name, doc = self.name(given, here, names, "field"), self.text(given, here, "doc", "")
-            one = Field(name, doc, 0, bits, signed, scale,
-                        self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
-                        self.text(given, here, "carries", "") or None, line_of(self.lines, (*here, "carries")),
-                        self.integer(given, here, "at", 0, 0xFFFFFF) or 0, type_,
-                        self.choice(given, here, "order", ORDERS, order) or "big",
-                        self.integer(given, here, "count", 1, 65535, 1) or 1,
-                        self.integer(given, here, "tag", 0, 255, 0) or 0)
+            field = Field(name, doc, 0, bits, signed, scale,
+                          self.number(given, here, "offset", 0.0), self.text(given, here, "unit", "-"),
+                          self.text(given, here, "carries", "") or None, line_of(self.lines, (*here, "carries")),
+                          self.integer(given, here, "at", 0, 0xFFFFFF) or 0, type_,
+                          self.choice(given, here, "order", ORDERS, order) or "big",
+                          self.integer(given, here, "count", 1, 65535, 1) or 1,
+                          self.integer(given, here, "tag", 0, 255, 0) or 0)
             if before == len(self.problems):
-                if one.at < first:
+                if field.at < first:
                     self.refuse((*here, "at"), "numbers stand behind the header, which is not theirs",
-                                f"{first} bytes in front are the header, `{one.name}` is at {one.at}", "move it")
-                if one.end > lane.capacity:
+                                f"{first} bytes in front are the header, `{field.name}` is at {field.at}", "move it")
+                if field.end > lane.capacity:
                     self.refuse((*here, "at"), "numbers stand within the packet",
-                                f"`{one.name}` ends at {one.end} of {lane.capacity} bytes",
+                                f"`{field.name}` ends at {field.end} of {lane.capacity} bytes",
                                 "move it, or enlarge the packet")
-                if one.tag >= tags:
+                if field.tag >= tags:
                     self.refuse((*here, "tag"), f"a tag is from 0 to {tags - 1}, as the descriptor holds it",
-                                f"it is {one.tag}", "choose one of those, or give a `descriptor`")
+                                f"it is {field.tag}", "choose one of those, or give a `descriptor`")
                 for other in fields:
-                    if other.tag == one.tag and other.at < one.end and one.at < other.end:
+                    if other.tag == field.tag and other.at < field.end and field.at < other.end:
                         self.refuse((*here, "at"), "numbers of one packet do not overlap",
-                                    f"`{one.name}` [{one.at}, {one.end}) overlaps `{other.name}` "
+                                    f"`{field.name}` [{field.at}, {field.end}) overlaps `{other.name}` "
                                     f"[{other.at}, {other.end})", "move it, or give it another tag")
-            fields.append(one)
+            fields.append(field)
         return tuple(fields)
 
 

@@ -381,20 +381,20 @@ def test_comments_become_paragraphs_with_equations_as_they_are(text, page):
 def test_the_protocol_has_the_numbers_of_the_header_and_records_without_gaps(model):
     files = EMITTERS["protocol"](model.library("flight"))
     assert len(files) == 2 and len(set(files.values())) == 1       # what runs, and what a type checker reads
-    made: dict = {}
-    exec(next(iter(files.values())), made)
+    generated: dict = {}
+    exec(next(iter(files.values())), generated)
     header = (ROOT / "flight/command/command.h").read_text(encoding="utf-8")
     for name, begin in (("Code", "CommandCode"), ("Reason", "CommandReason"), ("Action", "ListAction")):
         body = re.search(rf"enum {begin} \{{(.*?)\}} {begin};", header, re.S)[1]
         numbers = {word.partition("_")[2]: int(value) for word, value in re.findall(r"(\w+) = (\d+)", body)}
-        assert len(numbers) > 5 and {one.name: int(one) for one in made[name]} == numbers
-    assert [one.name for one in made["Stream"]] == ["EVENTS", "SELECTED", "FILES"]
-    assert made["DATA_MAX"] == int(re.search(r"COMMAND_DATA_MAX = (\d+)", header)[1]) and made["FLAGS"] == {
+        assert len(numbers) > 5 and {member.name: int(member) for member in generated[name]} == numbers
+    assert [member.name for member in generated["Stream"]] == ["EVENTS", "SELECTED", "FILES"]
+    assert generated["DATA_MAX"] == int(re.search(r"COMMAND_DATA_MAX = (\d+)", header)[1]) and generated["FLAGS"] == {
         name: 1 << int(bit) for file in ("exec/bounds", "command/rules") for name, bit in re.findall(
             r"(\w+) = 1 << (\d)", (ROOT / f"flight/{file}.h").read_text(encoding="utf-8"))}
     for name, record in (("CommandReport", "REPORT_RECORD"), ("TelemetryText", "TEXT_RECORD"),
                          ("TelemetryHousekeeping", "HOUSEKEEPING_RECORD"), ("EventRecord", "EVENT_RECORD")):
-        assert sum(int(kind[1:]) // 8 * n for _, kind, n in made[record]) == model.structs[name].size
+        assert sum(int(kind[1:]) // 8 * n for _, kind, n in generated[record]) == model.structs[name].size
     assert EMITTERS["protocol"](model.library("world")) == {}
     with pytest.raises(ValueError, match="library `flight` lacks COMMAND_ALL, .*STORED_LISTS, of the protocol"):
         EMITTERS["protocol"](replace(model.library("flight"), constants={}))

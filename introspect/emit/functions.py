@@ -29,15 +29,15 @@ def results(f: Function) -> tuple[Argument, ...]:
 
 def _call(f: Function) -> str:
     lines = [f"\nstatic void call_{f.name}(const double *const *in, double *const *out)\n{{"]
-    for i, one in enumerate(f.takes):
-        lines += [f"    {one.ctype} a{i};", f"    memcpy(&a{i}, in[{i}], sizeof a{i});"]
+    for i, argument in enumerate(f.takes):
+        lines += [f"    {argument.ctype} a{i};", f"    memcpy(&a{i}, in[{i}], sizeof a{i});"]
     first = 1 if f.returns else 0
-    lines += [f"    {one.ctype} r{i};" for i, one in enumerate(f.fills, first)]
+    lines += [f"    {argument.ctype} r{i};" for i, argument in enumerate(f.fills, first)]
     words = [*(f"a{i}" for i in range(len(f.takes))), *(f"&r{i}" for i in range(first, first + len(f.fills)))]
     call = f"{f.name}({', '.join(words)});"
     lines.append(f"    {f.returns.ctype} r0 = {call}" if f.returns else f"    {call}")
-    for i, one in enumerate(results(f)):
-        lines.append(f"    *out[{i}] = (double)r{i};" if one.ctype == "int" else
+    for i, argument in enumerate(results(f)):
+        lines.append(f"    *out[{i}] = (double)r{i};" if argument.ctype == "int" else
                      f"    memcpy(out[{i}], &r{i}, sizeof r{i});")
     if not f.takes:
         lines.append("    (void)in;")
@@ -46,9 +46,9 @@ def _call(f: Function) -> str:
 
 def _row(f: Function) -> str:
     def arguments(these: tuple[Argument, ...]) -> str:
-        return "{" + ", ".join(
-            f"{{{string(one.name)}, {len(one.shape)}u, {{{', '.join(f'{n}u' for n in one.shape) or '0u'}}}, "
-            f"{int(one.ctype == 'int')}u}}" for one in these) + "}"
+        rows = [f"{{{string(a.name)}, {len(a.shape)}u, {{{', '.join(f'{n}u' for n in a.shape) or '0u'}}}, "
+                f"{int(a.ctype == 'int')}u}}" for a in these]
+        return f"{{{', '.join(rows)}}}"
 
     empty = '{{"", 0u, {0u}, 0u}}'
     return (f"    {{{string(f.name)}, {string(f.doc)}, {string(f.header)}, {len(f.takes)}u,\n"
@@ -69,8 +69,8 @@ _2 = Union[Sequence[_1], NDArray[Any]]
 
 
 def _stubs(functions: list[Function]) -> str:
-    def taken(one: Argument) -> str:
-        return f"{one.name}: {f'_{len(one.shape)}' if one.shape else 'float'}"
+    def taken(argument: Argument) -> str:
+        return f"{argument.name}: {f'_{len(argument.shape)}' if argument.shape else 'float'}"
 
     def given(f: Function) -> str:
         types = ["NDArray[Any]" if result.shape else "int" if result.ctype == "int" else "float"

@@ -54,8 +54,8 @@ def _algorithm(header: Path) -> str:
     for source in (header.with_suffix(".c"), header.with_name(f"{header.stem}_model.cpp")):
         if source.exists():
             text = re.sub(r"^(/\*|//) SPDX.*\n", "", source.read_text(encoding="utf-8"))
-            found = re.match(r"/\*.*?\*/|(//.*\n)+", text, re.S if text.startswith("/*") else 0)
-            return plain_text(found[0]) if found else ""
+            match = re.match(r"/\*.*?\*/|(//.*\n)+", text, re.S if text.startswith("/*") else 0)
+            return plain_text(match[0]) if match else ""
     return ""
 
 
