@@ -31,12 +31,12 @@ def main():
     folder = Path(sys.argv[1])
     with tempfile.TemporaryDirectory() as prefix:
         fledge_wheel.install(prefix)
-        made = [fledge_wheel.pack(Path(prefix), folder)]
+        packages = [fledge_wheel.pack(Path(prefix), folder)]
         if shutil.which("dpkg-deb"):
-            made.append(pack(Path(prefix), folder))
-    for name in made:
+            packages.append(pack(Path(prefix), folder))
+    for name in packages:
         print(f"fledge: {folder / name} ({(folder / name).stat().st_size / 1e6:.1f} MB)")
-    if len(made) == 1:
+    if len(packages) == 1:
         print("fledge: there is no dpkg-deb, and hence no .deb")
 
 
@@ -64,7 +64,7 @@ def pack(prefix, folder):
             "Installed-Size": str(sum(path.stat().st_size for path in files) // 1024),
             "Depends": ", ".join(depends(prefix / "lib/fledge")),
             "Recommends": ", ".join(listed("control_room")),
-            "Suggests": ", ".join(dict.fromkeys(one for section in SUGGESTED for one in listed(section))),
+            "Suggests": ", ".join(dict.fromkeys(package for section in SUGGESTED for package in listed(section))),
             "Description": PROJECT["description"]}
         meta = tree / "DEBIAN"
         meta.mkdir()
@@ -82,7 +82,7 @@ def depends(home):
     major, minor = sys.version_info[:2]
     python = [f"python3 (>= {major}.{minor})", f"python3 (<< {major}.{minor + 1})"]
     owners = {owner_of(file) for file in fledge_wheel.libraries(home, direct=True).values()}
-    return [*python, *sorted(owners), *(one for one in listed("fly") if one != "python3")]
+    return [*python, *sorted(owners), *(package for package in listed("fly") if package != "python3")]
 
 
 def owner_of(file):

@@ -91,9 +91,9 @@ def libraries(home, direct=False):
     def output(*command):
         return subprocess.run([*command, *programs(home)], check=True, capture_output=True, text=True).stdout
 
-    found = {name: Path(file) for name, file in re.findall(r"(\S+) => (/\S+)", output("ldd"))}
-    wanted = set(re.findall(r"\(NEEDED\).*\[(.*)\]", output("readelf", "--dynamic"))) if direct else found
-    return {name: file for name, file in found.items() if name in wanted}
+    paths = {name: Path(file) for name, file in re.findall(r"(\S+) => (/\S+)", output("ldd"))}
+    wanted = set(re.findall(r"\(NEEDED\).*\[(.*)\]", output("readelf", "--dynamic"))) if direct else paths
+    return {name: file for name, file in paths.items() if name in wanted}
 
 
 def compile_python(home):

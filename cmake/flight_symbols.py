@@ -105,8 +105,8 @@ def line_of(path, elf, place):
     section, offset = place
     done = subprocess.run(["addr2line", "-e", path, "-j", elf.sections[section][0], hex(offset)], capture_output=True,
                           text=True)
-    found = re.search(r":(\d+)", done.stdout)
-    return max(1, int(found[1])) if found else 1
+    match = re.search(r":(\d+)", done.stdout)
+    return max(1, int(match[1])) if match else 1
 
 
 def why(callee):
@@ -150,13 +150,13 @@ def main():
     if options.library:
         listed = subprocess.run(["nm", "--defined-only", *options.library], check=True, capture_output=True, text=True)
         known.update(line.split()[-1] for line in listed.stdout.splitlines() if line)
-    found, advice = [], options.advice and f"; {options.advice}"
+    problems, advice = [], options.advice and f"; {options.advice}"
     for path, elf in objects.items():
         source = options.root / re.sub(r".*CMakeFiles/[^/]+\.dir/(.*)\.o(bj)?$", r"\1", path).replace("__/", "../")
-        found += [f"{source}:{line}: {text}{advice}" for line, text in sorted(complaints(path, elf, known))]
-    if found:
-        print("\n".join(found), file=sys.stderr)
-    return bool(found)
+        problems += [f"{source}:{line}: {text}{advice}" for line, text in sorted(complaints(path, elf, known))]
+    if problems:
+        print("\n".join(problems), file=sys.stderr)
+    return bool(problems)
 
 
 if __name__ == "__main__":

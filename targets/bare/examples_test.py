@@ -25,14 +25,14 @@ def symbols(name, tmp_path, prefix="", *flags):
 
 @pytest.mark.parametrize("system", ["freertos", "zephyr", "rtems"])
 def test_the_five_functions_compile_in_a_task(system, tmp_path):
-    found = symbols(f"{system}.c", tmp_path)
-    assert {name for name, kind in found.items() if kind == "T"} >= FIVE
-    assert found["fledge_fly"] == "U"
+    symbols_ = symbols(f"{system}.c", tmp_path)
+    assert {name for name, kind in symbols_.items() if kind == "T"} >= FIVE
+    assert symbols_["fledge_fly"] == "U"
 
 
 @pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="gcc-arm-none-eabi is not installed")
 def test_the_five_functions_compile_for_a_board(tmp_path):
-    found = symbols("nucleo_h743zi.c", tmp_path, "arm-none-eabi-", "--specs=picolibc.specs", "-mcpu=cortex-m7",
-                    "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-DCORTEX_M7_LINE=39")
-    assert {name for name, kind in found.items() if kind == "T"} == FIVE | {
+    symbols_ = symbols("nucleo_h743zi.c", tmp_path, "arm-none-eabi-", "--specs=picolibc.specs", "-mcpu=cortex-m7",
+                       "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-DCORTEX_M7_LINE=39")
+    assert {name for name, kind in symbols_.items() if kind == "T"} == FIVE | {
         "cortex_m7_begin", "cortex_m7_beat", "cortex_m7_receive"}

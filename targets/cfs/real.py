@@ -55,10 +55,10 @@ class RealCfs(Cfs):
                                   errors="replace", env=environment)
             if done.returncode:
                 raise Failure(f"{copy}: make {goal} failed:\n" + "\n".join(done.stdout.splitlines()[-30:]), 1)
-        found = sorted(copy.glob("build*/exe/cpu1/core-cpu1"))
-        if not found:
+        programs = sorted(copy.glob("build*/exe/cpu1/core-cpu1"))
+        if not programs:
             raise Failure(f"{copy}: make install left no exe/cpu1/core-cpu1", 1)
-        return found[0]
+        return programs[0]
 
     def copied(self, copy: Path) -> Path:
         """The tree's copy; what an earlier flight built in it stays, unless it was of another tree."""
@@ -89,15 +89,15 @@ class RealCfs(Cfs):
 
 def defined(tree: Path) -> Path:
     """The folder of a tree's definitions; a fresh clone has them as a sample only, as its README says."""
-    found = sorted(path.parent for path in tree.glob("*_defs/targets.cmake"))
-    if not found and (tree / "cfe/cmake/sample_defs").is_dir():
+    folders = sorted(path.parent for path in tree.glob("*_defs/targets.cmake"))
+    if not folders and (tree / "cfe/cmake/sample_defs").is_dir():
         shutil.copytree(tree / "cfe/cmake/sample_defs", tree / "sample_defs")
         if not (tree / "Makefile").is_file():
             shutil.copy(tree / "cfe/cmake/Makefile.sample", tree / "Makefile")
-        found = [tree / "sample_defs"]
-    if not found:
+        folders = [tree / "sample_defs"]
+    if not folders:
         raise Failure(f"{tree} has no definitions, such as sample_defs/targets.cmake")
-    return next((path for path in found if path.name == "sample_defs"), found[0])
+    return next((path for path in folders if path.name == "sample_defs"), folders[0])
 
 
 def goals(tree: Path) -> tuple[str, str]:

@@ -109,8 +109,8 @@ def test_what_its_build_says_is_reported(tree, tmp_path, capsys):
     (tree / "sample_defs/targets.cmake").write_text("")
     assert cli.main(["fly", "nadir_spin", "--for", "1s", "--on", "cfs", "--cfs", str(tree), "--out",
                      str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
-    assert "make prep failed" in said and "no toolchain" in said
+    error = capsys.readouterr().err
+    assert "make prep failed" in error and "no toolchain" in error
 
 
 @pytest.mark.long("builds a tree like that of cFS")

@@ -50,7 +50,7 @@ class Desktop(Target):
         sim = job.begun()
         for part in job.parts:
             flight = sim.process(part.process)
-            sim.record(*(getattr(getattr(flight, one), port) for one, port in
+            sim.record(*(getattr(getattr(flight, module), port) for module, port in
                          (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
             flight.commands.script(part.script)     # what comes before the first run, too, as a target has it
             flight.commands.take_units()

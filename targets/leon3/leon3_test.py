@@ -139,8 +139,8 @@ def test_a_uart_sends_the_record_of_a_board_without_spacewire(tmp_path, monkeypa
     """Byte by byte, and the same bytes as packets."""
     sent = []
     text = boards.BOARD.read_text()
-    for one in (text, text.replace('"grspw2"', '"report"')):
-        (tmp_path / "board.toml").write_text(one)
+    for content in (text, text.replace('"grspw2"', '"report"')):
+        (tmp_path / "board.toml").write_text(content)
         monkeypatch.setattr(TARGETS["leon3"], "board", tmp_path / "board.toml")
         assert cli.main(["fly", "nadir_spin", "--for", "10s", "--on", "leon3", "--out", str(tmp_path)]) == 0
         instructions = int(re.search(r"flight: instructions (\d+)", (tmp_path / "leon3.log").read_text())[1])

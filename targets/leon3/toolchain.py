@@ -62,8 +62,9 @@ def library() -> Path:
     if not archives or not compiler:
         raise Failure(f"{COMPILER if archives else f'the source of newlib, in {NEWLIB},'} is not installed; "
                       "./fledge setup --on leon3 installs it")
-    recipe = hashlib.sha256(Path(__file__).read_bytes() + repr([(one.name, one.stat().st_size, one.stat().st_mtime_ns)
-                            for one in (archives[-1], Path(compiler).resolve())]).encode()).hexdigest()
+    versions = [(file.name, file.stat().st_size, file.stat().st_mtime_ns)
+                for file in (archives[-1], Path(compiler).resolve())]
+    recipe = hashlib.sha256(Path(__file__).read_bytes() + repr(versions).encode()).hexdigest()
     with once("leon3", recipe, "the C library for LEON3") as (folder, missing):
         if missing:
             _build(archives[-1], folder)

@@ -16,7 +16,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fledge.targets import build
 from fledge.targets.leon3 import Leon3
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -53,17 +52,17 @@ class Leon3Rtems(Leon3):
         done = subprocess.run(["make", "--no-print-directory", "-sC", folder, "-j", str(os.cpu_count()), goal,
                                f"RTEMS={self.prefix()}"], capture_output=True, text=True, errors="replace")
         if done.returncode:
-            said = done.stderr.strip()
-            raise Failure(said.partition("*** ")[2].removesuffix(".  Stop.") if goal == "check" else
-                          f"{folder} cannot be built:\n{said}", 1)
+            error = done.stderr.strip()
+            raise Failure(error.partition("*** ")[2].removesuffix(".  Stop.") if goal == "check" else
+                          f"{folder} cannot be built:\n{error}", 1)
         return done.stdout.strip()
 
     def build(self, part: Part) -> Path:
         from fledge.targets.leon3_rtems import export
 
         folder = part.folder / self.name
-        kept = {*export.write(part.mission, folder, part.boards, (), part.roots[:-1])}
-        for old in {*folder.glob("src/**/*.[ch]")} - kept:
+        files = {*export.write(part.mission, folder, part.boards, (), part.roots[:-1])}
+        for old in {*folder.glob("src/**/*.[ch]")} - files:
             old.unlink()                # of an earlier export
         self.make(folder, "all")
         return folder / part.mission.name

@@ -24,20 +24,20 @@ def write(mission: Mission, folder: Path | str, files: Sequence[Path | str] = ()
     """Write it; returns the paths. files, outputs: of boards that its messages pass, as export.emit_board. roots:
     folders of modules that are not Fledge's own."""
     mission = replace(mission, form="rtems")
-    made = (export.emit_c(mission) | export.emit_board(mission, files, outputs) | export.emit_commands(mission)
-            | export.emit_host(mission))
-    code = {file: text for file, text in made.items() if file.endswith((".c", ".h"))}
+    exported = (export.emit_c(mission) | export.emit_board(mission, files, outputs) | export.emit_commands(mission)
+                | export.emit_host(mission))
+    code = {file: text for file, text in exported.items() if file.endswith((".c", ".h"))}
     code |= sources.collect(mission, [*map(Path, roots), ROOT], code,
                             [str(path.relative_to(ROOT)) for path in RUNNER])
     texts = {f"src/{file}": text for file, text in code.items()}
-    texts |= {file: text for file, text in made.items() if file not in code}
+    texts |= {file: text for file, text in exported.items() if file not in code}
     return write_files(texts | {"Makefile": (HERE / "Makefile").read_text(encoding="utf-8"),
                                 "mission.mk": f"NAME := {mission.name}\nTASKS := {len(mission.tasks)}\n",
                                 "README.md": readme(mission)}, Path(folder))
 
 
 def readme(mission: Mission) -> str:
-    tasks = sorted(enumerate(mission.tasks), key=lambda one: (one[1].period, one[0]))
+    tasks = sorted(enumerate(mission.tasks), key=lambda task: (task[1].period, task[0]))
     rows = "\n".join(f"| {task.title} | T{i:03} | {task.period / 1e9:g} s | {11 + place} |"
                      for place, (i, task) in enumerate(tasks))
     return f"""# {mission.title} as an application of RTEMS 6

@@ -93,11 +93,11 @@ class RtemsCfs(Leon3Rtems):
         listed = (to / "CMakeLists.txt").read_text(encoding="utf-8")
         for name in LEFT_OUT:
             listed = re.sub(rf"\s+fsw/src/(\S+/)?{re.escape(name)}", "", listed)
-        listed = listed.replace(f" fsw/src/{APP.name}_app.c", "".join(f" fsw/src/{one}\n   " for one in OWN)
+        listed = listed.replace(f" fsw/src/{APP.name}_app.c", "".join(f" fsw/src/{name}\n   " for name in OWN)
                                 + f" fsw/src/{APP.name}_app.c")
-        texts = {one: (ROOT / one).read_text(encoding="utf-8") for one in (*OWN, *HEADERS)}
-        write_files({"CMakeLists.txt": listed, **{f"fsw/src/{one}": renamed(APP, text) if one.endswith(".c") else text
-                                                  for one, text in texts.items()}}, to)
+        texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in (*OWN, *HEADERS)}
+        write_files({"CMakeLists.txt": listed, **{f"fsw/src/{name}": renamed(APP, text) if name.endswith(".c") else text
+                                                  for name, text in texts.items()}}, to)
 
 
 def packed(files: Mapping[str, bytes]) -> bytes:

@@ -104,10 +104,10 @@ def test_what_is_no_rtems_is_refused(files, complaint, tmp_path, monkeypatch, ca
     named = [] if files is None else ["--rtems", str(folder_of_rtems(tmp_path / "rtems", {"README": "", **files}))]
     assert cli.main(["fly", "nadir_spin", "--for", "1s", "--on", "leon3-rtems", *named, "--out",
                      str(tmp_path / "out")]) == 1
-    said = capsys.readouterr()
-    lines = [line for line in said.err.splitlines() if "leon3-rtems" in line]
-    assert len(lines) == 1 and complaint in lines[0], said.err
-    assert "failed   leon3-rtems: did not fly (passed: desktop)" in said.out
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if "leon3-rtems" in line]
+    assert len(lines) == 1 and complaint in lines[0], captured.err
+    assert "failed   leon3-rtems: did not fly (passed: desktop)" in captured.out
 
 
 def test_rtems_is_for_one_target(capsys):
@@ -135,7 +135,7 @@ def test_the_folder_has_all_that_rtems_has_not(mission, tmp_path, capsys):
     declared = " ".join(STAND_IN.values())
     linker = {"text_start", "_endtext", "data_start", "edata", "_end", "leon3_registers"}
     library = {"exit", "memcmp", "memcpy", "memmove", "memset", "strlen", "strcmp", "strncmp", "sqrt", "fmod"}
-    unknown = {one for one in missing - linker - library if f" {one}(" not in declared and one[:2] != "__"}
+    unknown = {name for name in missing - linker - library if f" {name}(" not in declared and name[:2] != "__"}
     assert not unknown, unknown
     assert {"rtems_task_create", "rtems_event_send", "bsp_watchdog_reload"} < missing
 
@@ -171,8 +171,8 @@ def test_the_app_for_nasas_core_has_all_that_it_lists(tmp_path):
     app = write_app(APP, Job("flatsat", duration=1.0, folder=tmp_path / "out").parts[0], tmp_path / "made")
     RtemsCfs(tree).put(app, tmp_path / "apps/fsw")
     listed = set(re.findall(r"fsw/src/\S+?\.c", (tmp_path / "apps/fsw/CMakeLists.txt").read_text()))
-    assert all((tmp_path / "apps/fsw" / one).is_file() for one in listed)
-    assert {f"fsw/src/{one}" for one in OWN} < listed and not any(one.endswith("/watch.c") for one in listed)
+    assert all((tmp_path / "apps/fsw" / name).is_file() for name in listed)
+    assert {f"fsw/src/{name}" for name in OWN} < listed and not any(name.endswith("/watch.c") for name in listed)
 
 
 @ON_RTEMS

@@ -40,8 +40,8 @@ class Paced:
 
     def lines(self) -> list[tuple[str, ...]]:
         """The rows of a table."""
-        rows = [("", *("99 %" if one == "p99" else one for one in QUANTILES))]
-        return rows + [(name, *(cpu(self.quantiles[key][one] / 1e9) for one in QUANTILES))
+        rows = [("", *("99 %" if name == "p99" else name for name in QUANTILES))]
+        return rows + [(name, *(cpu(self.quantiles[key][name] / 1e9) for name in QUANTILES))
                        for key, name in DURATIONS.items()]
 
 
@@ -56,12 +56,13 @@ def fly(target: Any, part: Part, desktop: Path) -> Paced:
                           text=True)
     if done.returncode:
         raise Failure(f"{target.name}: {done.stderr.strip()}", 1)
-    said = dict(line.split(maxsplit=1) for line in done.stdout.splitlines() if " " in line)
+    figures = dict(line.split(maxsplit=1) for line in done.stdout.splitlines() if " " in line)
     with Archive(desktop) as ours, Archive(record) as its:
         same = not compare(ours, its, part.outputs, times=part.is_instant)
-    return Paced(target.name, int(said["ticks"]), int(said["overruns"]), int(said["faults"]), said["scheduling"],
-                 said["memory"], {key: {one: int(said[f"{key}_{one}"]) for one in QUANTILES} for key in DURATIONS},
-                 {key: [[int(n) for n in word.split(":")] for word in said[f"{key}_histogram"].split()]
+    return Paced(target.name, int(figures["ticks"]), int(figures["overruns"]), int(figures["faults"]),
+                 figures["scheduling"], figures["memory"],
+                 {key: {name: int(figures[f"{key}_{name}"]) for name in QUANTILES} for key in DURATIONS},
+                 {key: [[int(n) for n in word.split(":")] for word in figures[f"{key}_histogram"].split()]
                   for key in DURATIONS}, same, str(record))
 
 
@@ -80,9 +81,9 @@ def plot(paced: Paced, title: str) -> Figure:
             widths = [_width(end) / 1e3 for end, _ in paced.histograms[key]]
             begins = [(end + 1) / 1e3 - width for (end, _), width in zip(paced.histograms[key], widths)]
             axes.bar(begins, [n for _, n in paced.histograms[key]], widths, align="edge", color="C0")
-            for one, colour in (("median", "C2"), ("p99", "C1"), ("most", "C6")):
-                x = paced.quantiles[key][one] / 1e3
-                label = f"{'99 %' if one == 'p99' else one} {cpu(x / 1e6)}"
+            for name, colour in (("median", "C2"), ("p99", "C1"), ("most", "C6")):
+                x = paced.quantiles[key][name] / 1e3
+                label = f"{'99 %' if name == 'p99' else name} {cpu(x / 1e6)}"
                 axes.axvline(x, color=colour, linewidth=1, linestyle="--", label=label)
             axes.set(xscale="log", yscale="log", xlabel=f"{name} [us]", ylabel="cycles", ylim=(0.7, None))
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))

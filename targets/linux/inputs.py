@@ -24,17 +24,17 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
     record: of its flight on the desktop. The desktop flies again; the record has the place of flight.
     """
     job, mission = part.job, part.mission
-    found: list = []
+    instants: list = []
     sim = job.begun()
     sim.prepare()
     process = sim.process(part.process)
     inputs = [(id, getattr(process.instances[name], port)) for id, (_, name, port) in
-              ((id, one.ends[0].split(".")) for id, one in enumerate(mission.inputs))]
+              ((id, port.ends[0].split(".")) for id, port in enumerate(mission.inputs))]
     with Archive(record) as archive:
         played = []
-        for one in mission.outputs:
-            _, name, port = one.path.split(".")
-            topic = f"/{one.path.replace('.', '/')}"
+        for output in mission.outputs:
+            _, name, port = output.path.split(".")
+            topic = f"/{output.path.replace('.', '/')}"
             messages = archive[topic]
             played.append((getattr(process.instances[name], port),
                            dict(zip(archive.time_ns(topic).tolist(), (row.tobytes() for row in messages)))))
@@ -44,7 +44,7 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
         rows = [(id, kernel.incoming(view)) for id, view in inputs]
         while script and script[0].t < t:
             rows.append((COMMAND, script.pop(0).packet))
-        found.append((t, rows))
+        instants.append((t, rows))
         for view, messages in played:
             if t in messages:
                 kernel.put_out(view, messages[t])
@@ -53,13 +53,13 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
     kernel.fly_by(instant)
     for other in job.parts:
         if other is not part:
-            sim.process(other.process).commands.script([one for one in other.script if one.t >= 0])
+            sim.process(other.process).commands.script([command for command in other.script if command.t >= 0])
     sim.prepare()
     sim.run(until=job.duration)
     if process.outages:
         raise Failure(f"{job.title}: the scenario {job.scenario} resets the computer of {part.process}, which inputs "
                       "from a file cannot do; end before that, with --for")
-    return found
+    return instants
 
 
 def write(path: Path, instants: list[tuple[int, list[tuple[int, bytes]]]], marks: Collection[int] = ()) -> Path:

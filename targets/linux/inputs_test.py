@@ -105,14 +105,15 @@ def test_a_flight_by_the_clock_is_reported(tmp_path, capsys, target):
         pytest.skip(f"{target} is not installed")
     out = str(tmp_path / "out")
     assert cli.main(["fly", "nadir_spin", "--on", target, "--clock", "--for", "1s", "--out", out]) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"^  scheduling  (SCHED_FIFO 50|shared, not real-time: the system refused SCHED_FIFO)", said, re.M)
-    assert re.search(r"^  memory      (not )?locked.*; page faults in the loop: \d+$", said, re.M)
-    assert "  cycles      3, of which " in said and "  outputs     as on the desktop\n" in said
+    output = capsys.readouterr().out
+    assert re.search(r"^  scheduling  (SCHED_FIFO 50|shared, not real-time: the system refused SCHED_FIFO)",
+                     output, re.M)
+    assert re.search(r"^  memory      (not )?locked.*; page faults in the loop: \d+$", output, re.M)
+    assert "  cycles      3, of which " in output and "  outputs     as on the desktop\n" in output
     facts = json.loads((tmp_path / f"out/{target}_clock.json").read_text())
     for key, name in clock.DURATIONS.items():
         assert sum(n for _, n in facts["histograms"][key]) == 3
-        assert re.search(f"^  {name} +{cpu(facts['quantiles'][key]['least'] / 1e9)} ", said, re.M)
+        assert re.search(f"^  {name} +{cpu(facts['quantiles'][key]['least'] / 1e9)} ", output, re.M)
     assert (tmp_path / f"out/{target}_clock.png").stat().st_size > 10_000
 
 

@@ -64,17 +64,17 @@ def test_by_the_clock_it_says_how_late_it_was(folder):
     done = subprocess.run([built.resolve(), "--clock", "--for", "1.2", "--record", "clock.mcap"], cwd=job.folder,
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    said = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
-    assert said["ticks"] == "3"
-    late = [int(said[f"late_ns_{n}"]) for n in ("least", "median", "p99", "most")]
-    assert 0 <= late[0] and late == sorted(late) and int(said["overruns"]) <= 3
-    assert int(said["faults"]) >= 0
+    figures = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert figures["ticks"] == "3"
+    late = [int(figures[f"late_ns_{n}"]) for n in ("least", "median", "p99", "most")]
+    assert 0 <= late[0] and late == sorted(late) and int(figures["overruns"]) <= 3
+    assert int(figures["faults"]) >= 0
     for name in ("late_ns", "cycle_cpu_ns", "cycle_wall_ns"):
-        bins = [tuple(map(int, word.split(":"))) for word in said[f"{name}_histogram"].split()]
+        bins = [tuple(map(int, word.split(":"))) for word in figures[f"{name}_histogram"].split()]
         assert sum(n for _, n in bins) == 3 and bins == sorted(bins) and all(n > 0 for _, n in bins)
-        assert bins[-1][0] >= int(said[f"{name}_most"]) or bins[-1][0] >= 1 << 29
-    assert said["scheduling"].startswith(("SCHED_FIFO 50", "shared, not real-time: the system refused SCHED_FIFO ("))
-    assert said["memory"].startswith(("locked", "not locked: the system refused mlockall ("))
+        assert bins[-1][0] >= int(figures[f"{name}_most"]) or bins[-1][0] >= 1 << 29
+    assert figures["scheduling"].startswith(("SCHED_FIFO 50", "shared, not real-time: the system refused SCHED_FIFO ("))
+    assert figures["memory"].startswith(("locked", "not locked: the system refused mlockall ("))
     with Archive(job.folder / "clock.mcap") as record:
         assert record.complete and record.time_ns("motor.command").tolist() == [0, 500_000_000, 1_000_000_000]
 

@@ -39,7 +39,7 @@ class Console:
         self.program = target.build(part)
         self.relay = build.program(part.folder / "relay", "relay", [
             *part.table_sources(), *(build.ROOT / name for name in SOURCES)], part.includes())
-        self.heard: queue.Queue[Telemetry | None] = queue.Queue()
+        self.received: queue.Queue[Telemetry | None] = queue.Queue()
         self.started: list[subprocess.Popen[Any]] = []
 
     def __enter__(self) -> Console:
@@ -60,7 +60,7 @@ class Console:
         while time.monotonic() < end and self.lives():
             self._send([self.packets.noop()])
             with contextlib.suppress(queue.Empty):
-                if self.heard.get(timeout=0.2):
+                if self.received.get(timeout=0.2):
                     return
         self.__exit__()
         raise Failure(f"{self.program} has not begun to fly", 1)
@@ -83,15 +83,15 @@ class Console:
     def _listen(self) -> None:
         assert self.outside.stdout
         for line in self.outside.stdout:
-            self.heard.put(decoded(self.dictionary, bytes.fromhex(line)))
-        self.heard.put(None)
+            self.received.put(decoded(self.dictionary, bytes.fromhex(line)))
+        self.received.put(None)
 
     # --- what a person asks for ---
 
     def evaluate(self, text: str, turns: int) -> None:
         """Let flight evaluate a text, and print its answer."""
         packet = self.packets.evaluate(text, turns)
-        self._ask([packet], lambda one: isinstance(one, Text) and one.kind in (Kind.RESULT, Kind.ERROR))
+        self._ask([packet], lambda text: isinstance(text, Text) and text.kind in (Kind.RESULT, Kind.ERROR))
 
     def run(self, file: Path, turns: int) -> None:
         """Send a procedure, start it, and print that it has begun, or why not."""
@@ -107,14 +107,14 @@ class Console:
         self._send(packets)
         while True:
             try:
-                heard = self.heard.get(timeout=self.timeout)
+                telemetry = self.received.get(timeout=self.timeout)
             except queue.Empty:
                 raise Failure(f"flight has not answered for {self.timeout:g} s") from None
-            if heard is None:
+            if telemetry is None:
                 raise Failure("flight has ended", 1)
-            one = heard.content
-            _show(one)
-            if getattr(one, "sequence", None) == sequence and (is_answer(one) or _refused(one)):
+            content = telemetry.content
+            _show(content)
+            if getattr(content, "sequence", None) == sequence and (is_answer(content) or _refused(content)):
                 return
 
     def _send(self, packets: Sequence[bytes]) -> None:
@@ -124,23 +124,23 @@ class Console:
             self.outside.stdin.flush()
 
 
-def _executed(one: Any) -> bool:
-    return isinstance(one, Report) and one.executed
+def _executed(report: Any) -> bool:
+    return isinstance(report, Report) and report.executed
 
 
-def _refused(one: Any) -> bool:
+def _refused(report: Any) -> bool:
     """A text that fails has its own words."""
-    return isinstance(one, Report) and not one.good and not one.executed
+    return isinstance(report, Report) and not report.good and not report.executed
 
 
-def _show(one: Any) -> None:
-    if isinstance(one, Report):
-        if not one.good and one.reason.name != "FAILED":
-            print(f"refused: {one.reason.name.lower().replace('_', ' ')}")
-    elif isinstance(one, Text) and one.kind == Kind.RESULT:
-        print(one.text, end="")
-    elif isinstance(one, Text) and one.kind in (Kind.ERROR, Kind.PRINTED):
-        print(one.text)
-    elif isinstance(one, Text):
-        words = one.kind.name.lower().replace("_", " ")
-        print(f"{one.t / 1e9:g} s: {words}{': ' if one.text else ''}{one.text}")
+def _show(content: Any) -> None:
+    if isinstance(content, Report):
+        if not content.good and content.reason.name != "FAILED":
+            print(f"refused: {content.reason.name.lower().replace('_', ' ')}")
+    elif isinstance(content, Text) and content.kind == Kind.RESULT:
+        print(content.text, end="")
+    elif isinstance(content, Text) and content.kind in (Kind.ERROR, Kind.PRINTED):
+        print(content.text)
+    elif isinstance(content, Text):
+        words = content.kind.name.lower().replace("_", " ")
+        print(f"{content.t / 1e9:g} s: {words}{': ' if content.text else ''}{content.text}")

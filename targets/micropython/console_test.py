@@ -36,30 +36,30 @@ def test_lines_of_a_pipe_are_answered(command):
              "f.control.K = 6", "1", "1", ":stop"]
     done = subprocess.run([*command, "--turns", "1000"], input="\n".join(lines), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    found = done.stdout.splitlines()
-    assert found[:4] == ["2.5", "(3.0, 'rest')", "0.0", "3.0"]
-    assert found[4] == "text, line 1: ZeroDivisionError: divide by zero"
-    assert found[5].startswith("text, line 1: SetupError: flight.control.K must be ")
-    assert found[6] == "'science'"
-    assert found[7].endswith(" s: procedure started")
-    rest = [line.partition(" s: ")[2] or line for line in found[8:-1]]      # without the time
+    output = done.stdout.splitlines()
+    assert output[:4] == ["2.5", "(3.0, 'rest')", "0.0", "3.0"]
+    assert output[4] == "text, line 1: ZeroDivisionError: divide by zero"
+    assert output[5].startswith("text, line 1: SetupError: flight.control.K must be ")
+    assert output[6] == "'science'"
+    assert output[7].endswith(" s: procedure started")
+    rest = [line.partition(" s: ")[2] or line for line in output[8:-1]]      # without the time
     assert sorted(rest) == sorted(["begun", "refused: running", "seen", "procedure ended", "1", "1",
                                    "[Errno 2] No such file or directory: 'none.py'",
                                    "there is no :what; :help shows what there is"])
-    assert found[-1] == "refused: running"          # it has ended
+    assert output[-1] == "refused: running"          # it has ended
 
 
-def test_a_terminal_is_asked_until_ctrl_d(command):
+def test_a_terminal_is_read_until_ctrl_d(command):
     ours, theirs = pty.openpty()
     process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs)
     os.close(theirs)
-    said = ""
+    output = ""
 
     def until(text):
-        nonlocal said
-        while text not in said:
-            said += os.read(ours, 1000).decode()
-        said = said.partition(text)[2]
+        nonlocal output
+        while text not in output:
+            output += os.read(ours, 1000).decode()
+        output = output.partition(text)[2]
 
     until("Ctrl-D ends")
     until(">>> ")

@@ -241,9 +241,9 @@ class Hostile:
 
     def arguments(self, depth):
         stars = self.any(["", "", "", "", "", "", "*", "**"])
-        found = [self.value(depth + 1) for _ in range(self.any([0, 1, 1, 1, 2, 2, 3]))]
-        return ", ".join(found[:-1] + [stars + found[-1]] if found else found) + self.any(
-            ["", "", "", "", ", key=act", ", reverse=True"] if found and stars != "**" else [""])
+        values = [self.value(depth + 1) for _ in range(self.any([0, 1, 1, 1, 2, 2, 3]))]
+        return ", ".join(values[:-1] + [stars + values[-1]] if values else values) + self.any(
+            ["", "", "", "", ", key=act", ", reverse=True"] if values and stars != "**" else [""])
 
     def statement(self):
         g = f"G[{self.random.randrange(PLACES)}]"
@@ -266,10 +266,10 @@ class Hostile:
 
     def of_a_class(self, name, base):
         return f"class {name}({base}):\n" + "".join(
-            f"    def {one}(self, *a):\n        {self.any([self.statement(), 'act(2)', 'pass'])}\n"
+            f"    def {name}(self, *a):\n        {self.any([self.statement(), 'act(2)', 'pass'])}\n"
             f"        return {self.any([self.value(), 'True', '3', 'self', 'a'])}\n".replace(
                 "\n    finally", "\n        finally")
-            for one in self.random.sample(SPECIAL, self.random.randrange(4))) + "    x = 1\n"
+            for name in self.random.sample(SPECIAL, self.random.randrange(4))) + "    x = 1\n"
 
     def procedure(self):
         act = "".join(self.attempt(self.statement()) for _ in range(2))
@@ -277,9 +277,9 @@ class Hostile:
                 "def act(*a, **k):\n    global G\n" + act + f"    return {self.any(['a', 'True', '1', 'G'])}\n"
                 "def g():\n    x = yield 1\n    while 1: x = yield act(x)\n"
                 "class A:\n" + "".join(
-                    f"    def {one}(s, *a):\n        for x in G:\n"
+                    f"    def {name}(s, *a):\n        for x in G:\n"
                     "            if hasattr(x, 'clear'): x.clear()\n        return 1\n"
-                    for one in self.random.sample(["__eq__", "__lt__", "__hash__", "__len__", "__int__"], 3)))
+                    for name in self.random.sample(["__eq__", "__lt__", "__hash__", "__len__", "__int__"], 3)))
         if self.random.random() < 0.3:
             body = "".join(f"    {line.removeprefix('@')}\n" if not line.startswith("@") or self.random.random() < 0.5
                            else f"    try: {line[1:]}\n    except Exception as e: print(e)\n"
@@ -327,10 +327,10 @@ def survives(flight, code, what):
 @pytest.fixture
 def undisturbed(programs):  # noqa: F811
     """The same flight without procedures."""
-    one = Flying(programs.built[False], programs.dictionary)
-    yield one
-    one.process.stdin.close()
-    assert one.process.wait() == 0
+    flight = Flying(programs.built[False], programs.dictionary)
+    yield flight
+    flight.process.stdin.close()
+    assert flight.process.wait() == 0
 
 
 def check_bits(flight, undisturbed):  # noqa: F811

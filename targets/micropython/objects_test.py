@@ -73,8 +73,8 @@ def run(types, tmp_path_factory):
     """Runs a script under MicroPython, with all types; returns what it printed."""
     known, kinds_folder = types
     folder = tmp_path_factory.mktemp("objects")
-    modules = [Module(names.snake(name), f"flight.{names.snake(name)}", objects.struct(made), objects.memory(made()))
-               for name, made in known.items() if objects.struct(made).kind == "module"]
+    modules = [Module(names.snake(name), f"flight.{names.snake(name)}", objects.struct(type_), objects.memory(type_()))
+               for name, type_ in known.items() if objects.struct(type_).kind == "module"]
     mission = Mission(name="every", folder="every", process="flight", several=False, about="", modules=modules,
                       configuration=modules, tasks=[], modes=[], mode_titles={}, initial_mode=None, events=[],
                       inputs=[], outputs=[], wires={m.name: [] for m in modules},
@@ -94,7 +94,7 @@ def run(types, tmp_path_factory):
         folder / "program", "every",
         [build.ROOT / "targets/micropython/testing/objects.c", *toolchain.PORT.glob("*.c"),
          *folder.glob("every*.c"),
-         *build.module_sources(mission, roots), *build.math_sources(), *(build.ROOT / one for one in build.COMMAND)],
+         *build.module_sources(mission, roots), *build.math_sources(), *(build.ROOT / path for path in build.COMMAND)],
         roots, library.compiler, [*library.flags, "-std=gnu99", *SANITIZE],
         [*SANITIZE, library.archive, "-no-pie", "-lm"])
 
@@ -131,8 +131,8 @@ def check(run, known, cases):
     for a, b in zip(ours, theirs):
         if a != b:
             case = next(c for c in cases if f"print({a.split()[0]}," in c)
-            found = [[line for line in lines if line.split()[0] == a.split()[0]] for lines in (ours, theirs)]
-            raise AssertionError("\n".join([case, "", "MicroPython:", *found[0], "", "desktop:", *found[1]]))
+            matches = [[line for line in lines if line.split()[0] == a.split()[0]] for lines in (ours, theirs)]
+            raise AssertionError("\n".join([case, "", "MicroPython:", *matches[0], "", "desktop:", *matches[1]]))
     assert len(ours) == len(theirs)
     return ours
 
@@ -204,7 +204,7 @@ class Assignments(Expressions):
     def __init__(self, seed, known):
         super().__init__(seed)
         self.known = known
-        self.modules = [name for name, made in known.items() if objects.struct(made).kind == "module"]
+        self.modules = [name for name, type_ in known.items() if objects.struct(type_).kind == "module"]
 
     def unit(self, field):
         return " * ".join(f"{base}**{n}" for base, n in zip(units.BASE, field.dims) if n)
@@ -272,8 +272,8 @@ class Assignments(Expressions):
         if field.type == "struct":
             n = field.shape[0] if field.shape else 0
             n = dice.randint(0, n) if field.count or dice.random() < 0.2 else n
-            def one(): return self.structure(field.struct)
-            return "[" + ", ".join(one() for _ in range(n)) + "]" if field.shape else one()
+            def element(): return self.structure(field.struct)
+            return "[" + ", ".join(element() for _ in range(n)) + "]" if field.shape else element()
         return self.plain(field)
 
     def structure(self, struct):
@@ -358,13 +358,13 @@ c = fsw.WheelConfig()
 
 
 def test_errors_name_the_place_and_what_is_allowed(run):
-    found = errors(
+    messages = errors(
         run, "b.K = 'high'", "b.K = -2 * N * m", "b.K = 3 * kg", "b.gain = 1", "b.K2", "fsw.MrpFeedback(1)",
         "fsw.MrpFeedback(gain=1)", "b.error.head.quality = 'BEST'", "c.J = 1", "c.axes_B = [[1, 2]]",
         "b.torque.torque_B = [1, 2, 3]", "b.torque.torque_B[0] = 1", "place(b, 'mrp_feedback')",
         "place(fsw.WheelConfig(), 'mrp_feedback')", "fsw.Unknown", "from fledge.units import furlong",
         "b.wheels.axes_B[9]", "b.P[0][1] = 'x'", "del b.K", "b.P[0:2] = [1]")
-    assert found[:4] == [
+    assert messages[:4] == [
         "SetupError: flight.mrp_feedback.K: expected a number, in N m; found 'high'",
         "SetupError: flight.mrp_feedback.K must be 0 or of size 1e-100 to 1e100, > 0 N m, found -2.0",
         "SetupError: flight.mrp_feedback.K: expected a quantity in N m; found 3.0 kg",
@@ -384,19 +384,19 @@ def test_errors_name_the_place_and_what_is_allowed(run):
               "ImportError: fledge.units has no unit 'furlong'; the units are m, km, ",
               "IndexError: ", "SetupError: flight.mrp_feedback.P: expected ",
               "AttributeError: flight.mrp_feedback.K cannot be deleted", "SetupError: expected 2 items, or one number"]
-    assert len(found) == 4 + len(starts)
-    for text, start in zip(found[4:], starts):
+    assert len(messages) == 4 + len(starts)
+    for text, start in zip(messages[4:], starts):
         assert text.startswith(start), text
 
 
 def test_wires_join_an_output_to_inputs_of_its_type(run):
-    found = errors(
+    messages = errors(
         run, "print(a.error >> b.error)", "print((a.error >> [b.error, world.x.y]).latency(1).stale_after(2 * s))",
         "a.error >> b", "a.error >> b.vehicle", "b.error >> b.error", "a.error >> a.error", "a.error >> 3",
         "a.error.head >> b.error", "a >> b.error", "(a.error >> b.error) >> b.error",
         "(a.error >> b.error).latency(2)", "(a.error >> b.error).stale_after(2 * m)",
         "fsw.AttError() >> b.error")
-    assert found[:4] == ["flight.tracking_error.error >> flight.mrp_feedback.error", "no error"] * 2
+    assert messages[:4] == ["flight.tracking_error.error >> flight.mrp_feedback.error", "no error"] * 2
     starts = ["SetupError: flight.tracking_error.error >> flight.mrp_feedback: name an input, not the module; it has "
               "the inputs error, vehicle, wheels, speeds, external",
               "SetupError: flight.tracking_error.error >> flight.mrp_feedback.vehicle: the output is AttError, the "
@@ -409,12 +409,12 @@ def test_wires_join_an_output_to_inputs_of_its_type(run):
               "flight.tracking_error.error.head is no output", "TypeError: ", "TypeError: ",
               "SetupError: flight.tracking_error.error >> flight.mrp_feedback.error: latency must be 0 or 1",
               "SetupError: stale_after: expected a time, found 2.0 m", ""]
-    for text, start in zip(found[4:], starts):
+    for text, start in zip(messages[4:], starts):
         assert text.startswith(start) and text != "no error", text
 
 
 def test_what_stands_in_for_the_world_accepts_all_and_allocates_nothing(run):
-    found = errors(
+    messages = errors(
         run, "w = fledge.anything", "w.wheels = world.ReactionWheels(axes_B=c.axes_B, J=2 * kg)",
         "w.craft = Orbit(world.MARS, a=7471 * km, f=270 * deg)",
         "w.connect(w.craft.state >> a.attitude, b.torque >> w.craft.torque, w.x >> [b.error])",
@@ -422,15 +422,15 @@ def test_what_stands_in_for_the_world_accepts_all_and_allocates_nothing(run):
         "b.K = w.gain", "b.P = [w, w, w]", "b.P[0][0] = w", "b.error = w", "fsw.RasterManager(angles=[[w, 0, 0]])",
         "used = lock(True)\n    for i in range(100):\n        w.task(w.a[3], run=w.b >> w.c)\n"
         "    print(lock(False) - used)")
-    assert found[:3] == ["no error"] * 3 and found[3] == "no error"
-    assert found[4:6] == ["[] 0 True True True", "no error"]
-    for text in found[6:11]:
+    assert messages[:3] == ["no error"] * 3 and messages[3] == "no error"
+    assert messages[4:6] == ["[] 0 True True True", "no error"]
+    for text in messages[6:11]:
         assert "a value of the world or of another process is not known on the target" in text
-    assert found[11:] == ["0", "no error"]
+    assert messages[11:] == ["0", "no error"]
 
 
 def test_attributes_and_items_allocate_nothing_under_the_lock(run):
-    found = run("""
+    result = run("""
 from fledge import flight as fsw
 a, b = place(fsw.TrackingError(), "tracking_error"), place(fsw.MrpFeedback(K=1, P=2), "mrp_feedback")
 w = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=1)
@@ -460,17 +460,18 @@ except Exception as e:
     lock(False)
     print(e)
 """)
-    assert found == ["0 14.75", "flight.mrp_feedback.K must be 0 or of size 1e-100 to 1e100, > 0 N m, found -1.0"]
+    assert result == ["0 14.75", "flight.mrp_feedback.K must be 0 or of size 1e-100 to 1e100, > 0 N m, found -1.0"]
 
 
-def test_rules_hold_for_elements_and_what_is_required_is_asked_for(run):
-    found = errors(
+def test_rules_hold_for_elements_and_a_missing_parameter_is_named(run):
+    messages = errors(
         run, "w = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=1)", "w.J[1] = -1", "print(w.J)", "w.reset()",
         "fsw.WheelConfig(J=[1]).reset()", "print(w)")
-    assert found[0] == "no error" and found[1].startswith("SetupError: WheelConfig.J must be ")
-    assert found[1].endswith("found -1.0 at [1]") and found[2:5] == ["[1.0, 1.0, 1.0, 1.0]", "no error", "no error"]
-    assert found[5] == "SetupError: WheelConfig.axes_B is required"
-    assert found[6].startswith("WheelConfig(wheels=WheelSet, n=4, axes_B=[[-0.5, 0.5, -0.70710")
+    assert messages[0] == "no error" and messages[1].startswith("SetupError: WheelConfig.J must be ")
+    assert messages[1].endswith("found -1.0 at [1]")
+    assert messages[2:5] == ["[1.0, 1.0, 1.0, 1.0]", "no error", "no error"]
+    assert messages[5] == "SetupError: WheelConfig.axes_B is required"
+    assert messages[6].startswith("WheelConfig(wheels=WheelSet, n=4, axes_B=[[-0.5, 0.5, -0.70710")
 
 
 def test_a_field_in_any_unit_takes_one_on_both(run, types):

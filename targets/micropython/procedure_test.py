@@ -84,12 +84,12 @@ class Flying:
 
     def fly(self, n=1):
         """Returns the memory after each instant."""
-        found = []
+        values = []
         for _ in range(n):
             self.t += NS
             self.say(f"t {self.t}")
-            found.append(self.memory)
-        return found
+            values.append(self.memory)
+        return values
 
     def start(self, source, turns=1000, slot=0):
         """Send a procedure, and let it begin; returns why it is refused, or OK."""
@@ -98,11 +98,11 @@ class Flying:
         self.fly()
         return next(r.reason for r in reversed(self.reports) if r.code == 12)
 
-    def said(self):
+    def results(self):
         """[(kind, line, text)] since the last time."""
-        found = [(text.kind, text.line, text.text) for text in self.texts]
+        texts = [(text.kind, text.line, text.text) for text in self.texts]
         self.texts.clear()
-        return found
+        return texts
 
     def read(self, module, field):
         """The first number of a parameter."""
@@ -120,25 +120,25 @@ def programs(tmp_path_factory):
     sim = fledge.load(folder)
     mission = export.read(sim)
     composed = compose(sim, mission)
-    found = {}
+    values = {}
     for development in (False, True):
         library = toolchain.library("host", development)
         sources = [*program.sources(composed, folder / str(development), [build.ROOT], library),
                    *(build.ROOT / path for path in RUNNER if path != "targets/linux/main.c"),
                    build.ROOT / "targets/micropython/testing/link.c"]
-        found[development] = build.program(
+        values[development] = build.program(
             folder / str(development), "link", sources, [(folder / str(development) / "c").resolve(), build.ROOT],
             library.compiler, library.flags, ["-no-pie", "-lm"], archives=[library.archive])
     dictionary = Dictionary.load(next((folder / "False" / "c").glob("*_packets.json")))
-    return SimpleNamespace(built=found, dictionary=dictionary)
+    return SimpleNamespace(built=values, dictionary=dictionary)
 
 
 @pytest.fixture
 def flight(programs):
-    one = Flying(programs.built[False], programs.dictionary)
-    yield one
-    one.process.stdin.close()
-    assert one.process.wait() == 0
+    program = Flying(programs.built[False], programs.dictionary)
+    yield program
+    program.process.stdin.close()
+    assert program.process.wait() == 0
 
 
 def test_a_procedure_waits_changes_a_mode_and_a_gain(flight):
@@ -155,21 +155,21 @@ def main(f):
         yield
     print(f.active_mode)
 """) == Reason.OK
-    assert flight.said() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PRINTED, 0, "mode rest 2.5")]
+    assert flight.results() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PRINTED, 0, "mode rest 2.5")]
     flight.fly(2)
     assert flight.read("control", "K") == 2.5          # it is written at the end of this instant, the third
     assert flight.read("control", "K") == 3.0
     flight.fly(20)
-    assert flight.said() == [(Kind.PRINTED, 0, "science"), (Kind.PROCEDURE_ENDED, 0, "")]
+    assert flight.results() == [(Kind.PRINTED, 0, "science"), (Kind.PROCEDURE_ENDED, 0, "")]
 
 
 def without(program, dictionary, n):
     """The memory after each instant of a flight without commands."""
-    one = Flying(program, dictionary)
-    found = one.fly(n)
-    one.process.stdin.close()
-    one.process.wait()
-    return found
+    flight = Flying(program, dictionary)
+    result = flight.fly(n)
+    flight.process.stdin.close()
+    flight.process.wait()
+    return result
 
 
 KILLED = {
@@ -214,12 +214,12 @@ KILLED = {
 def test_a_procedure_that_goes_wrong_is_killed_and_flight_goes_on(flight, programs, what):
     body, line, text = KILLED[what]
     assert flight.start(f"def main(f):\n    {body}\n    yield\n", turns=2000) == Reason.OK
-    (kind, _, _), *_, (killed, at, why) = flight.said()
+    (kind, _, _), *_, (killed, at, why) = flight.results()
     assert (kind, killed) == (Kind.PROCEDURE_STARTED, Kind.PROCEDURE_KILLED)
     assert text in why and (not line or at == line and f"check.py, line {line}: " in why)
     assert flight.start("def main(f):\n    yield\n    print('alive')\n") == Reason.OK       # and so does the next one
     flight.fly(3)
-    assert flight.said()[1] == (Kind.PRINTED, 0, "alive")
+    assert flight.results()[1] == (Kind.PRINTED, 0, "alive")
     assert flight.memory == without(programs.built[False], programs.dictionary, 5)[-1]
 
 
@@ -227,16 +227,16 @@ def test_what_does_not_raise_until_later_is_killed_at_its_line(flight):
     assert flight.start(
         "def main(f):\n    for i in range(3):\n        yield\n    g()\n\n\ndef g():\n    [][0]\n") == Reason.OK
     flight.fly(3)
-    assert flight.said()[1] == (Kind.PROCEDURE_KILLED, 8, "check.py, line 8: IndexError: list index out of range")
+    assert flight.results()[1] == (Kind.PROCEDURE_KILLED, 8, "check.py, line 8: IndexError: list index out of range")
 
 
 def test_a_budget_is_of_one_instant(flight):
     source = "def main(f):\n    for k in range(20):\n        for i in range(80):\n            pass\n        yield\n"
     assert flight.start(source, turns=100) == Reason.OK
     flight.fly(25)
-    assert [kind for kind, _, _ in flight.said()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_ENDED]
+    assert [kind for kind, _, _ in flight.results()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_ENDED]
     assert flight.start(source, turns=70) == Reason.OK
-    assert [kind for kind, _, _ in flight.said()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_KILLED]
+    assert [kind for kind, _, _ in flight.results()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_KILLED]
 
 
 GOOD = "def main(f):\n    f.control.K = 3.0\n    yield\n"
@@ -253,7 +253,7 @@ def test_damaged_bytecode_is_refused(flight, programs):
     flight.send(*packets[:-1], changed[-1])
     flight.fly()
     assert flight.reports[-1].reason == Reason.CRC
-    assert flight.said() == []
+    assert flight.results() == []
     assert flight.read("control", "K") == 2.5
 
 
@@ -281,7 +281,7 @@ def main(f):
 
 def test_a_list_that_its_elements_clear_while_it_is_used_does_no_harm(flight):
     assert flight.start(SORTED) == Reason.OK
-    assert flight.said()[1] == (Kind.PRINTED, 0, "done")
+    assert flight.results()[1] == (Kind.PRINTED, 0, "done")
 
 
 def test_one_procedure_runs_at_a_time_and_stops_by_command(flight):
@@ -294,11 +294,11 @@ def test_one_procedure_runs_at_a_time_and_stops_by_command(flight):
     flight.send(flight.packets.stop(1))
     flight.fly()
     assert flight.reports[-1].reason == Reason.OK
-    assert flight.said() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PROCEDURE_STOPPED, 0, "by command")]
+    assert flight.results() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PROCEDURE_STOPPED, 0, "by command")]
     assert flight.start(forever) == Reason.OK
     flight.send(flight.packets.reset())
     flight.fly()
-    assert flight.said()[1] == (Kind.PROCEDURE_STOPPED, 0, "flight begins anew")
+    assert flight.results()[1] == (Kind.PROCEDURE_STOPPED, 0, "flight begins anew")
     assert flight.start(forever) == Reason.OK
     flight.say(f"r {flight.t + NS}")                # so does a reset of the computer, without a word
     assert flight.start(GOOD) == Reason.OK
@@ -323,7 +323,7 @@ def main(f):
         flight.send(*flight.packets.procedure(codes[i % len(codes)]))
         flight.fly(2)
         assert flight.heap[0] == before[0]
-    assert len(flight.said()) == 2000
+    assert len(flight.results()) == 2000
     assert not [r for r in flight.reports if not r.good]
 
 
@@ -331,18 +331,18 @@ def main(f):
 
 @pytest.fixture
 def console(programs):
-    one = Flying(programs.built[True], programs.dictionary)
+    flight = Flying(programs.built[True], programs.dictionary)
 
     def ask(text, turns=5000):
-        one.send(one.packets.evaluate(text, turns))
-        one.fly()
-        (kind, line, answer), = one.said()
+        flight.send(flight.packets.evaluate(text, turns))
+        flight.fly()
+        (kind, line, answer), = flight.results()
         return kind, answer
 
-    one.ask = ask
-    yield one
-    one.process.stdin.close()
-    assert one.process.wait() == 0
+    flight.ask = ask
+    yield flight
+    flight.process.stdin.close()
+    assert flight.process.wait() == 0
 
 
 def test_a_text_reads_and_sets_what_flies(console):
@@ -378,13 +378,13 @@ def test_the_flight_build_evaluates_nothing(flight):
 def test_texts_and_a_procedure_do_not_disturb_each_other(console):
     assert console.start("def main(f):\n    a = 0\n    while True:\n        a += 1\n        yield\n"
                          "        print('name_of_procedure' + str(a))\n") == Reason.OK
-    console.said()
+    console.results()
     heap = console.heap[0]
     for i in range(50):
         console.send(console.packets.evaluate(f"text{i} = 'other_name{i}'; text{i}"))
         console.fly()
-        (one, _, answer), (two, _, printed) = console.said()
-        assert (one, two) == (Kind.RESULT, Kind.PRINTED)
+        (first, _, answer), (second, _, printed) = console.results()
+        assert (first, second) == (Kind.RESULT, Kind.PRINTED)
         assert (answer, printed) == (f"'other_name{i}'\n", f"name_of_procedure{i + 1}")
     assert console.heap[0] == heap
 
@@ -439,16 +439,17 @@ def check(sim):
 
 @pytest.mark.long("builds and flies on targets")
 def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path, capsys):
-    targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
+    targets = [name for name in ("micropython", "leon3-micropython") if not TARGETS[name].missing()]
     mission, out = tmp_path / "mission", tmp_path / "out"
     mission.mkdir()
     for name, text in (("flight", MISSION), ("world", WORLD), ("check", CHECK), ("scenarios", SCENARIOS)):
         (mission / f"{name}.py").write_text(text)
     assert cli.main(["fly", str(mission), "--on", ",".join(targets), "--out", str(out)]) == 0, capsys.readouterr()
-    found = Dictionary.load(next((out / "c").glob("*_packets.json")))
+    dictionary = Dictionary.load(next((out / "c").glob("*_packets.json")))
     for target in targets:
         assert compare(Archive(out / "desktop.mcap"), Archive(out / f"{target}.mcap")) == []
-        packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
+        script = read_script((out / f"{target}.telemetry.txt").read_text())
+        packets = [decoded(dictionary, timed.packet) for timed in script]
         assert [(packet.content.kind, packet.content.text) for packet in packets if packet.path == "texts"] == [
             (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
 
@@ -467,7 +468,7 @@ HARM = {        # on a target; the desktop, where f has _seen, kills them before
 
 @pytest.mark.long("flies on two targets many times")
 def test_what_harms_an_interpreter_does_no_harm_to_a_target(tmp_path, capsys):
-    targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
+    targets = [name for name in ("micropython", "leon3-micropython") if not TARGETS[name].missing()]
     mission, out = tmp_path / "mission", tmp_path / "out"
     mission.mkdir()
     scenario = "".join(f'    procedure(sim.flight, Path(__file__).with_name("{name}.py"))\n    sim.run(2 * s)\n'
@@ -479,9 +480,10 @@ def test_what_harms_an_interpreter_does_no_harm_to_a_target(tmp_path, capsys):
         (mission / f"{name}.py").write_text(
             f"def main(f):\n    if hasattr(f, '_seen'): raise ValueError\n    {text}\n")
     assert cli.main(["fly", str(mission), "--on", ",".join(targets), "--out", str(out)]) == 0, capsys.readouterr()
-    found = Dictionary.load(next((out / "c").glob("*_packets.json")))
+    dictionary = Dictionary.load(next((out / "c").glob("*_packets.json")))
     for target in targets:
-        packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
+        script = read_script((out / f"{target}.telemetry.txt").read_text())
+        packets = [decoded(dictionary, timed.packet) for timed in script]
         kinds = [packet.content.kind for packet in packets if packet.path == "texts"]
         assert kinds.count(Kind.PROCEDURE_STARTED) == kinds.count(Kind.PROCEDURE_KILLED) == len(HARM)
 

@@ -154,7 +154,7 @@ def refusals(tmp_path_factory):
     program = build.program(
         folder / "program", "cases",
         [build.ROOT / "targets/micropython/testing/process.c", *folder.glob("cases*.c"),
-         *build.module_sources(mission, roots), *build.math_sources(), *(build.ROOT / one for one in build.COMMAND)],
+         *build.module_sources(mission, roots), *build.math_sources(), *(build.ROOT / path for path in build.COMMAND)],
         roots, library.compiler, library.flags, [library.archive, "-no-pie", "-lm"])
     done = subprocess.run([program, str(len(texts))], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.export.read import ExportError
@@ -67,9 +67,9 @@ def check(composed: Composed, flight: Flight, built: Path) -> None:
         why = done.stderr.strip().removeprefix(f"{composed.mission.folder}: script: ")
         raise ExportError(placed(why.replace(EMPTY, UNKNOWN), composed.scripts.files)
                           or f"{built} ended with {done.returncode}")
-    found = first_difference(composed.mission, flight, done.stdout.splitlines())
-    if found:
-        raise ExportError(f"{composed.mission.title}: under MicroPython it composes something else: {found}")
+    difference = first_difference(composed.mission, flight, done.stdout.splitlines())
+    if difference:
+        raise ExportError(f"{composed.mission.title}: under MicroPython it composes something else: {difference}")
 
 
 def stripped(built: Path) -> int:
@@ -89,7 +89,7 @@ def composed_of(part: Part) -> Composed:
 
 def checked(part: Part) -> Path:
     """The program of a part for this machine, whose script composed what the desktop's did."""
-    found = composed_of(part)
-    built = program(found, part.folder / "micropython", part.roots)
-    check(found, part.job.start.process(part.process), built)
+    composed = composed_of(part)
+    built = program(composed, part.folder / "micropython", part.roots)
+    check(composed, part.job.start.process(part.process), built)
     return built

@@ -81,7 +81,7 @@ def test_the_program_composes_and_flies_by_itself(small):
     assert "module rest InertialPointing" in described and "runs gnc rest" in described
 
 
-@pytest.mark.parametrize("old, new, said", [
+@pytest.mark.parametrize("old, new, message", [
     ("[0.1, 0, 0]", "[0.1, 0, 0][0:3:2]", "flight.py, line 7: "),       # a slice with a step
     ("1 * s,", "len('x'.removeprefix('y')) * s,", "flight.py, line 8: AttributeError"),
     ("    f.rest", "    from fledge import world\n    sky = world.Sky('2026-01-01', world.EARTH)\n    a, b = sky."
@@ -89,11 +89,11 @@ def test_the_program_composes_and_flies_by_itself(small):
      "process, which is not known on the target"),
     ("    f.rest", "    f'{1:>{2}}'; match = 1\n    match match:\n        case 1: pass\n    f.rest", "flight.py"),
 ])
-def test_what_fails_there_is_refused_with_its_line(old, new, said, tmp_path, capsys):
+def test_what_fails_there_is_refused_with_its_line(old, new, message, tmp_path, capsys):
     folder = mission(tmp_path, FLIGHT.replace(old, new))
     assert cli.main(["export", "micropython", str(folder), "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert said in error, error
+    assert message in error, error
 
 
 def test_what_it_composes_otherwise_is_refused(small):
@@ -119,13 +119,13 @@ def test_a_scenario_may_begin_in_another_mode_than_the_script(tmp_path):
     assert "\nstart works\n" in described
 
 
-@pytest.mark.parametrize("words, said", [
+@pytest.mark.parametrize("words, message", [
     (["--tasks", "gnc"], "--tasks is for `export c`"),
     (["--app", "nav"], "--app is for `export cfs`"),
 ])
-def test_options_of_other_exports_are_refused(words, said, capsys):
+def test_options_of_other_exports_are_refused(words, message, capsys):
     assert cli.main(["export", "micropython", "nadir_spin", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 # --- flights ---------------------------------------------------------------------------------------
@@ -154,16 +154,16 @@ def flown(tmp_path_factory):
 @pytest.mark.long("flies on two targets")
 @pytest.mark.parametrize("target", ["micropython", LEON3])
 def test_plot_compare_and_convert_cannot_tell_where_a_run_was_made(target, flown, tmp_path, capsys):
-    made = {}
+    programs = {}
     for name in ("desktop", target):
         shutil.copy(flown / f"{name}.mcap", tmp_path / "run.mcap")
         out = tmp_path / name
         assert cli.main(["plot", str(tmp_path / "run.mcap"), "spin.reference.sigma_RN", "error.sigma_BR", "--out",
                          str(out)]) == 0
         assert cli.main(["convert", str(tmp_path / "run.mcap"), "--csv", "--out", str(out)]) == 0
-        made[name] = {file.name: file.read_bytes() for file in sorted(out.iterdir())}
-    assert made["desktop"] == made[target] and len(made[target]) > 8
-    assert sum(name.endswith(".png") for name in made[target]) == 1
+        programs[name] = {file.name: file.read_bytes() for file in sorted(out.iterdir())}
+    assert programs["desktop"] == programs[target] and len(programs[target]) > 8
+    assert sum(name.endswith(".png") for name in programs[target]) == 1
     capsys.readouterr()
     assert cli.main(["compare", str(flown / "desktop.mcap"), str(flown / f"{target}.mcap"), "--topics", "flight"]) == 0
 

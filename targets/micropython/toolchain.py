@@ -280,16 +280,16 @@ def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, m
     functions `init` and, as often as `cycles`, under the lock, `loop`. It ends with the figures of its heap."""
     from fledge.targets.leon3 import board
 
-    made = library(machine, development)
+    archive = library(machine, development)
     name = "fledge_micropython"
-    write_files({"frozen.c": freeze(scripts or {}, made)}, folder)
+    write_files({"frozen.c": freeze(scripts or {}, archive)}, folder)
     sources = [PORT / "interpreter/main.c", folder / "frozen.c", *sorted((ROOT / "flight/exec").glob("*.c")),
                *(ROOT / path for path in COMMAND), *math_sources()]
-    flags = [*made.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
+    flags = [*archive.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
     if machine == "leon3":
-        return board.program(folder / machine, name, sources, [ROOT], flags, archives=[made.archive])
-    return program(folder / machine, name, sources, [ROOT], made.compiler, flags, ["-static", "-no-pie", "-lm"],
-                   archives=[made.archive])
+        return board.program(folder / machine, name, sources, [ROOT], flags, archives=[archive.archive])
+    return program(folder / machine, name, sources, [ROOT], archive.compiler, flags, ["-static", "-no-pie", "-lm"],
+                   archives=[archive.archive])
 
 
 # --- the source ----------------------------------------------------------------------------------
@@ -330,9 +330,9 @@ def _archive(folder: Path) -> Path:
     archive = folder / ARCHIVE
     if not archive.is_file():
         _fetch(folder)
-    found = hashlib.sha256(archive.read_bytes()).hexdigest()
-    if found != SHA256:
-        raise Failure(f"{archive} is not MicroPython's source of Debian: its SHA-256 is {found}, not {SHA256}; "
+    digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+    if digest != SHA256:
+        raise Failure(f"{archive} is not MicroPython's source of Debian: its SHA-256 is {digest}, not {SHA256}; "
                       "remove the file, then ./fledge setup --on micropython fetches it again", 1)
     return archive
 
@@ -365,22 +365,22 @@ def _mirror(folder: Path) -> str:
                       f"not here; put {ARCHIVE} into {folder}", 1)
     known = subprocess.run(["apt-get", "update", "--print-uris"], capture_output=True, text=True,
                            env=without_preload(os.environ)).stdout
-    found = re.search(r"^'(.*)/dists/[^/'-]+/InRelease'", known, re.MULTILINE)
-    if not found:
+    match = re.search(r"^'(.*)/dists/[^/'-]+/InRelease'", known, re.MULTILINE)
+    if not match:
         raise Failure("apt's configuration names no mirror of Debian's archive, from which MicroPython's source could "
                       f"come; put {ARCHIVE} into {folder}", 1)
-    return found[1]
+    return match[1]
 
 
 # --- building ------------------------------------------------------------------------------------
 
 
 def _recipe(*files: Path) -> str:
-    made = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted(files):
-        made.update(f"{file.relative_to(ROOT) if file.is_relative_to(ROOT) else file}\0".encode())
-        made.update(file.read_bytes())
-    return made.hexdigest()
+        digest.update(f"{file.relative_to(ROOT) if file.is_relative_to(ROOT) else file}\0".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _all(folder: Path) -> Iterable[Path]:

@@ -110,8 +110,8 @@ def test_integers_are_right_or_refused(run):
         expected.append(shown)
     printed, error = run("def a(x):\n    return x\n" + "\n".join(cases))
     assert error == ""
-    for case, found, right in zip(cases, printed, expected):
-        assert found == right or (right.startswith("0.") or "e-" in right or right == "inf"), case
+    for case, printed_, right in zip(cases, printed, expected):
+        assert printed_ == right or (right.startswith("0.") or "e-" in right or right == "inf"), case
     assert run("print(0x8000000000000000)")[1] == "OverflowError: integer beyond 64 bits"
     assert run("print(int(1e14), int(-1e18), int(2.0**46), int(-2.0**46))")[0][0] == \
         "100000000000000 -1000000000000000000 70368744177664 -70368744177664"
@@ -160,9 +160,9 @@ def test_what_flight_does_in_its_loop_takes_no_memory(run, body):
                          "V = C()\nV.x = 0.5\n"
                          f"def loop():\n    {body}\n")
     assert error == ""
-    found = re.fullmatch(r"heap: \d+ bytes at the start, \d+ at most until the loop, (\d+) in the loop, (\d+) after it",
+    match = re.fullmatch(r"heap: \d+ bytes at the start, \d+ at most until the loop, (\d+) in the loop, (\d+) after it",
                          printed[-1])
-    assert found[1] == found[2]
+    assert match[1] == match[2]
 
 
 @pytest.mark.parametrize("body", ["[1, 2]", "x = 'a' + s", "lambda: L", "L[0:1]", "{}", "[x for x in L]", "list(L)",
@@ -191,7 +191,7 @@ def test_start_takes_less_memory_when_the_script_is_frozen(tmp_path, run):
     text = "def loop():\n    pass\nX = [i for i in range(20)]\n"
     frozen = toolchain.interpreter(tmp_path / "frozen", {"script.py": text})
     printed = subprocess.run([frozen], capture_output=True, text=True, check=True).stdout
-    peaks = [int(re.search(r"(\d+) at most", one)[1]) for one in (printed, run(text)[0][-1])]
+    peaks = [int(re.search(r"(\d+) at most", line)[1]) for line in (printed, run(text)[0][-1])]
     assert peaks[0] < peaks[1] and peaks[0] < 4096
 
 
@@ -316,10 +316,10 @@ case "$*" in *source*) cat {elsewhere}/apt/sources.list > {elsewhere}/list; echo
         f"deb-src [signed-by={toolchain.KEYRING}] http://m.example/debian trixie main\n"
     update, source = (elsewhere / "said").read_text().splitlines()
     assert update.endswith(" update") and source.endswith(" source --download-only micropython=1.25.0+ds-1")
-    for said in (update, source):       # nothing of the machine's own lists is read or written
+    for file in (update, source):       # nothing of the machine's own lists is read or written
         for option in ("Dir::Etc::sourcelist", "Dir::State::Lists", "Dir::Cache"):
-            assert f"{option}={elsewhere}/apt/" in said
-        assert "Dir::Etc::sourceparts=-" in said
+            assert f"{option}={elsewhere}/apt/" in file
+        assert "Dir::Etc::sourceparts=-" in file
 
 
 @pytest.mark.parametrize("script, says", [

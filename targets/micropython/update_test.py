@@ -225,9 +225,9 @@ def test_the_ground_reads_module_line_and_reason(flown, module):
     name, out = flown
     where, why = REASONS[module]
     line = 1 + next(i for i, text in enumerate(FLIGHT.splitlines()) if where in text)
-    found = Dictionary.load(out / "c/unruly_packets.json")
+    dictionary = Dictionary.load(out / "c/unruly_packets.json")
     packets = read_script((out / f"{name}.telemetry.txt").read_text())
-    texts = [text for text in (decoded(found, packet.packet).content for packet in packets)
+    texts = [text for text in (decoded(dictionary, packet.packet).content for packet in packets)
              if text.text.startswith(f"flight.{module}, ")]
     assert [(text.t, text.kind.name, text.line, text.lost) for text in texts] == [
         (t, "SCRIPT", line, 0) for t in (2_000_000_000, 2_500_000_000, 3_500_000_000)]

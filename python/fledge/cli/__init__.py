@@ -19,7 +19,7 @@ from pathlib import Path
 
 from fledge.cli.arguments import add_update_limit, flight_time, given_parameters, number, parse_duration
 from fledge.cli.console import Plots, cannot_fly, itemized, placed, say, size_of, trace
-from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
+from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept_runs, open_run
 from fledge.errors import Failure, did_you_mean, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -153,7 +153,7 @@ def _scenario(sim: Simulation, options: argparse.Namespace) -> tuple[str, Callab
         every = min(1.0, duration / 10)
 
         def free(sim: Simulation) -> None:
-            sim.record(*(one for process in sim.processes for one in process), every=every)
+            sim.record(*(instance for process in sim.processes for instance in process), every=every)
             sim.run(duration)
 
         return "free", free
@@ -184,7 +184,7 @@ def _write_report(report: Any, folder: Path, options: argparse.Namespace, judged
                *(["--for", options.duration] if options.duration else []),
                *(["--seed", str(options.seed)] if options.seed else []),
                *(["--as", options.name, "--replace"] if options.name else []),
-               *(one for text in options.parameters for one in ("--set", text))]
+               *(word for text in options.parameters for word in ("--set", text))]
     message = (problem or "").removeprefix("failed: ") if code != 130 else ""
     return report.write(folder / "report.html", Outcome(
         verdict, message, Path(record) if record else None, None if options.no_plots else plots, shlex.join(command)))
@@ -218,13 +218,13 @@ def list_(options: argparse.Namespace) -> int:
     from fledge.objects.words import first_sentence
 
     say("missions")
-    found = {name: one.summaries() for name, one in mission.missions().items()}
-    width = max((len(name) for about in found.values() for name in about), default=0) + 2
-    for name, about in found.items():
+    summaries = {name: folder.summaries() for name, folder in mission.missions().items()}
+    width = max((len(name) for about in summaries.values() for name in about), default=0) + 2
+    for name, about in summaries.items():
         say(f"  {name:{width}} {about.pop('')}")
         for scenario, text in about.items():
             say(f"    {scenario:{width - 2}} {text}")
-    if not found:
+    if not summaries:
         say("  none")
     for title, types, kind in (
             ("flight modules (from fledge import flight as fsw)", getattr(flight, "TYPES"), "module"),
@@ -241,7 +241,7 @@ def list_(options: argparse.Namespace) -> int:
                                 note = "  (optional)" if f.optional else ""
                                 say(f"    {arrow} {f.name:13} {f.struct.name}{note}")
     say("\nbodies\n  " + ", ".join(f"world.{name}" for name in world.BODIES))
-    if runs := kept():
+    if runs := kept_runs():
         from fledge.archive.mcap import metadata
 
         say("\nkept runs (each is a RUN for plot, compare and convert)")
@@ -361,8 +361,8 @@ def _needed(options: argparse.Namespace) -> list[str] | None:
     if {"-h", "--help"} & set(options.options):
         return None
     text = (BENCH / f"{options.bench}.py").read_text(encoding="utf-8")
-    found = re.search(r"^NEEDS = (.*)$", text, re.MULTILINE)
-    return ["bench", "build all", "build fledge_bench", *(ast.literal_eval(found[1]) if found else [])]
+    match = re.search(r"^NEEDS = (.*)$", text, re.MULTILINE)
+    return ["bench", "build all", "build fledge_bench", *(ast.literal_eval(match[1]) if match else [])]
 
 
 def bench(options: argparse.Namespace) -> int:
@@ -441,40 +441,40 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
 
     def command(name: str, function: Callable[..., int], example: str) -> Any:
         text = texts[name]
-        one = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
+        sub = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
                                   epilog=f"example: ./fledge {example}")
-        one.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
-        one.set_defaults(function=function, needs=lambda _: [], by_itself=False)
-        return one
+        sub.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
+        sub.set_defaults(function=function, needs=lambda _: [], by_itself=False)
+        return sub
 
-    one = command("run", run, "run nadir_spin --pace 10")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("scenario", nargs="?", help="default: the mission's first")
-    one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
-    one.add_argument("--as", dest="name", metavar="NAME", help="keep the run under this name, in runs/kept/NAME: plot, "
+    sub = command("run", run, "run nadir_spin --pace 10")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("scenario", nargs="?", help="default: the mission's first")
+    sub.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
+    sub.add_argument("--as", dest="name", metavar="NAME", help="keep the run under this name, in runs/kept/NAME: plot, "
                      "compare and convert find it by NAME")
-    one.add_argument("--replace", action="store_true", help="with --as: in place of the run that has the name")
-    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--pace", type=number(), default=0.0, metavar="X",
+    sub.add_argument("--replace", action="store_true", help="with --as: in place of the run that has the name")
+    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    sub.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
-    one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
-    one.add_argument("--stop", action="store_true", help="end the run at the first violation of a requirement, and "
+    sub.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
+    sub.add_argument("--stop", action="store_true", help="end the run at the first violation of a requirement, and "
                      "keep the state in violated.snapshot")
-    one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
-    one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
-    one.add_argument("--for", dest="duration", metavar="DURATION",
+    sub.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
+    sub.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
+    sub.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
-    one.add_argument("--outputs", metavar="FILE", help="write a record of all outputs too, each at the instants at "
+    sub.add_argument("--outputs", metavar="FILE", help="write a record of all outputs too, each at the instants at "
                      "which it has changed")
-    one.add_argument("--check-replay", action="store_true", help="fly it again, in another process with another "
+    sub.add_argument("--check-replay", action="store_true", help="fly it again, in another process with another "
                      "environment; the run has failed if an output differs, which is named")
-    add_update_limit(one)
-    one.set_defaults(needs=lambda options: ["try view"] * options.report)
+    add_update_limit(sub)
+    sub.set_defaults(needs=lambda options: ["try view"] * options.report)
 
     from fledge.cli import (check, compare, control_room, export, falsify, faults, flips, fly, ground, keys, load,
                             montecarlo, node, packets, profile, prompt, replay, rewind, up, verify, versions)
 
-    node.add_parameters(one)
+    node.add_parameters(sub)
     check.add(command)
     node.add(command)
     montecarlo.add(command)
@@ -499,24 +499,24 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
     for add in more:
         add(command)
 
-    one = command("show", show, "show nadir_spin --out nadir_spin.png")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("--out", metavar="FILE", help="draw only into this .svg, .png, .pdf or .dot; "
+    sub = command("show", show, "show nadir_spin --out nadir_spin.png")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("--out", metavar="FILE", help="draw only into this .svg, .png, .pdf or .dot; "
                      "default: an outline, and runs/MISSION/wiring.svg")
-    one.add_argument("--text", action="store_true", help="only the outline")
-    one.add_argument("--flight-only", action="store_true", help="leave out the world")
-    node.add_parameters(one)
+    sub.add_argument("--text", action="store_true", help="only the outline")
+    sub.add_argument("--flight-only", action="store_true", help="leave out the world")
+    node.add_parameters(sub)
 
-    one = command("new", new, "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
-    one.formatter_class = argparse.RawDescriptionHelpFormatter
-    one.set_defaults(needs=lambda _: None)
-    one.add_argument("what", metavar="WHAT", choices=["module", "model", "mission", "project"],
+    sub = command("new", new, "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
+    sub.formatter_class = argparse.RawDescriptionHelpFormatter
+    sub.set_defaults(needs=lambda _: None)
+    sub.add_argument("what", metavar="WHAT", choices=["module", "model", "mission", "project"],
                      help="module, model, mission or project")
-    one.add_argument("name", metavar="NAME",
+    sub.add_argument("name", metavar="NAME",
                      help="SunSlew, or guidance/SunSlew for a subfolder; of a project: its folder")
-    one.add_argument("--project", metavar="DIR", default=os.environ.get("FLEDGE_PROJECT"),
+    sub.add_argument("--project", metavar="DIR", default=os.environ.get("FLEDGE_PROJECT"),
                      help="the project that it belongs to; default: FLEDGE_PROJECT, else Fledge itself")
-    kind = one.add_mutually_exclusive_group()
+    kind = sub.add_mutually_exclusive_group()
     kind.add_argument("--kind", dest="variant", choices=["guidance", "control", "determination", "sensing"],
                       help="of a module: a small one that works, with fitting messages, units and a test; a model has "
                       "sensing alone; default: as the subfolder is called, else --bare")
@@ -526,41 +526,41 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
                       "which it is a copy; of a module or model: FILE:CLASS, the prototype whose interface it gets, "
                       "with a test that compares both")
 
-    one = command("list", list_, "list --ports")
-    one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
+    sub = command("list", list_, "list --ports")
+    sub.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
 
-    one = command("plot", plot, "plot nadir_spin error.sigma_BR command.u")
-    one.add_argument("run", metavar="RUN", help=WHAT)
-    one.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
-    one.add_argument("--out", metavar="DIR", help="default: beside the record")
+    sub = command("plot", plot, "plot nadir_spin error.sigma_BR command.u")
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    sub.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
+    sub.add_argument("--out", metavar="DIR", help="default: beside the record")
 
-    one = command("view", view, "view earth_imager")
-    one.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film)])
-    one.add_argument("run", metavar="RUN", help=WHAT)
-    kind = one.add_mutually_exclusive_group()
+    sub = command("view", view, "view earth_imager")
+    sub.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film)])
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    kind = sub.add_mutually_exclusive_group()
     kind.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
                       "Foxglove's 3-D panel, in place of a page")
     kind.add_argument("--film", metavar="FILE.webp", help="write a film in place of a page")
-    one.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
-    one.add_argument("--look", default="", metavar="TEXT", help="of a film: what follows # in the page's address")
-    one.add_argument("--from", dest="begin", metavar="TIME", help="of a film: its first frame (90s, 1h23m)")
-    one.add_argument("--to", dest="end", metavar="TIME", help="of a film: its last frame")
-    one.add_argument("--frames", type=int, default=180, metavar="N",
+    sub.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
+    sub.add_argument("--look", default="", metavar="TEXT", help="of a film: what follows # in the page's address")
+    sub.add_argument("--from", dest="begin", metavar="TIME", help="of a film: its first frame (90s, 1h23m)")
+    sub.add_argument("--to", dest="end", metavar="TIME", help="of a film: its last frame")
+    sub.add_argument("--frames", type=int, default=180, metavar="N",
                      help="of a film, 12.5 a second; default: %(default)s")
 
-    one = command("convert", convert, "convert nadir_spin --csv --out tables")
-    one.add_argument("run", metavar="RUN", help=WHAT)
-    kind = one.add_mutually_exclusive_group(required=True)
+    sub = command("convert", convert, "convert nadir_spin --csv --out tables")
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    kind = sub.add_mutually_exclusive_group(required=True)
     kind.add_argument("--csv", action="store_true", help="a file per topic")
     kind.add_argument("--hdf5", action="store_true", help="one file")
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
-    one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
+    sub.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
 
-    one = command("bench", bench, "bench sim --json sim.json")
-    one.set_defaults(needs=_needed)
-    one.add_argument("bench", nargs="?", metavar="NAME")
-    one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
+    sub = command("bench", bench, "bench sim --json sim.json")
+    sub.set_defaults(needs=_needed)
+    sub.add_argument("bench", nargs="?", metavar="NAME")
+    sub.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
                      help="the bench's own, such as --json FILE; 'bench NAME --help' lists them")
     return top
 

@@ -29,10 +29,10 @@ def add_jobs(command: argparse.ArgumentParser, when: str = "") -> None:
     command.add_argument("--jobs", type=int, metavar="N", help=f"{when}flights at a time; default: one for each core")
 
 
-def add_pool(command: argparse.ArgumentParser) -> None:
+def add_pool(command: argparse.ArgumentParser, when: str = "") -> None:
     """The options of every command whose flights a cluster may fly."""
-    add_jobs(command)
-    command.add_argument("--scheduler", metavar="ADDRESS", help="fly on the workers of this Dask scheduler, as "
+    add_jobs(command, when)
+    command.add_argument("--scheduler", metavar="ADDRESS", help=f"{when}fly on the workers of this Dask scheduler, as "
                          "tcp://127.0.0.1:8786, in place of --jobs")
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("check", check, "check nadir_spin")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    add_parameters(one)
+    sub = command("check", check, "check nadir_spin")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_parameters(sub)
 
 
 def check(options: argparse.Namespace) -> int:
@@ -104,17 +104,17 @@ def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
     if (folder / "faults.py").exists():
         yield partial(_faults, folder)
     keys = {path: _keys(path) for path in sorted(folder.glob("*.toml"))}
-    boards = [[path] for path, found in keys.items() if "snorkel" in found]
+    boards = [[path] for path, entries in keys.items() if "snorkel" in entries]
     if any(folder.glob("boards/*.toml")):
         boards.append([folder / "boards"])
     for paths in boards if whole else ():
         yield partial(_boards, sim, paths)
     if whole and (folder / "ground.toml").exists():
         yield partial(_ground, sim)
-    for path, found in keys.items():
-        if "craft" in found:
+    for path, entries in keys.items():
+        if "craft" in entries:
             yield partial(_control_room, path)
-        elif not found or {"node", "asynchronous"} & found:
+        elif not entries or {"node", "asynchronous"} & entries:
             yield partial(_programs, path)
 
 
@@ -131,8 +131,8 @@ def _keys(path: Path) -> set[str]:
 def _requirements(sim: Any) -> str:
     from fledge.requirements import Requirements
 
-    found = Requirements(sim)
-    return counted(len(found.all), "requirement") if found else ""
+    requirements = Requirements(sim)
+    return counted(len(requirements.all), "requirement") if requirements else ""
 
 
 def _campaigns(folder: Path) -> str:
@@ -164,7 +164,7 @@ def _boards(sim: Any, paths: Sequence[Any]) -> str:
 def _ground(sim: Any) -> str:
     from fledge.export import ground, packets, read_all
 
-    ground.read(sim.mission.folder, [packets.database(one) for one in read_all(sim)])
+    ground.read(sim.mission.folder, [packets.database(process) for process in read_all(sim)])
     return ground.FILE
 
 

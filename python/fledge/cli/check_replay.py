@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.cli.console import counted
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
 
 # The variables by which a program finds its files; the others are not there the second time.
-_KEPT = re.compile(r"(PATH|HOME|TMPDIR|LANG|VIRTUAL_ENV|ASAN_OPTIONS|(FLEDGE|LC|LD|PYTHON|XDG|MPL)_?[A-Z_]*)$")
+_NEEDED = re.compile(r"(PATH|HOME|TMPDIR|LANG|VIRTUAL_ENV|ASAN_OPTIONS|(FLEDGE|LC|LD|PYTHON|XDG|MPL)_?[A-Z_]*)$")
 
 
 class Replay:
@@ -49,14 +49,14 @@ class Replay:
                  *(["--for", options.duration] if options.duration else []), "--seed", str(options.seed),
                  *(word for text in options.parameters for word in ("--set", text)), "--no-plots",
                  "--out", str(self.second.parent), "--outputs", str(self.second)]
-        kept = {name: value for name, value in os.environ.items() if _KEPT.match(name)}
-        order = "2" if kept.get("PYTHONHASHSEED") == "1" else "1"
+        variables = {name: value for name, value in os.environ.items() if _NEEDED.match(name)}
+        order = "2" if variables.get("PYTHONHASHSEED") == "1" else "1"
         flown = subprocess.run([sys.executable, "-P", "-m", "fledge.cli", *words], capture_output=True, text=True,
-                               env={**kept, "PYTHONHASHSEED": order, "FLEDGE_REPLAY": "1"})
+                               env={**variables, "PYTHONHASHSEED": order, "FLEDGE_REPLAY": "1"})
         difference, same = self._compare(sim)
         if not difference and flown.returncode != code:
-            said = (flown.stderr.strip().splitlines() or ["nothing"])[-1].removeprefix("fledge: ")
-            difference = f"it ended with code {code} the first time, and with {flown.returncode} the second: {said}"
+            message = (flown.stderr.strip().splitlines() or ["nothing"])[-1].removeprefix("fledge: ")
+            difference = f"it ended with code {code} the first time, and with {flown.returncode} the second: {message}"
         if not difference:
             shutil.rmtree(self._folder)
             return "", same
@@ -72,11 +72,11 @@ class Replay:
 
         if not self.first.exists() or not self.second.exists():     # an error before the first instant
             return "", "nothing was flown"
-        with Archive(self.first) as one, Archive(self.second) as two:
-            differences = compare(one, two)
+        with Archive(self.first) as a, Archive(self.second) as b:
+            differences = compare(a, b)
             if not differences:
-                messages = sum(channel.count for channel in one.topics.values())
-                return "", f"the same bits again: {counted(len(one.topics), 'output')}, {messages} messages"
+                messages = sum(channel.count for channel in a.topics.values())
+                return "", f"the same bits again: {counted(len(a.topics), 'output')}, {messages} messages"
             first = differences[0]
             process, instance, _ = first.topic.split(".")
             python = python_text(sim.process(process).instances[instance])

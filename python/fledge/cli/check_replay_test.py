@@ -91,8 +91,8 @@ def mission(tmp_path, monkeypatch):
 def test_a_run_that_is_the_same_again_passes(mission, capsys):
     place = mission()
     assert cli.main(["run", "turn", "--check-replay"]) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"\n  replay   the same bits again: 7 outputs, \d\d\d messages\n", said), said
+    output = capsys.readouterr().out
+    assert re.search(r"\n  replay   the same bits again: 7 outputs, \d\d\d messages\n", output), output
     assert not (place / "runs/turn/short/replay").exists()
     assert len(list((place / "runs").rglob("*.mcap"))) == 2      # the run's own, of which one is before its reset
 
@@ -105,14 +105,14 @@ def test_what_reads_more_than_it_may_is_named(mission, monkeypatch, capsys, what
     place = mission(what)
     monkeypatch.setenv("GAIN", "7")
     assert cli.main(["run", "turn", "--check-replay"]) == 1
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
     line = (place / "missions/turn/flight.py").read_text().splitlines().index("class Slew(prototype.Module):") + 1
     assert re.search(r"fledge: turn, short: a second flight differs: t = 2 s  flight.slew.reference.sigma_RN\[2\]: "
                      rf"\S+ and \S+ .*\(class Slew, flight.py, line {line}\); a run depends on its seed and parameters "
-                     "alone, so look there for a clock", said.err), said.err
-    first, second = (Archive(place / f"runs/turn/short/replay/{one}/outputs.mcap") for one in ("first", "second"))
+                     "alone, so look there for a clock", captured.err), captured.err
+    first, second = (Archive(place / f"runs/turn/short/replay/{flight}/outputs.mcap") for flight in ("first", "second"))
     assert (first["slew.reference.sigma_RN"][:4] == second["slew.reference.sigma_RN"][:4]).all()
-    assert "replay" not in said.out
+    assert "replay" not in captured.out
     # The next check does not meet what is left of this one.
     mission()
     assert cli.main(["run", "turn", "--check-replay"]) == 0
@@ -121,8 +121,9 @@ def test_what_reads_more_than_it_may_is_named(mission, monkeypatch, capsys, what
 def test_a_run_that_fails_must_fail_again(mission, monkeypatch, capsys):
     mission()
     assert cli.main(["run", "turn", "wrong", "--check-replay"]) == 1
-    said = capsys.readouterr()
-    assert "replay   the same bits again" in said.out and "as ever" in said.err and "differs" not in said.err
+    captured = capsys.readouterr()
+    assert "replay   the same bits again" in captured.out
+    assert "as ever" in captured.err and "differs" not in captured.err
     assert cli.main(["run", "turn", "early", "--check-replay"]) == 1
     assert "no flight" in capsys.readouterr().err
     monkeypatch.setenv("MOOD", "good")

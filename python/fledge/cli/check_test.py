@@ -113,13 +113,13 @@ WHOLE = OPEN | {"flight.py": OPEN["flight.py"].replace("MrpFeedback(K=2)", "MrpF
 def test_all_problems_stand_in_one_list_by_the_lines_that_made_them(write):
     write(WRONG)
     sim = fledge.load("open")
-    found = sim.problems
-    assert [(file, line) for file, line, _ in found] == [(f"missions/open/{file}", line) for file, line, _ in FOUND]
-    assert all(text.startswith(begin) for (*_, text), (*_, begin) in zip(found, FOUND))
+    problems = sim.problems
+    assert [(file, line) for file, line, _ in problems] == [(f"missions/open/{file}", line) for file, line, _ in FOUND]
+    assert all(text.startswith(begin) for (*_, text), (*_, begin) in zip(problems, FOUND))
     with pytest.raises(fledge.CompositionError) as refused:
         sim.run(1)
-    assert str(refused.value).splitlines() == [f"{file}, line {line}: {text}" for file, line, text in found]
-    assert sim.problems == found and sim.time_ns == -1 and isinstance(refused.value, fledge.SetupError)
+    assert str(refused.value).splitlines() == [f"{file}, line {line}: {text}" for file, line, text in problems]
+    assert sim.problems == problems and sim.time_ns == -1 and isinstance(refused.value, fledge.SetupError)
 
 
 COMMANDS = ["run open", "run open --report --outputs all.mcap", "run open --check-replay", "run open --for 10s",
@@ -140,13 +140,13 @@ def test_every_command_tells_it_once_and_leaves_nothing(write, tmp_path, capsys,
         "up.toml": 'until = 10\n[[node]]\nmission = "open"\nprocess = "flight"\n'})
     before = set(tmp_path.rglob("*"))
     assert cli.main(command.split()) == 2
-    said = capsys.readouterr()
-    told = said.err[said.err.index("fledge: the mission cannot fly:\n"):].splitlines()
-    assert [line.split(": ")[0] for line in told[1:]] == [
+    captured = capsys.readouterr()
+    lines = captured.err[captured.err.index("fledge: the mission cannot fly:\n"):].splitlines()
+    assert [line.split(": ")[0] for line in lines[1:]] == [
         f"  missions/open/{file}, line {line}" for file, line, _ in FOUND]
-    assert len(told) == 1 + len(FOUND)
-    assert "the scenario begins" not in said.out or not command.startswith(("run", "verify"))
-    assert not any(word in said.out + said.err for word in ("flown", "unknown", "record  ", "Traceback"))
+    assert len(lines) == 1 + len(FOUND)
+    assert "the scenario begins" not in captured.out or not command.startswith(("run", "verify"))
+    assert not any(word in captured.out + captured.err for word in ("flown", "unknown", "record  ", "Traceback"))
     assert {path for path in tmp_path.rglob("*") if "__pycache__" not in path.parts} == before
 
 
@@ -184,8 +184,8 @@ def test_what_a_scenario_gives_is_not_missing(write, capsys):
 def test_check_reads_all_files_of_the_mission(write, capsys, file, text, error):
     write(WHOLE | {file: text})
     assert cli.main(["check", "open"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("fledge: open can fly; ") and error in said
+    shown = capsys.readouterr().err
+    assert shown.startswith("fledge: open can fly; ") and error in shown
 
 
 def test_check_says_of_a_worked_mission_what_it_has(capsys):
@@ -194,9 +194,9 @@ def test_check_says_of_a_worked_mission_what_it_has(capsys):
                                        "3 requirements, 3 campaigns, faults.py: can fly\n")
 
 
-def test_of_an_error_before_the_first_instant_nothing_is_said_of_a_run(write, tmp_path, capsys):
+def test_an_error_before_the_first_instant_reports_no_run(write, tmp_path, capsys):
     write(WHOLE | {"scenarios.py": "def early(sim):\n    sim.nothing()\n"})
     assert cli.main(["run", "open", "--report"]) == 1
-    said = capsys.readouterr()
-    assert said.err.startswith("fledge: open, early: missions/open/scenarios.py, line 2: AttributeError: ")
-    assert said.out == "open, early\n" and not (tmp_path / "runs").exists()
+    captured = capsys.readouterr()
+    assert captured.err.startswith("fledge: open, early: missions/open/scenarios.py, line 2: AttributeError: ")
+    assert captured.out == "open, early\n" and not (tmp_path / "runs").exists()

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one: Any = command("ground", lambda options: one.error("serve, run, password or token?"),
+    sub: Any = command("ground", lambda options: sub.error("serve, run, password or token?"),
                        "ground serve ground.toml")
-    one.set_defaults(needs=lambda options: ["control_room", "build ground", *["view"] * (options.function == serve)])
-    kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
+    sub.set_defaults(needs=lambda options: ["control_room", "build ground", *["view"] * (options.function == serve)])
+    kinds = sub.add_subparsers(metavar="ACTION", parser_class=type(sub))
 
     def action(name: str, function: Callable[..., int], text: str, example: str) -> Any:
         a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
@@ -95,8 +95,8 @@ def serve(options: argparse.Namespace) -> int:
 
     async def until_signal() -> None:
         over = asyncio.Event()
-        for one in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(one, over.set)
+        for ending in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(ending, over.set)
         await web.serve(room, ready, over)
 
     try:
@@ -130,8 +130,8 @@ def run(options: argparse.Namespace) -> int:
             _show(entry)
 
         write(scripts.begin(path, options.to, function))
-        asked = getattr(craft.link, "ask", None)    # of a server: its operators
-        script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes, asked))
+        prompt = getattr(craft.link, "ask", None)    # of a server: its operators
+        script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes, prompt))
         try:
             with _ended_as_by_ctrl_c():
                 problem, code = script.run(function, lambda: trace(options))
@@ -190,13 +190,13 @@ def _show(entry: dict[str, Any]) -> None:
         say(f"  {entry['t_ns'] / 1e9:10.3f} s  {entry['kind']:9} {text}".rstrip())
 
 
-def _ask(question: str, yes: bool, asked: Callable[[str], tuple[bool, str]] | None) -> tuple[bool, str]:
+def _ask(question: str, yes: bool, prompt: Callable[[str], tuple[bool, str]] | None) -> tuple[bool, str]:
     """(the answer of the operator, who that was)."""
     if yes:
         return True, "by --yes"
-    if asked:
+    if prompt:
         say(f"  the console asks: {question}")
-        return asked(question)
+        return prompt(question)
     if not sys.stdin.isatty():
         raise Failure(f"the script asks '{question}', and there is no terminal; --yes answers it", 1)
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes"), f"by {getpass.getuser()}"
@@ -221,9 +221,9 @@ def password(options: argparse.Namespace) -> int:
 def token(options: argparse.Namespace) -> int:
     from json import dumps
 
-    from fledge.ground.server.passwords import token as made
+    from fledge.ground.server import passwords
 
-    word, kept = made()
+    word, hashed = passwords.token()
     say(f"# the token: {word}")
-    say(f"[[token]]\nname = {dumps(options.name, ensure_ascii=False)}\nhash = \"{kept}\"\nroles = [\"view\"]")
+    say(f"[[token]]\nname = {dumps(options.name, ensure_ascii=False)}\nhash = \"{hashed}\"\nroles = [\"view\"]")
     return 0

@@ -22,39 +22,39 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("export", export, "export c nadir_spin --out nadir_spin_c")
-    one.add_argument("form", choices=["c", "cfs", "rtems", "micropython", "xtce"], help="c: MISSION.h and MISSION.c, "
+    sub = command("export", export, "export c nadir_spin --out nadir_spin_c")
+    sub.add_argument("form", choices=["c", "cfs", "rtems", "micropython", "xtce"], help="c: MISSION.h and MISSION.c, "
                      "in C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a "
                      "LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
                      "xtce: all packets and commands, of all flight processes, as a database for ground stations")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
-    one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
-    one.add_argument("--board", nargs="*", action="extend", metavar="FILE", help="also write the boards through which "
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
+    sub.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
+    sub.add_argument("--board", nargs="*", action="extend", metavar="FILE", help="also write the boards through which "
                      "the messages pass, and their tables: files, or folders of *.toml; without FILE: a board that "
                      "carries each message whole")
-    one.add_argument("--outputs", metavar="PATHS", help="further outputs that the board carries, besides "
+    sub.add_argument("--outputs", metavar="PATHS", help="further outputs that the board carries, besides "
                      "those that the world reads, as in flight.tracking.error,flight.spin.euler; all: every output")
-    one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
-    one.add_argument("--topic", metavar="N", default=None, help="cfs: the number of the app's first message "
+    sub.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
+    sub.add_argument("--topic", metavar="N", default=None, help="cfs: the number of the app's first message "
                      "id, which is 0x1800 + N for commands and 0x0800 + N for telemetry; default: 0xC0")
-    one.add_argument("--wakeup", metavar="ID", help="cfs: the message of a scheduler that wakes the app, as in 0x18D0, "
+    sub.add_argument("--wakeup", metavar="ID", help="cfs: the message of a scheduler that wakes the app, as in 0x18D0, "
                      "or own: the app wakes itself; default: a topic of the app's")
-    one.add_argument("--input", metavar="PATH=ID", action="append", default=[], help="cfs: the message id of an input, "
+    sub.add_argument("--input", metavar="PATH=ID", action="append", default=[], help="cfs: the message id of an input, "
                      "as in world.nav.attitude=0x08D3; default: a topic of the app's")
-    one.add_argument("--keep", metavar="NAMES", help="cfs: what outlives the app, in a critical data store: "
+    sub.add_argument("--keep", metavar="NAMES", help="cfs: what outlives the app, in a critical data store: "
                      "parameters, or modules, as in flight.control")
-    one.add_argument("--beside", metavar="DIR", action="append", default=[], help="cfs: the folder of an app of the "
+    sub.add_argument("--beside", metavar="DIR", action="append", default=[], help="cfs: the folder of an app of the "
                      "same core, whose message ids must differ; apps in the same folder are known")
-    one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
-    one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
+    sub.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
+    sub.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
-    one.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
-    one.add_argument("--yamcs", action="store_true", help="xtce: also an instance of Yamcs, in DIR/yamcs")
-    one.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP")
-    add_parameters(one)
-    one.set_defaults(needs=lambda options: TARGETS.known([options.form]))
+    sub.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
+    sub.add_argument("--yamcs", action="store_true", help="xtce: also an instance of Yamcs, in DIR/yamcs")
+    sub.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
+    sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP")
+    add_parameters(sub)
+    sub.set_defaults(needs=lambda options: TARGETS.known([options.form]))
 
 
 def export(options: argparse.Namespace) -> int:
@@ -174,7 +174,7 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
             raise Failure(f"export cfs: {option} must be a number, as 0xC0; found {text}") from None
 
     wires = {path.strip(): number(f"--input {path}", mid) for path, _, mid in
-             (one.partition("=") for one in options.input)}
+             (word.partition("=") for word in options.input)}
     app = cfs.App(options.app, number("--topic", options.topic or "0xC0"), options.order or "little",
                   None if options.wakeup in (None, "own") else number("--wakeup", options.wakeup),
                   options.wakeup == "own",

@@ -28,25 +28,25 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    one = command("falsify", falsify, "falsify sun_safe SUN-1 --runs 1000")
-    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
-    one.add_argument("requirement", help="the id of a requirement of its requirements.py")
-    add_campaign(one)
-    one.add_argument("--scenario", metavar="NAME", help="fly this scenario with the campaign's dispersions, from what "
+    sub = command("falsify", falsify, "falsify sun_safe SUN-1 --runs 1000")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
+    sub.add_argument("requirement", help="the id of a requirement of its requirements.py")
+    add_campaign(sub)
+    sub.add_argument("--scenario", metavar="NAME", help="fly this scenario with the campaign's dispersions, from what "
                      "it sets to the end of its first run")
-    one.add_argument("--runs", type=int, metavar="N", help="at most; default: 1000. With --probability: of each level "
+    sub.add_argument("--runs", type=int, metavar="N", help="at most; default: 1000. With --probability: of each level "
                      "of each repetition; default: 500")
-    one.add_argument("--first", action="store_true", help="end with the first run that violates it")
-    one.add_argument("--probability", action="store_true", help="estimate how probable it is that a draw of the "
+    sub.add_argument("--first", action="store_true", help="end with the first run that violates it")
+    sub.add_argument("--probability", action="store_true", help="estimate how probable it is that a draw of the "
                      "campaign violates it, by importance splitting")
-    one.add_argument("--repetitions", type=int, default=8, metavar="N", help="of the estimate, whose spread gives its "
+    sub.add_argument("--repetitions", type=int, default=8, metavar="N", help="of the estimate, whose spread gives its "
                      "interval; each has random streams of its own; default: %(default)s")
-    one.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
+    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
                      "default: 0")
-    add_pool(one)
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
-    one.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
-    add_update_limit(one)
+    add_pool(sub)
+    sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
+    sub.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
+    add_update_limit(sub)
 
 
 def falsify(options: argparse.Namespace) -> int:
@@ -86,31 +86,31 @@ def _search(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
     from fledge.falsify import regression, search
 
     begun = time.perf_counter()
-    runs, found, path = options.runs or 1000, None, None
+    runs, smallest, path = options.runs or 1000, None, None
     command = shlex.join(["./fledge", *options.words])
     with _Live(flights, runs):
         tried = search(flights, flights.space, runs, options.seed, options.first)
         if tried.first is not None:
-            found = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
-    if found:
+            smallest = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
+    if smallest:
         path = folder / f"{regression.name_of(flights.requirement)}.py"
-        path.write_text(regression.scenario(flights, found, command), encoding="utf-8")
+        path.write_text(regression.scenario(flights, smallest, command), encoding="utf-8")
     wall = time.perf_counter() - begun
-    facts = _facts(options, flights, tried, found, path)
+    facts = _facts(options, flights, tried, smallest, path)
     (folder / "searched.json").write_text(json.dumps({**facts, "command": command}, indent=1) + "\n", encoding="utf-8")
     if options.json:
         print(json.dumps(facts, indent=1))
     else:
-        _tell(flights, tried, found, facts, wall)
-        for one in [path, folder / "searched.json"]:
-            if one:
-                say(f"  wrote     {one}")
+        _tell(flights, tried, smallest, facts, wall)
+        for file in [path, folder / "searched.json"]:
+            if file:
+                say(f"  wrote     {file}")
     if tried.interrupted:
         return 130
-    return 1 if found else 0
+    return 1 if smallest else 0
 
 
-def _facts(options: argparse.Namespace, flights: Flights, tried: Tried, found: Counterexample | None,
+def _facts(options: argparse.Namespace, flights: Flights, tried: Tried, smallest: Counterexample | None,
            path: Path | None) -> dict[str, Any]:
     """The statement of what was searched, and what was found."""
     best, margins = tried.best, tried.margins
@@ -125,8 +125,8 @@ def _facts(options: argparse.Namespace, flights: Flights, tried: Tried, found: C
         "least after": {n: _finite(min(known)) for n in _counts(len(margins))
                         if (known := [x for x in margins[:n] if x == x])},
         "worst": {} if best is None else dict(zip(flights.space.columns, map(float, tried.values[best]))),
-        "smallest": found and {"margin": _finite(found.margin), "kept": found.kept, "removed": found.removed,
-                               "values": found.values},
+        "smallest": smallest and {"margin": _finite(smallest.margin), "kept": smallest.kept,
+                                  "removed": smallest.removed, "values": smallest.values},
         "regression test": str(path) if path else None, "interrupted": tried.interrupted,
     }
 
@@ -140,7 +140,7 @@ def _finite(x: float) -> float | str:
     return float(x) if abs(x) < float("inf") else str(float(x))
 
 
-def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: dict, wall: float) -> None:
+def _tell(flights: Flights, tried: Tried, smallest: Counterexample | None, facts: dict, wall: float) -> None:
     from fledge.requirements.formula import number_text
 
     def margin(x: float | str | None) -> str:
@@ -165,18 +165,20 @@ def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: d
         say(f"  unknown   {facts['unknown']} runs, whose margin is not known")
     say(f"  nominal   {margin(facts['nominal'])}")
     say("  least     " + ", ".join(f"{margin(x)} after {n}" for n, x in facts["least after"].items()))
-    if not found:
+    if not smallest:
         say(f"  holds     in all runs that were flown; the least margin is {margin(facts['least'])}")
         numbers(facts["worst"])
         return
     say(f"  VIOLATED  first by run {tried.first}; the least margin is {margin(facts['least'])}, of run {tried.best}")
     numbers(facts["worst"])
-    say(f"  smallest  {margin(found.margin)}, with " + (f"{len(found.kept)} of {len(found.kept) + len(found.removed)} "
-        "deviations" if found.kept else "no deviation: the nominal run violates it"))
-    numbers({name: x for name, x in found.values.items()
-             if any(name == one or name.startswith((f"{one}.", f"{one}[")) for one in found.kept)})
-    if found.removed:
-        say(f"  set back  {', '.join(found.removed)}")
+    all_ = len(smallest.kept) + len(smallest.removed)
+    say(f"  smallest  {margin(smallest.margin)}, with " + (
+        f"{len(smallest.kept)} of {all_} deviations" if smallest.kept else
+        "no deviation: the nominal run violates it"))
+    numbers({name: x for name, x in smallest.values.items()
+             if any(name == group or name.startswith((f"{group}.", f"{group}[")) for group in smallest.kept)})
+    if smallest.removed:
+        say(f"  set back  {', '.join(smallest.removed)}")
 
 
 def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
@@ -186,12 +188,12 @@ def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> in
 
     runs = options.runs or 500
     with _Live(flights, 5 * runs * options.repetitions):
-        found = probability(flights.repetition, flights.space, runs, options.repetitions, options.seed)
+        estimate = probability(flights.repetition, flights.space, runs, options.repetitions, options.seed)
     facts = {"mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
              "campaign": flights.campaign.name, "scenario": flights.scenario, "seed": options.seed,
-             "searched": flights.space.described(flights.shown), "probability": found.value, "low": found.low,
-             "high": found.high, "runs": found.runs, "repetitions": found.parts,
-             "levels": [[_finite(x) for x in level] for level in found.levels],
+             "searched": flights.space.described(flights.shown), "probability": estimate.value, "low": estimate.low,
+             "high": estimate.high, "runs": estimate.runs, "repetitions": estimate.parts,
+             "levels": [[_finite(x) for x in level] for level in estimate.levels],
              "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None)}
     path = folder / "probability.json"
     path.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
@@ -199,7 +201,7 @@ def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> in
         print(json.dumps(facts, indent=1))
         return 0
     say(f"{facts['mission']}, {facts['requirement']}: {facts['text']}")
-    say(f"  violated  with the probability {found}")
+    say(f"  violated  with the probability {estimate}")
     for line in facts["searched"]:
         say(f"            {line}")
     if facts["errors"] or facts["unknown"]:

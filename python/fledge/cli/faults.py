@@ -17,25 +17,25 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("faults", faults, "faults sun_safe --begin 5min")
-    one.add_argument("mission", help="the name of a mission, or its folder; its faults.py may say more")
-    one.add_argument("--scenario", action="append", default=[], metavar="NAME", help="may be repeated; default: the "
+    sub = command("faults", faults, "faults sun_safe --begin 5min")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its faults.py may say more")
+    sub.add_argument("--scenario", action="append", default=[], metavar="NAME", help="may be repeated; default: the "
                      "first")
-    one.add_argument("--unit", action="append", default=[], metavar="PATH", help="only this one, as world.gyro; may be "
+    sub.add_argument("--unit", action="append", default=[], metavar="PATH", help="only this one, as world.gyro; may be "
                      "repeated")
-    one.add_argument("--kind", action="append", default=[], metavar="KIND", help="only faults of this kind, as DEAD; "
+    sub.add_argument("--kind", action="append", default=[], metavar="KIND", help="only faults of this kind, as DEAD; "
                      "may be repeated")
-    one.add_argument("--begin", metavar="TIMES", help="when they begin: 90s, or 5min,1h; default: those of faults.py, "
+    sub.add_argument("--begin", metavar="TIMES", help="when they begin: 90s, or 5min,1h; default: those of faults.py, "
                      "or the middle of each mode's first stay")
-    one.add_argument("--lasts", metavar="DURATION", help="for how long; default: that of faults.py, or for ever")
-    one.add_argument("--for", dest="duration", metavar="DURATION", help="end each flight so long after its start (90s, "
+    sub.add_argument("--lasts", metavar="DURATION", help="for how long; default: that of faults.py, or for ever")
+    sub.add_argument("--for", dest="duration", metavar="DURATION", help="end each flight so long after its start (90s, "
                      "10min, 2h); default: with its scenario")
-    one.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
-    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    add_pool(one)
-    one.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
-    add_update_limit(one)
-    add_parameters(one)
+    sub.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
+    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_pool(sub)
+    sub.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
+    add_update_limit(sub)
+    add_parameters(sub)
 
 
 def faults(options: argparse.Namespace) -> int:
@@ -56,7 +56,7 @@ def faults(options: argparse.Namespace) -> int:
     limit = flight_time(options)
     folder = Path(options.out) if options.out else Path("runs") / name / "faults"
     with alone(folder):
-        say(f"{name}: {counted(len(wanted), 'fault')} of {counted(len({one.unit for one in wanted}), 'unit')}")
+        say(f"{name}: {counted(len(wanted), 'fault')} of {counted(len({fault.unit for fault in wanted}), 'unit')}")
         begun = time.perf_counter()
         with Bar(name) as bar:
             def progress(done: int, all_: int, expected: float) -> None:
@@ -72,9 +72,9 @@ def faults(options: argparse.Namespace) -> int:
         wall = time.perf_counter() - begun
         paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
     say("\n".join(page.text(flights)))
-    for one in [flight for flight in flights if page.hidden(flight)][:8]:
-        say(f"  hidden   {one.scenario}, {one.begin:g} s: {' and '.join(map(str, one.faults))}: "
-            + (", ".join(one.violated) or one.text))
+    for flight in list(filter(page.hidden, flights))[:8]:
+        say(f"  hidden   {flight.scenario}, {flight.begin:g} s: {' and '.join(map(str, flight.faults))}: "
+            + (", ".join(flight.violated) or flight.text))
     say(f"  flown    {counted(len(flights), 'flight')} in {wall:.3g} s")
     for path in paths:
         say(f"  report   {path}")

@@ -15,28 +15,28 @@ from fledge.cli.arguments import add_pool, parse_duration
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("flips", flips, "flips nadir_spin --count 1000")
-    one.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
-    one.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")
-    one.add_argument("--count", type=int, default=1000, metavar="N", help="how many flips, each in a flight of its own;"
+    sub = command("flips", flips, "flips nadir_spin --count 1000")
+    sub.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
+    sub.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")
+    sub.add_argument("--count", type=int, default=1000, metavar="N", help="how many flips, each in a flight of its own;"
                      " default: 1000")
-    one.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
-    one.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
-    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION",
+    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
+    sub.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
+    sub.add_argument("--for", dest="duration", default="60s", metavar="DURATION",
                      help="the flips come in it; default: 60s")
-    one.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
+    sub.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
                      "watchdog can act; default: 20s")
-    one.add_argument("--bits", type=int, default=1, metavar="N", help="how many neighbouring bits of a word each flip "
+    sub.add_argument("--bits", type=int, default=1, metavar="N", help="how many neighbouring bits of a word each flip "
                      "inverts; default: 1")
-    one.add_argument("--rates", type=float, nargs=2, metavar=("REGISTERS", "MEMORY"), help="flips per bit and day; they"
+    sub.add_argument("--rates", type=float, nargs=2, metavar=("REGISTERS", "MEMORY"), help="flips per bit and day; they"
                      " then come at any time, and effects have a rate; default: each bit as likely, at any instruction")
-    one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
+    sub.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
                      "both, one campaign after the other with the same flips")
-    add_pool(one)
-    one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
+    add_pool(sub)
+    sub.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
                      help="of the emulator; default: translator")
-    one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
-    one.set_defaults(needs=lambda options: ["leon3", "build _emulator"])
+    sub.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
+    sub.set_defaults(needs=lambda options: ["leon3", "build _emulator"])
 
 
 def flips(options: argparse.Namespace) -> int:

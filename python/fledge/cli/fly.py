@@ -19,7 +19,7 @@ from fledge.targets import TARGETS
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
     from typing import Any
 
@@ -35,61 +35,61 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("fly", fly, "fly nadir_spin --on desktop,linux,aarch64")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
-    one.add_argument("--free", action="store_true", help="without a scenario; with --for")
-    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
+    sub = command("fly", fly, "fly nadir_spin --on desktop,linux,aarch64")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
+    sub.add_argument("--free", action="store_true", help="without a scenario; with --for")
+    sub.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
                      "desktop,linux. The desktop always flies, because the others are compared with it. "
                      "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
                      "the desktop's code. serial:DEVICE: a board at a serial line, as in "
                      "serial:/dev/ttyACM0?baud=921600&reset=go-on&cut=10; ssh:HOST: a computer with Linux")
-    line = one.add_argument_group("on a board at a serial line (serial:DEVICE), or a computer with Linux")
+    line = sub.add_argument_group("on a board at a serial line (serial:DEVICE), or a computer with Linux")
     line.add_argument("--elf", action="append", default=[], metavar="FILE", help="the program that the board has, "
                       "which is checked; default: any of this mission. PROCESS=FILE: of that flight process")
     line.add_argument("--baud", type=int, metavar="N", help="of the line; default: 921600")
     line.add_argument("--pace", type=number(), default=0.0, metavar="X", help="X simulated seconds per second, with a "
                       "histogram of how late flight answered; default: the world waits for the board")
-    one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
-    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--board", nargs="+", action="extend", default=[], metavar="FILE", help="boards that the messages "
+    sub.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
+    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    sub.add_argument("--board", nargs="+", action="extend", default=[], metavar="FILE", help="boards that the messages "
                      "pass, as in docs/export.md: files, or folders of *.toml; default: one that carries them whole. "
                      "PROCESS=FILE: of that flight process")
-    one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
+    sub.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: the largest difference of a field from the desktop's, as in "
                      "tracking.error.sigma_BR=1e-4")
-    one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
-    one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
+    sub.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
+    sub.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE; with --on leon3-rtems: an app on its core, under RTEMS")
-    one.add_argument("--rtems", metavar="DIR", help="with --on leon3-rtems: the folder into which RTEMS 6 was "
+    sub.add_argument("--rtems", metavar="DIR", help="with --on leon3-rtems: the folder into which RTEMS 6 was "
                      "installed, with the BSP leon3; default: FLEDGE_RTEMS")
-    one.add_argument("--clock", action="store_true", help="fly one process in real time, by the clock of this machine, "
+    sub.add_argument("--clock", action="store_true", help="fly one process in real time, by the clock of this machine, "
                      "with the inputs of the desktop's flight; print and plot how late it woke and how long a cycle "
                      "took; with --for")
-    one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
+    sub.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
                      "target, as run does")
     line.add_argument("--ssh", metavar="COMMAND", default="", help="with ssh:HOST: how ssh is called, as in 'ssh -p "
                       "2222'; default: ssh")
-    tools = one.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md); --gdb on "
+    tools = sub.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md); --gdb on "
                                    "cortex-m7 and riscv64, too")
     tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
     for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
                        "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
         tools.add_argument(f"--{name}", metavar="FILE", help=f"write {what}")
-    one.add_argument("--build", action="store_true", help="only build, and print the path and the size")
-    one.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
+    sub.add_argument("--build", action="store_true", help="only build, and print the path and the size")
+    sub.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
                      "the process, of a run whose controller is elsewhere, one process on one target; default: "
                      "FLEDGE_ADDRESS, FLEDGE_SIMULATION, FLEDGE_NODE")
-    one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
-    one.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
-    add_parameters(one)
-    one.set_defaults(needs=_needed)
+    sub.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
+    sub.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
+    add_parameters(sub)
+    sub.set_defaults(needs=_needed)
 
 
 def _needed(options: argparse.Namespace) -> list[str]:
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
-    by_ssh = any(one.startswith(serial_line.BY_SSH) for one in chosen)
+    by_ssh = any(name.startswith(serial_line.BY_SSH) for name in chosen)
     return [*TARGETS.known(chosen), *["build loop"] * any(map(serial_line.is_apart, chosen)),
             *["ssh", "aarch64"] * by_ssh]
 
@@ -102,7 +102,8 @@ def fly(options: argparse.Namespace) -> int:
 
     names, apart = _chosen(options.on)
     lines = _at_lines(options, names, apart)
-    names, apart = [serial_line.name_of(one) for one in names], {one: serial_line.name_of(apart[one]) for one in apart}
+    names = [serial_line.name_of(name) for name in names]
+    apart = {process: serial_line.name_of(name) for process, name in apart.items()}
     chosen = [*names, *apart.values()]
     if options.rtems:
         from fledge.targets.leon3_rtems import NAMED_BY
@@ -110,7 +111,7 @@ def fly(options: argparse.Namespace) -> int:
         if "leon3-rtems" not in chosen:
             raise Failure("fly: --rtems is for --on leon3-rtems")
         os.environ[NAMED_BY] = options.rtems
-    ours = [one for one in chosen if one not in lines]
+    ours = [name for name in chosen if name not in lines]
     targets, lacking = _ready(["desktop", *ours])
     targets |= lines | _with_tools(options, ours)
     targets |= _in_tree(options.cfs, targets) if options.cfs else {}
@@ -129,7 +130,7 @@ def fly(options: argparse.Namespace) -> int:
     def check(job: Job) -> None:
         for process in [*apart, *filter(None, _by_process(options.elf))]:
             job.part(process)
-        others.extend((one, targets[name]) for name in names if name != "desktop" for one in job.parts)
+        others.extend((part, targets[name]) for name in names if name != "desktop" for part in job.parts)
         others.extend((job.part(process), targets[name]) for process, name in apart.items() if name != "desktop")
         bounds.extend(_checked(options, job, others, settled))
         if not (part or options.clock):     # these build at once
@@ -160,9 +161,9 @@ def fly(options: argparse.Namespace) -> int:
         if options.join is not None:
             return _join(job, *others[0], options.join, options.keys)
         _refuse(lambda target, part: target.built(part), others, lacking)
-        runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
+        runs = {name: {part.process: targets[name] for part in job.parts} for name in names if name != "desktop"}
         if apart:
-            runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
+            runs["apart"] = {part.process: targets[apart.get(part.process, "desktop")] for part in job.parts}
         return _fly(options, job, runs, bounds, lacking)
 
 
@@ -211,13 +212,13 @@ def _ready(names: Sequence[str]) -> tuple[dict[str, Any], dict[str, str]]:
     from fledge.errors import Failure
 
     TARGETS.expect(names, "fly")
-    found, lacking = {name: TARGETS[name] for name in names}, {}
-    for name in found:
+    known, lacking = {name: TARGETS[name] for name in names}, {}
+    for name in known:
         try:
             TARGETS.ready([name], "fly")
         except Failure as error:
             lacking[name] = str(error)
-    return found, lacking
+    return known, lacking
 
 
 def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, str]) -> dict[str, Any]:
@@ -235,18 +236,18 @@ def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, st
     if options.ssh and not hosts:
         raise Failure("fly: --ssh is for --on ssh:HOST")
     elves = _by_process(options.elf)
-    found: dict[str, Any] = {serial_line.name_of(word): Ssh(word, options.ssh) for word in hosts}
+    targets: dict[str, Any] = {serial_line.name_of(word): Ssh(word, options.ssh) for word in hosts}
     if more := [process for process, files in elves.items() if len(files) > 1]:
         raise Failure(f"fly: --elf names {len(elves[more[0]])} programs{f' of {more[0]}' * bool(more[0])}; give one, "
                       "or PROCESS=FILE of each flight process")
     for process, word in words:
         files = elves.get(process) or elves.get("") or []
         elf = files[0] if files else None
-        one = Serial(word, elf, options.baud, options.pace)
-        if one.name in found:
-            raise Failure(f"fly: --on names {one.device} twice; a board flies one process")
-        found[one.name] = one
-    return found
+        target = Serial(word, elf, options.baud, options.pace)
+        if target.name in targets:
+            raise Failure(f"fly: --on names {target.device} twice; a board flies one process")
+        targets[target.name] = target
+    return targets
 
 
 def _with_tools(options: argparse.Namespace, chosen: Iterable[str]) -> dict[str, Any]:
@@ -262,10 +263,10 @@ def _with_tools(options: argparse.Namespace, chosen: Iterable[str]) -> dict[str,
 
     flown = [name for name in chosen if takes(TARGETS[name])]
     if words and len(flown) != 1:
-        taking = [name for name, one in TARGETS.items() if takes(one)]
+        taking = [name for name, target in TARGETS.items() if takes(target)]
         raise Failure(f"fly: {words[0]} is for one of {', '.join(taking)}, as in --on {taking[0]}; found {options.on}")
-    made: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
-    return {name: target(words) for name, target in made.items()} if words else {}
+    makers: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
+    return {name: target(words) for name, target in makers.items()} if words else {}
 
 
 def _in_tree(tree: str, targets: dict[str, Any]) -> dict[str, Any]:
@@ -274,11 +275,11 @@ def _in_tree(tree: str, targets: dict[str, Any]) -> dict[str, Any]:
     from fledge.targets.cfs.real import RealCfs
     from fledge.targets.leon3_rtems.real import RtemsCfs
 
-    made = {"cfs": lambda _: RealCfs(tree), "leon3-rtems": lambda target: RtemsCfs(tree, target.tools)}
-    found = {name: make(targets[name]) for name, make in made.items() if name in targets}
-    if not found:
+    makers = {"cfs": lambda _: RealCfs(tree), "leon3-rtems": lambda target: RtemsCfs(tree, target.tools)}
+    trees = {name: make(targets[name]) for name, make in makers.items() if name in targets}
+    if not trees:
         raise Failure("fly: --cfs is for --on cfs or leon3-rtems")
-    return found
+    return trees
 
 
 def _chosen(text: str) -> tuple[list[str], dict[str, str]]:
@@ -304,11 +305,11 @@ def _chosen(text: str) -> tuple[list[str], dict[str, str]]:
 
 def _by_process(words: Iterable[str]) -> dict[str, list[str]]:
     """Process -> its files and folders, of the words FILE and PROCESS=FILE."""
-    found: dict[str, list[str]] = {}
+    files: dict[str, list[str]] = {}
     for word in words:
         process, _, file = word.rpartition("=")
-        found.setdefault(process, []).append(file)
-    return found
+        files.setdefault(process, []).append(file)
+    return files
 
 
 def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
@@ -328,7 +329,7 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
 
     rows: list[tuple[str, Flown | None, str, str]] = []
     wrong: dict[str, list[str]] = {name: [] for name in ("desktop", *runs)}     # of each run that was asked for
-    told: list[str] = []
+    notes: list[str] = []
     first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
     archives: dict[Path, Archive] = {}
     records: dict[str, dict[str, Archive]] = {}
@@ -341,7 +342,7 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
         wrong[name].append("did not fly")
 
     for name, on in flights.items():
-        if any(one.name in lacking for one in on.values()):     # whose reason was printed
+        if any(target.name in lacking for target in on.values()):     # whose reason was printed
             absent(name)
             continue
         try:
@@ -366,42 +367,42 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
                 break
             continue
         for part in job.parts:
-            one, archive = flown[part.process], records[name][part.process]
+            flight, archive = flown[part.process], records[name][part.process]
             text, problem = "", ""
             place = on[part.process].name if on else "desktop"
             title = f"{part.process} on {place}" if len(job.parts) > 1 else place
             if not on:
                 desktop = archive
             elif job.rounds:
-                text, problem = _rounded(desktop, archive, part, one, bounds)
+                text, problem = _rounded(desktop, archive, part, flight, bounds)
                 before = first.setdefault(part.process, (name, archive))
                 if before[0] != name:
                     others = compare(before[1], archive, part.outputs)
                     problem = problem or (f"differs from {before[0]}" if others else "")
                     text = f"from {before[0]}: {others[0]}" if others else f"none from {before[0]}; {text}"
             else:
-                found = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
-                text, problem = (str(found[0]), "differs from the desktop") if found else ("none", "")
+                differences = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
+                text, problem = (str(differences[0]), "differs from the desktop") if differences else ("none", "")
             bits[name, part] = digest(archive, part.outputs, part.is_instant)
             if on and bits[name, part] == bits["desktop", part] and (other := part.unequal_telemetry(place)):
                 text, problem = f"{text}; {other}", problem or "telemetry differs from the desktop's"
-            refusals = part.refusals(one.reports or (part.reports(place) if on else ()))
-            told += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
+            refusals = part.refusals(flight.reports or (part.reports(place) if on else ()))
+            notes += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
             if on:
-                told += [f"script   {place}: {failure}" for failure in part.failures(place)]
+                notes += [f"script   {place}: {failure}" for failure in part.failures(place)]
             if not all(expected for _, expected in refusals):
                 problem = problem or "a command was refused"
             if problem:
                 wrong[name].append(f"{part.process} {problem}" if len(job.parts) > 1 else problem)
-            rows.append((title, one, bits[name, part], text))
+            rows.append((title, flight, bits[name, part], text))
     for line in [*table.lines(rows), *table.scripts(rows), *table.serial_lines(rows)]:
         say("  " + line)
     if archives:
         say(f"  records  {', '.join(map(str, archives))}")
-    for name, one, *_ in rows if options.pace else ():
-        if one and one.line:
-            say(f"  plot     {_plot_late(one, f'{whole}, by the clock, on {name}')}")
-    for line in told:
+    for name, flight, *_ in rows if options.pace else ():
+        if flight and flight.line:
+            say(f"  plot     {_plot_late(flight, f'{whole}, by the clock, on {name}')}")
+    for line in notes:
         say(f"  {line}")
     if not job.whole and job.scenario != "free":
         say(f"  checks   none: the flight ends before the scenario {job.scenario}")
@@ -434,8 +435,8 @@ def _plot_late(flown: Flown, title: str) -> Path:
 
 def _title(name: str, runs: dict[str, dict[str, Target]]) -> str:
     """The name of a run; of one with targets for some of several processes, these, as --on has them."""
-    return name if name != "apart" else ",".join(f"{process}={one.name}" for process, one in runs[name].items()
-                                                 if one.name != "desktop") or "apart"
+    return name if name != "apart" else ",".join(f"{process}={target.name}" for process, target in runs[name].items()
+                                                 if target.name != "desktop") or "apart"
 
 
 def _verdict(wrong: dict[str, list[str]], code: int = 1) -> int:
@@ -527,8 +528,8 @@ def _rounded(desktop: Archive, archive: Archive, part: Part, flown: Flown, bound
         return compare(desktop, archive, part.outputs, ignore=["sequence"],
                        times=lambda t: part.is_instant(t) & (t >= after * 1e9))
 
-    found = differences(0.0)
-    structure = next((one for one in found if one.what), None)
+    largest = differences(0.0)
+    structure = next((difference for difference in largest if difference.what), None)
     if structure:
         return str(structure), "differs from the desktop"
     problem, texts = "", []
@@ -540,13 +541,13 @@ def _rounded(desktop: Archive, archive: Archive, part: Part, flown: Flown, bound
             continue
         near = [difference for difference in differences(after)
                 if f".{difference.topic}.{_plain(difference.name)}".endswith("." + field)]
-        worst = max((one.worst for one in near), default=0.0)
+        worst = max((difference.worst for difference in near), default=0.0)
         problem = problem if worst <= bound else f"{field} is beyond its bound"
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")
     if not texts:
-        numbers = [one for one in found if one.worst]
-        texts = [f"rounded; {max(numbers, key=lambda one: one.worst).topic} up to "
-                 f"{max(one.worst for one in numbers):.3g}" if numbers else "none"]
+        numbers = [difference for difference in largest if difference.worst]
+        texts = [f"rounded; {max(numbers, key=lambda difference: difference.worst).topic} up to "
+                 f"{max(difference.worst for difference in numbers):.3g}" if numbers else "none"]
     if flown.saturated:
         texts.append(f"{flown.saturated} numbers beyond the range of their words")
     if flown.lost:

@@ -23,42 +23,42 @@ def add(command: Callable) -> None:
     """Add the subcommands, by the function of cli.parser() that adds one."""
     mission = "the name of a mission, or its folder, or MISSION_packets.json of an export"
     address = "udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N"
-    one = command("command", command_, "command nadir_spin flight.control K=3")
-    one.add_argument("mission", help=mission)
-    one.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
+    sub = command("command", command_, "command nadir_spin flight.control K=3")
+    sub.add_argument("mission", help=mission)
+    sub.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
                      "or a command and its arguments, as in `mode science`, `arm EVENT off`, `noop`")
-    one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    one.add_argument("--to", metavar="ADDRESS", help=f"send it, and wait for its execution: {address}; without, "
+    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    sub.add_argument("--to", metavar="ADDRESS", help=f"send it, and wait for its execution: {address}; without, "
                      "print its packets in hexadecimal, a line each")
-    one.add_argument("--within", default="10s", metavar="DURATION", help="how long to wait; default: 10s")
-    one.add_argument("--sequence", type=int, default=0, metavar="N", help="of the first packet; default: 0")
+    sub.add_argument("--within", default="10s", metavar="DURATION", help="how long to wait; default: 10s")
+    sub.add_argument("--sequence", type=int, default=0, metavar="N", help="of the first packet; default: 0")
 
     for name, does, example, other in (
             ("send", send, "send plan.bin --as next", "its name on board; default: the same"),
             ("fetch", fetch, "fetch science.bin", "the file here; default: the same name, in this folder")):
-        one = command(name, does, f"{example} --to 'udp://127.0.0.1:10025?listen=10015' nadir_spin")
-        one.set_defaults(needs=lambda _: ["build ground"])
-        one.description += " By CFDP (docs/ground.md)."
-        one.add_argument("file", help="the file" if name == "send" else
+        sub = command(name, does, f"{example} --to 'udp://127.0.0.1:10025?listen=10015' nadir_spin")
+        sub.set_defaults(needs=lambda _: ["build ground"])
+        sub.description += " By CFDP (docs/ground.md)."
+        sub.add_argument("file", help="the file" if name == "send" else
                          "its name on board; a name that ends with / lists that directory, / alone lists all")
-        one.add_argument("mission", help=mission)
-        one.add_argument("--as", dest="name", metavar="NAME", help=other)
-        one.add_argument("--to", metavar="ADDRESS", required=True, help=f"where flight is: {address}")
-        one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-        one.add_argument("--within", default="1h", metavar="DURATION", help="how long to wait; default: 1h")
-        one.add_argument("--rate", type=number("a rate"), metavar="BYTES_PER_S", help="of the packets that go up; "
+        sub.add_argument("mission", help=mission)
+        sub.add_argument("--as", dest="name", metavar="NAME", help=other)
+        sub.add_argument("--to", metavar="ADDRESS", required=True, help=f"where flight is: {address}")
+        sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+        sub.add_argument("--within", default="1h", metavar="DURATION", help="how long to wait; default: 1h")
+        sub.add_argument("--rate", type=number("a rate"), metavar="BYTES_PER_S", help="of the packets that go up; "
                          "default: 4000")
-        one.add_argument("--class1", action="store_true", help="without acknowledgements; what is lost stays lost")
-        one.add_argument("--entities", default="1,2", metavar="OWN,PEER", help="their numbers; default: 1,2")
+        sub.add_argument("--class1", action="store_true", help="without acknowledgements; what is lost stays lost")
+        sub.add_argument("--entities", default="1,2", metavar="OWN,PEER", help="their numbers; default: 1,2")
 
-    one = command("link", link, "link flight listen://127.0.0.1:10025")
-    one.set_defaults(needs=lambda _: ["build cosim"])
-    one.description += (" It is an [[asynchronous]] program of a co-simulation's file (docs/ground.md), and carries "
+    sub = command("link", link, "link flight listen://127.0.0.1:10025")
+    sub.set_defaults(needs=lambda _: ["build cosim"])
+    sub.description += (" It is an [[asynchronous]] program of a co-simulation's file (docs/ground.md), and carries "
                         "packets both ways; the run does not wait for it.")
-    one.add_argument("process", help="the flight process, whose target has queues of commands and telemetry")
-    one.add_argument("address", metavar="ADDRESS", help="as of `fledge command`: where commands come from, and where "
+    sub.add_argument("process", help="the flight process, whose target has queues of commands and telemetry")
+    sub.add_argument("address", metavar="ADDRESS", help="as of `fledge command`: where commands come from, and where "
                      "telemetry goes")
-    one.add_argument("--radio", metavar="world.RADIO", help="by which packets pass; default: straight to flight and "
+    sub.add_argument("--radio", metavar="world.RADIO", help="by which packets pass; default: straight to flight and "
                      "back")
 
 
@@ -137,8 +137,6 @@ def fetch(options: argparse.Namespace) -> int:
 
 def _move(options: argparse.Namespace, done: str, begin: Callable[[Any, Callable[[Any], None]], Any] | None) -> int:
     """Begin a transfer, and wait for it; without `begin`, print a directory."""
-    import sys
-
     from fledge import ground
     from fledge.cli.arguments import parse_duration
     from fledge.cli.console import say
@@ -157,19 +155,19 @@ def _move(options: argparse.Namespace, done: str, begin: Callable[[Any, Callable
                 say(line)
             return 0
         with Bar(options.file) as bar:
-            def draw(one: Any) -> None:
-                bar.at(one.done / max(one.size, 1), f"{one.done} of {one.size} bytes")
+            def draw(instance: Any) -> None:
+                bar.at(instance.done / max(instance.size, 1), f"{instance.done} of {instance.size} bytes")
 
             start = craft.link.t
-            one = begin(craft, draw)
+            screen = begin(craft, draw)
             try:
-                one.completed(within)
+                screen.completed(within)
             except (ground.NoAnswer, KeyboardInterrupt):
-                if not one.problem:     # so that nothing of it stays on board
-                    one.cancel()
+                if not screen.problem:     # so that nothing of it stays on board
+                    screen.cancel()
                     craft.listen(1.0)
                 raise
-        say(f"  {done}, {one.size} bytes in {(craft.link.t - start) / 1e9:.3g} s")
+        say(f"  {done}, {screen.size} bytes in {(craft.link.t - start) / 1e9:.3g} s")
     return 0
 
 
@@ -197,8 +195,8 @@ def link(options: argparse.Namespace) -> int:
             """Telemetry to the foreign tool, to the end of the run."""
             try:
                 while True:
-                    for one in flight.receive(forever):
-                        outside.send(one.packet)
+                    for packet in flight.receive(forever):
+                        outside.send(packet.packet)
                         counts["telemetry"] += 1
             except OSError as error:
                 problems.append(str(error))
@@ -207,8 +205,8 @@ def link(options: argparse.Namespace) -> int:
         thread.start()
         try:
             while thread.is_alive() and not ended.is_set():
-                for one in outside.receive(outside.t + 200_000_000):
-                    flight.send(one.packet)
+                for packet in outside.receive(outside.t + 200_000_000):
+                    flight.send(packet.packet)
                     counts["commands"] += 1
         except OSError as error:
             problems.append(str(error))

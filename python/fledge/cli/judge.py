@@ -28,7 +28,8 @@ def attempt(options: argparse.Namespace, sim: Simulation, scenario: str, fly: Ca
     outcomes). stop: end the run at the first violation, and write the state into this file. Raises CompositionError,
     and Failure of what goes wrong before the first instant: there is no run of which to speak."""
     required = Requirements(sim)
-    watch = required.watch([one.id for one in required.for_scenario(scenario)], stop is not None) if required else None
+    ids = [requirement.id for requirement in required.for_scenario(scenario)] if required else []
+    watch = required.watch(ids, stop is not None) if required else None
     problem, code = _attempt(options, sim, fly, stop)
     if problem and sim.time_ns < 0:
         raise Failure(f"{sim.name}, {scenario}: {problem}", code)
@@ -70,7 +71,7 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     from fledge.commands import read_script
     from fledge.targets.playback import stand_in
 
-    sim = fledge.load(job.asked, job.seed, **job.parameters)
+    sim = fledge.load(job.source, job.seed, **job.parameters)
     assert sim.mission
     packets = {part.process: read_script(part.telemetry(target).read_text()) for part in job.parts
                if part.telemetry(target).exists()}
@@ -123,11 +124,11 @@ def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
     for p in plan.nodes:
         if p.flies:
             place = folder / p.name / str(p.process) / str(p.target) if p.target else folder / p.name
-            kept = [file for file in (place.with_name(f"{place.name}.mcap{end}") for end in ("", ".part"))
-                    if file.exists()]
-            if not kept:
+            files = [file for file in (place.with_name(f"{place.name}.mcap{end}") for end in ("", ".part"))
+                     if file.exists()]
+            if not files:
                 raise Failure(f"{place}.mcap, the record of {p.name}, is missing")
-            records[str(p.process)] = Archive(kept[0])
+            records[str(p.process)] = Archive(files[0])
     stand_in(sim, records, Archive(folder / "exchange.mcap"))
     return sim, chosen(sim, first.scenario)[0]
 

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one: Any = command("keys", lambda options: one.error("new, list, allow, deny or link?"),
+    sub: Any = command("keys", lambda options: sub.error("new, list, allow, deny or link?"),
                        "keys new controller world flight")
-    one.set_defaults(needs=lambda _: None)
-    kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
+    sub.set_defaults(needs=lambda _: None)
+    kinds = sub.add_subparsers(metavar="ACTION", parser_class=type(sub))
 
     def action(name: str, function: Callable[[argparse.Namespace], None], text: str, example: str,
                folder: bool = True) -> Any:

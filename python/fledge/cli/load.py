@@ -8,7 +8,6 @@ wrong, and nothing was sent; 130 Ctrl-C.
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
 
 from fledge.cli.arguments import add_parameters, given_parameters
 from fledge.errors import Failure
@@ -24,23 +23,23 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.targets import boards
 
-    one = command("load", load,
+    sub = command("load", load,
                   "load nucleo-h743zi build/my_sat.elf\n         ./fledge load ssh:pi@raspberrypi nadir_spin")
-    one.add_argument("board", metavar="BOARD", help=f"{', '.join(boards())}: by openocd; ssh:HOST or ssh:USER@HOST: by "
+    sub.add_argument("board", metavar="BOARD", help=f"{', '.join(boards())}: by openocd; ssh:HOST or ssh:USER@HOST: by "
                      "ssh")
-    one.add_argument("what", metavar="ELF|MISSION", help="of a board: the linked program; of ssh: a mission, whose "
+    sub.add_argument("what", metavar="ELF|MISSION", help="of a board: the linked program; of ssh: a mission, whose "
                      "program is built for that machine")
-    one.add_argument("scenario", nargs="?", help="of a mission: whose set-up counts; default: its first")
-    one.add_argument("--dry-run", action="store_true", help="check the program, and only print the command of openocd")
-    one.add_argument("--probe", metavar="SERIAL", default="", help="the serial number of the debug probe, where there "
+    sub.add_argument("scenario", nargs="?", help="of a mission: whose set-up counts; default: its first")
+    sub.add_argument("--dry-run", action="store_true", help="check the program, and only print the command of openocd")
+    sub.add_argument("--probe", metavar="SERIAL", default="", help="the serial number of the debug probe, where there "
                      "are several")
-    one.add_argument("--process", metavar="NAME", help="of a mission: the flight process; default: the only one")
-    one.add_argument("--to", metavar="DIR", help="the folder on that machine; default: fledge/MISSION in the user's "
+    sub.add_argument("--process", metavar="NAME", help="of a mission: the flight process; default: the only one")
+    sub.add_argument("--to", metavar="DIR", help="the folder on that machine; default: fledge/MISSION in the user's "
                      "home")
-    one.add_argument("--ssh", metavar="COMMAND", default="", help="how ssh is called, as in 'ssh -p 2222 -i my_key'; "
+    sub.add_argument("--ssh", metavar="COMMAND", default="", help="how ssh is called, as in 'ssh -p 2222 -i my_key'; "
                      "default: ssh")
-    add_parameters(one)
-    one.set_defaults(needs=lambda options: ["ssh", "aarch64"] if options.board.startswith(BY_SSH) else ["load"])
+    add_parameters(sub)
+    sub.set_defaults(needs=lambda options: ["ssh", "aarch64"] if options.board.startswith(BY_SSH) else ["load"])
 
 
 def load(options: argparse.Namespace) -> int:
@@ -78,7 +77,8 @@ def _by_ssh(options: argparse.Namespace) -> int:
     target, = TARGETS.ready([remote.target_for(host, ssh)], "load")
     job = Job(options.what, options.scenario, 1.0, parameters=given_parameters(options))
     if options.process is None and len(job.parts) > 1:
-        raise Failure(f"load: {job.title} has the flight processes {', '.join(one.process for one in job.parts)}; name "
+        names = ", ".join(part.process for part in job.parts)
+        raise Failure(f"load: {job.title} has the flight processes {names}; name "
                       "one by --process")
     part = job.part(options.process) if options.process else job.parts[0]
     target.check(part)

@@ -23,9 +23,9 @@ def program(path, board, size=256, machine=None, bits=None, flags=0, kind=elf.EX
     """Write a program that a linker would have made for a board: `size` bytes where it loads, and as many of RAM."""
     numbers = {"ARM": {32: 40, 64: 183}, "RISC-V": {32: 243, 64: 243}, "SPARC": {32: 2, 64: 43}}
     machine, bits = machine or board.processor, bits or board.bits
-    begin = next(one.begin for one in board.memory if one.loads) if at is None else at
+    begin = next(area.begin for area in board.memory if area.loads) if at is None else at
     ram = board.memory[-1].begin + board.memory[-1].size - 256
-    word, one = ("I", 32) if bits == 32 else ("Q", 56)
+    word, length = ("I", 32) if bits == 32 else ("Q", 56)
     head = 52 if bits == 32 else 64
     order = ">" if machine == "SPARC" else "<"
 
@@ -36,26 +36,27 @@ def program(path, board, size=256, machine=None, bits=None, flags=0, kind=elf.EX
     note = struct.pack(f"{order}3I4s4s", 4, 4, 3, b"GNU\0", b"\x12\x34\xab\xcd")
     text = note + bytes(max(0, size - len(note)))
     data = b"\x7fELF" + bytes([bits // 32, 1 + (order == ">"), 1]) + bytes(9) + struct.pack(
-        f"{order}HHI3{word}I6H", kind, numbers[machine][bits], 1, begin + 0x14, head, 0, flags, head, one, 2, 0, 0, 0)
-    data += segment(head + 2 * one, begin, begin, size, size) + segment(0, ram, ram, 0, 256)
+        f"{order}HHI3{word}I6H", kind, numbers[machine][bits], 1, begin + 0x14, head, 0, flags, head, length, 2,
+        0, 0, 0)
+    data += segment(head + 2 * length, begin, begin, size, size) + segment(0, ram, ram, 0, 256)
     path.write_bytes(data + text)
     return path
 
 
 @pytest.fixture
 def openocd(tmp_path, monkeypatch):
-    """A stand-in that notes its arguments: openocd(text, code) says what it is to print and return; its `said`."""
+    """A stand-in that prints `text` and returns `code`, by openocd(text, code); .words() are its arguments."""
     folder = tmp_path / "bin"
     folder.mkdir()
-    said = tmp_path / "said"
+    log = tmp_path / "said"
 
     def make(text="** Verified OK **", code=0):
-        (folder / "openocd").write_text(f"#!/bin/sh\nprintf '%s\\n' \"$@\" > {said}\necho {shlex.quote(text)}\n"
+        (folder / "openocd").write_text(f"#!/bin/sh\nprintf '%s\\n' \"$@\" > {log}\necho {shlex.quote(text)}\n"
                                         f"exit {code}\n")
         (folder / "openocd").chmod(0o755)
 
     make()
-    make.said = lambda: said.read_text().splitlines() if said.exists() else None
+    make.words = lambda: log.read_text().splitlines() if log.exists() else None
     monkeypatch.setenv("PATH", f"{folder}:{os.environ['PATH']}")
     return make
 
@@ -65,19 +66,19 @@ def test_a_program_is_loaded_by_the_boards_own_commands(name, tmp_path, openocd,
     board = probe.board(name)
     file = program(tmp_path / "my sat.elf", board)
     assert cli.main(["load", name, str(file), "--probe", "0123"]) == 0
-    said, shown = openocd.said(), capsys.readouterr().out
-    assert said[:2] == ["-c", "adapter serial 0123"]
-    options = list(zip(said[2::2], said[3::2]))
+    words, shown = openocd.words(), capsys.readouterr().out
+    assert words[:2] == ["-c", "adapter serial 0123"]
+    options = list(zip(words[2::2], words[3::2]))
     assert options == [*(("-f", script) for script in board.scripts), *(("-c", command) for command in board.commands),
-                       *(("-c", one.format(file="{" + str(file) + "}", entry=hex(elf.read(file).entry)))
-                         for one in board.load)]
-    assert shlex.join(["openocd", *said]) in shown and "build id 1234abcd" in shown and "loaded, and started" in shown
+                       *(("-c", word.format(file="{" + str(file) + "}", entry=hex(elf.read(file).entry)))
+                         for word in board.load)]
+    assert shlex.join(["openocd", *words]) in shown and "build id 1234abcd" in shown and "loaded, and started" in shown
 
 
 def test_a_dry_run_prints_the_command_alone(tmp_path, openocd, capsys):
     file = program(tmp_path / "a.elf", probe.board("nucleo-h743zi"))
     assert cli.main(["load", "nucleo-h743zi", str(file), "--dry-run"]) == 0
-    assert openocd.said() is None
+    assert openocd.words() is None
     assert capsys.readouterr().out.splitlines()[1].strip() == (
         f"openocd -f board/st_nucleo_h743zi.cfg -c 'program {{{file}}} verify reset exit'")
 
@@ -97,12 +98,12 @@ def test_a_program_that_cannot_run_there_is_refused_before_anything_is_sent(how,
     file = program(tmp_path / "a.elf", probe.board("nucleo-h743zi"), **how)
     assert cli.main(["load", "nucleo-h743zi", str(file)]) == 2
     error = capsys.readouterr().err
-    assert reason in error and error.count("\n") == 1 and openocd.said() is None
+    assert reason in error and error.count("\n") == 1 and openocd.words() is None
 
 
 def test_a_program_as_large_as_the_flash_is_loaded(tmp_path, openocd):
     file = program(tmp_path / "a.elf", probe.board("nucleo-h743zi"), size=0x200000)
-    assert cli.main(["load", "nucleo-h743zi", str(file)]) == 0 and openocd.said()
+    assert cli.main(["load", "nucleo-h743zi", str(file)]) == 0 and openocd.words()
 
 
 def test_doubles_in_hardware_are_refused_where_there_are_none(tmp_path, openocd, capsys):
@@ -176,7 +177,7 @@ def test_a_wrong_description_of_a_board_is_refused_by_line(tmp_path, monkeypatch
     for line, what in ((2, "`processor` must say which"), (3, "`bits` must say which"),
                        (4, "`load` is a list of texts"), (5, "did you mean `scripts`?"), (6, "none has loads = true"),
                        (9, "`size` is from 1")):
-        assert any(f"my_board.toml:{line}: " in one and what in one for one in error.splitlines()), (line, error)
+        assert any(f"my_board.toml:{line}: " in text and what in text for text in error.splitlines()), (line, error)
     assert cli.main(["load", "my-bord", "a.elf"]) == 2
     assert "there is no board 'my-bord'; did you mean 'my-board'?" in capsys.readouterr().err
 

@@ -31,33 +31,33 @@ FAILURES_SHOWN = 8
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    one = command("montecarlo", montecarlo, "montecarlo nadir_spin --runs 2000")
-    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
-    one.add_argument("--runs", type=int, metavar="N", help="how many")
-    _add_common(one, "montecarlo")
+    sub = command("montecarlo", montecarlo, "montecarlo nadir_spin --runs 2000")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
+    sub.add_argument("--runs", type=int, metavar="N", help="how many")
+    _add_common(sub, "montecarlo")
 
-    one = command("sweep", sweep, "sweep nadir_spin --set flight.control.K=1:5:9")
-    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
+    sub = command("sweep", sweep, "sweep nadir_spin --set flight.control.K=1:5:9")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
                      "what it retains, and what must hold")
-    one.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "
+    sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "
                      "grid: a parameter of the mission, or the path of a number in SI. VALUES: 0.1:1:10, ten at equal "
                      "distances; 0.1:1:10:log, at equal ratios; or a list, 1,2,5")
-    one.add_argument("--runs", type=int, metavar="N", help="fly N runs at each point, with the campaign's dispersions, "
+    sub.add_argument("--runs", type=int, metavar="N", help="fly N runs at each point, with the campaign's dispersions, "
                      "the same at each; default: one without dispersions")
-    _add_common(one, "sweep")
+    _add_common(sub, "sweep")
 
 
-def _add_common(one: argparse.ArgumentParser, name: str) -> None:
+def _add_common(sub: argparse.ArgumentParser, name: str) -> None:
     """The options of campaigns and sweeps."""
-    add_campaign(one)
-    one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
-    add_pool(one)
-    one.add_argument("--only", type=int, metavar="INDEX",
+    add_campaign(sub)
+    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    add_pool(sub)
+    sub.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
-    one.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
-    one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
-    add_update_limit(one)
-    one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
+    sub.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
+    sub.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
+    add_update_limit(sub)
+    sub.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
 
 
 def montecarlo(options: argparse.Namespace) -> int:
@@ -80,9 +80,9 @@ def sweep(options: argparse.Namespace) -> int:
     axes = dict(map(_axis, options.axes))
     if len(axes) < len(options.axes):
         raise Failure("sweep: an axis is given twice")
-    found = Sweep(options.mission, axes, options.campaign, dispersed=options.runs is not None)
+    campaign = Sweep(options.mission, axes, options.campaign, dispersed=options.runs is not None)
     given = [word for text in options.axes for word in ("--set", text)]
-    return _fly(found, options, 1 if options.runs is None else options.runs, "sweep",
+    return _fly(campaign, options, 1 if options.runs is None else options.runs, "sweep",
                 given + ([] if options.runs is None else ["--runs", str(options.runs)]))
 
 
@@ -104,8 +104,8 @@ def _axis(text: str) -> tuple[str, list[Any]]:
 
     parts = values.split(":")
     if len(parts) == 1:
-        found = value(values) if values[0] in "[(" else [value(word) for word in values.split(",")]
-        return name, list(found) if isinstance(found, (list, tuple)) else [found]
+        numbers = value(values) if values[0] in "[(" else [value(word) for word in values.split(",")]
+        return name, list(numbers) if isinstance(numbers, (list, tuple)) else [numbers]
     try:
         low, high, n = float(parts[0]), float(parts[1]), int(parts[2])
         if len(parts) > 4 or len(parts) == 4 and parts[3] not in ("lin", "log"):
@@ -129,7 +129,7 @@ def _fly(campaign: Campaign, options: argparse.Namespace, runs: int, name: str, 
         folder /= str(options.only)
     with alone(folder):
         if options.only is not None:
-            return _one(campaign, options, folder)
+            return _single(campaign, options, folder)
         return _all(campaign, options, runs, folder, lambda index: shlex.join([*words, str(index)]))
 
 
@@ -199,7 +199,7 @@ class _Live(Bar):
 
 # --- one run of it ---------------------------------------------------------------------------------
 
-def _one(campaign: Campaign, options: argparse.Namespace, folder: Path) -> int:
+def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> int:
     import fledge
 
     from fledge.cli import health
@@ -211,7 +211,7 @@ def _one(campaign: Campaign, options: argparse.Namespace, folder: Path) -> int:
     sim.plots = Plots(folder)
     sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
                 fledge=fledge.__version__)
-    everything = [one for process in sim.processes for one in process]
+    everything = [instance for process in sim.processes for instance in process]
     log = sim.record(*everything, *(series.port(sim) for series in d.retained.values()), every=d.every)
     problem, code = "", 0
     try:
@@ -248,7 +248,7 @@ def _one(campaign: Campaign, options: argparse.Namespace, folder: Path) -> int:
     findings = health.show(sim.health)
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
-    shown = [one.field_path.recorded for one in d.shown]
+    shown = [field.field_path.recorded for field in d.shown]
     if shown and len(log):
         log.plot(*shown, columns=1 if len(shown) < 4 else 2, name="retained", title=title)
     record = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")

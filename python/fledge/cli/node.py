@@ -31,36 +31,36 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("node", node, "node nadir_spin flight --address tcp://127.0.0.1:7000")
-    one.set_defaults(needs=lambda _: ["build cosim"])
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("process", help="what to fly here: flight, world, ...; several, as in world,flight, or all: each "
+    sub = command("node", node, "node nadir_spin flight --address tcp://127.0.0.1:7000")
+    sub.set_defaults(needs=lambda _: ["build cosim"])
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("process", help="what to fly here: flight, world, ...; several, as in world,flight, or all: each "
                      "in a program of its own")
-    one.add_argument("scenario", nargs="?", help="whose set-up to take, up to its run: what it changes and records; "
+    sub.add_argument("scenario", nargs="?", help="whose set-up to take, up to its run: what it changes and records; "
                      "default: the mission's first")
-    one.add_argument("--scripted", action="store_true", help="what the scenario does between its runs comes by "
+    sub.add_argument("--scripted", action="store_true", help="what the scenario does between its runs comes by "
                      "commands, as of --script")
-    one.add_argument("--free", action="store_true", help="without a scenario, all outputs recorded every second")
-    add_parameters(one)
-    one.add_argument("--name", metavar="NODE", help="of this node; default: FLEDGE_NODE, else the process' name")
-    one.add_argument("--address", metavar="A", help="of the controller; default: FLEDGE_ADDRESS, else "
+    sub.add_argument("--free", action="store_true", help="without a scenario, all outputs recorded every second")
+    add_parameters(sub)
+    sub.add_argument("--name", metavar="NODE", help="of this node; default: FLEDGE_NODE, else the process' name")
+    sub.add_argument("--address", metavar="A", help="of the controller; default: FLEDGE_ADDRESS, else "
                      "tcp://127.0.0.1:7000")
-    one.add_argument("--simulation", metavar="NAME", help="what the controller calls the run; default: "
+    sub.add_argument("--simulation", metavar="NAME", help="what the controller calls the run; default: "
                      "FLEDGE_SIMULATION, else the mission's name")
-    one.add_argument("--until", metavar="DURATION", help="with the controller here too, which ends the run then (90s, "
+    sub.add_argument("--until", metavar="DURATION", help="with the controller here too, which ends the run then (90s, "
                      "10min, 2h): nothing else is to be started")
-    one.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
-    one.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
-    one.add_argument("--outputs", metavar="FILE", help="write a record of all outputs of this process, at each of its "
+    sub.add_argument("--seed", type=int, metavar="N", help="of the random streams, with --until; default: 0")
+    sub.add_argument("--record", metavar="DIR", help="write the record of this process into DIR/NODE.mcap")
+    sub.add_argument("--outputs", metavar="FILE", help="write a record of all outputs of this process, at each of its "
                      "instants")
-    one.add_argument("--script", metavar="FILE", help="commands to this flight process: lines of a time [ns] and the "
+    sub.add_argument("--script", metavar="FILE", help="commands to this flight process: lines of a time [ns] and the "
                      "bytes of a packet in hexadecimal; each comes before the first instant after its time")
-    one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
-    add_update_limit(one)
+    sub.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
+    add_update_limit(sub)
     seconds = number("a number of seconds")
-    one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
+    sub.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
                      "default: 60")
-    one.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
+    sub.add_argument("--delay", type=seconds, default=0.0, metavar="S", help="before each step wait so long, at "
                      "random, at most; no result may change")
 
 
@@ -92,11 +92,11 @@ def node(options: argparse.Namespace) -> int:
             from fledge import cosim
 
             return _several(sim, scenario, names, options, cosim.checked_wires(sim))
-        return _one(sim, scenario, names[0], options)
+        return _single(sim, scenario, names[0], options)
 
 
-def _one(sim: Simulation, scenario: str, process: str, options: argparse.Namespace,
-         crossing: list[Crossing] | None = None, address: str | None = None, quiet: bool = False) -> int:
+def _single(sim: Simulation, scenario: str, process: str, options: argparse.Namespace,
+            crossing: list[Crossing] | None = None, address: str | None = None, quiet: bool = False) -> int:
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
@@ -176,7 +176,7 @@ def _several(sim: Simulation, scenario: str, names: list[str], options: argparse
     begun, problem = perf_counter(), ""
     with Programs() as programs:
         for name in names:
-            programs.start(name, partial(_one, sim, scenario, name, options, crossing, address, True))
+            programs.start(name, partial(_single, sim, scenario, name, options, crossing, address, True))
         if end is not None:  # made after the forks, for sockets belong to one program
             controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
                                           keys=options.keys, join=options.patience, report=say)
@@ -195,8 +195,9 @@ def _several(sim: Simulation, scenario: str, names: list[str], options: argparse
         say(f"  ticks    {ticks}, {ticks / took:,.0f} per second; {slowest} computed longest, "
             f"{times[slowest][1]:.3g} s")
     if options.record:
-        made = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
-        say(f"  record   {len(made)} in {options.record}: {', '.join(made[:4])}" + (", ..." if len(made) > 4 else ""))
+        written = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
+        names = [*written[:4], *["..."] * (len(written) > 4)]
+        say(f"  record   {len(written)} in {options.record}: {', '.join(names)}")
     return 0
 
 
@@ -299,7 +300,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
         if scenario:
             raise Failure("node: give a scenario or --free, not both" if free
                           else f"the mission {sim.name} has no scenarios")
-        sim.record(*(one for process in sim.processes for one in process), every=1.0)
+        sim.record(*(instance for process in sim.processes for instance in process), every=1.0)
         return "free"
     name, function = scenarios.chosen(sim, scenario)
     again = _second_run(function)
@@ -338,5 +339,5 @@ def _second_run(function: Any) -> tuple[str, int] | None:
         for child in ast.iter_child_nodes(node):
             yield from runs(child, looped)
 
-    found = sorted(runs(tree, False))
-    return (function.__code__.co_filename, first + found[1] - 1) if len(found) > 1 else None
+    names = sorted(runs(tree, False))
+    return (function.__code__.co_filename, first + names[1] - 1) if len(names) > 1 else None

@@ -13,7 +13,7 @@ import pytest
 import fledge
 from fledge import cli, cosim
 from fledge.archive import Archive
-from fledge.cli.node import _one, _second_run, set_up
+from fledge.cli.node import _single, _second_run, set_up
 from tests.waiting import wait_for
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("FLEDGE_NODE")} | {
@@ -39,15 +39,15 @@ class Group:
                                         text=True, env=ENVIRONMENT, start_new_session=True)
 
     def members(self):
-        found = []
+        flown = []
         for status in Path("/proc").glob("[0-9]*/stat"):
             try:
                 fields = status.read_text().rpartition(")")[2].split()
             except OSError:
                 continue
             if int(fields[3]) == self.process.pid and fields[0] != "Z":
-                found.append(int(status.parent.name))
-        return found
+                flown.append(int(status.parent.name))
+        return flown
 
     def __enter__(self):
         return self
@@ -67,16 +67,16 @@ def test_all_processes_write_what_the_run_in_one_writes(tmp_path):
     text = fledge_("node", "inertial_pointing", "all", "--until", "20min", "--seed", 4, "--record", tmp_path / "apart")
     assert "2 programs, world, flight" in text and "record   2 in" in text
     fledge_("run", "inertial_pointing", "--seed", 4, "--no-plots", "--out", tmp_path / "one")
-    one, apart = Archive(tmp_path / "one/run.mcap"), {}
+    whole, apart = Archive(tmp_path / "one/run.mcap"), {}
     for name in ("flight", "world"):
         archive = Archive(tmp_path / f"apart/{name}.mcap")
         assert archive.complete and archive.metadata["run"]["seed"] == "4"
         assert archive.metadata["run"]["process"] == name and archive.metadata["end"]["outcome"] == "passed"
         apart.update((topic, archive) for topic in archive.topics)
-    assert sorted(apart) == sorted(one.topics) and len(apart) == 6
+    assert sorted(apart) == sorted(whole.topics) and len(apart) == 6
     for topic, archive in apart.items():
-        assert archive.time(topic).tobytes() == one.time(topic).tobytes()
-        assert archive[topic].tobytes() == one[topic].tobytes(), topic
+        assert archive.time(topic).tobytes() == whole.time(topic).tobytes()
+        assert archive[topic].tobytes() == whole[topic].tobytes(), topic
 
 
 def test_the_time_of_each_node_is_the_end_of_the_run(tmp_path):
@@ -96,8 +96,8 @@ def test_nothing_stays_behind(which, number):
         programs = [pid for pid in group.members() if pid != group.process.pid]
         os.kill(group.process.pid if which == "the command" else programs[0], number)
         assert group.process.wait() in ((-9, 130) if which == "the command" else (1,))
-        said = group.process.stdout.read()
-        assert which == "the command" or said.count("\n") <= 3 and "sat" in said, said
+        output = group.process.stdout.read()
+        assert which == "the command" or output.count("\n") <= 3 and "sat" in output, output
         wait_for(lambda: not group.members())
 
 
@@ -112,8 +112,8 @@ def test_a_program_that_comes_after_the_end_adds_no_lines():
         wait_for(lambda: set(group.members()) == {group.process.pid, late})
         os.kill(late, signal.SIGCONT)
         assert group.process.wait() == 1
-        said = group.process.stdout.read()
-        assert said.count("\n") == 2 and said.count("sat0_world") == 2, said
+        output = group.process.stdout.read()
+        assert output.count("\n") == 2 and output.count("sat0_world") == 2, output
 
 
 def test_ctrl_c_leaves_readable_records(tmp_path):
@@ -172,7 +172,7 @@ def test_a_node_keeps_no_samples_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(cosim, "split", lambda sim, *_: SimpleNamespace(serve=lambda *_, **__: sim.run(60.0) or ""))
     options = SimpleNamespace(name=None, record=str(tmp_path), address=None, simulation=None, keys=None, patience=1.0,
                               delay=0.0, until=None, outputs=None, script=None)
-    assert _one(sim, scenario, "world", options) == 0
+    assert _single(sim, scenario, "world", options) == 0
     assert sim.records and sum(map(len, sim.records)) == 0
     archive = Archive(tmp_path / "world.mcap")
     assert archive.topics and all(channel.count > 1 for channel in archive.topics.values())
@@ -181,7 +181,7 @@ def test_a_node_keeps_no_samples_in_memory(tmp_path, monkeypatch):
 def test_a_second_run_is_found():
     for name, twice in (("nadir_spin", {"spin": False}), ("single_spiral", {"spiral": True}),
                         ("two_body_pointing", {"earth_and_sun": False, "near_conjunction": True})):
-        found = fledge.load(name).mission.scenarios
-        assert {scenario: _second_run(function) is not None for scenario, function in found.items()} == twice
-    file, line = _second_run(found["near_conjunction"])
+        scenarios = fledge.load(name).mission.scenarios
+        assert {scenario: _second_run(function) is not None for scenario, function in scenarios.items()} == twice
+    file, line = _second_run(scenarios["near_conjunction"])
     assert "sim.run(60" in Path(file).read_text().splitlines()[line - 1]

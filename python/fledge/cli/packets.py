@@ -26,25 +26,25 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("packets", packets, "packets received.pcap --database craft.xml")
-    one.set_defaults(needs=lambda _: ["build ground"])
-    one.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), the record of a "
+    sub = command("packets", packets, "packets received.pcap --database craft.xml")
+    sub.set_defaults(needs=lambda _: ["build ground"])
+    sub.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), the record of a "
                      "co-simulation's exchange, or packets one behind the other")
-    one.add_argument("--database", metavar="XTCE", action="append", default=[],
+    sub.add_argument("--database", metavar="XTCE", action="append", default=[],
                      help="what the packets are; several files may refer to one another. Without it, headers alone")
-    one.add_argument("--lenient", action="store_true", help="leave out what is wrong in the database, and what refers "
+    sub.add_argument("--lenient", action="store_true", help="leave out what is wrong in the database, and what refers "
                      "to it, and say what that is")
-    one.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
+    sub.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
                      "extends nothing")
-    one.add_argument("--skip", metavar="N", type=int, default=0, help="bytes in front of each packet, or of each frame")
-    one.add_argument("--frames", metavar="N", type=int, default=0, help="the file is of TM or AOS frames of N bytes")
-    one.add_argument("--trailer", metavar="N", type=int, default=0, help="bytes behind each frame, passed over")
-    one.add_argument("--reed-solomon", metavar="DEPTH", type=int, default=0, help="each frame has its code behind it, "
+    sub.add_argument("--skip", metavar="N", type=int, default=0, help="bytes in front of each packet, or of each frame")
+    sub.add_argument("--frames", metavar="N", type=int, default=0, help="the file is of TM or AOS frames of N bytes")
+    sub.add_argument("--trailer", metavar="N", type=int, default=0, help="bytes behind each frame, passed over")
+    sub.add_argument("--reed-solomon", metavar="DEPTH", type=int, default=0, help="each frame has its code behind it, "
                      "32 bytes for each of DEPTH interleaved code words: up to 16 wrong ones of each are corrected")
-    one.add_argument("--randomized", action="store_true", help="frames, with their code, are randomised (131.0-B)")
-    one.add_argument("--insert", metavar="N", type=int, default=0, help="bytes of the insert zone of AOS frames")
-    one.add_argument("--control", action="store_true", help="AOS frames have an operational control field")
-    kind = one.add_mutually_exclusive_group()
+    sub.add_argument("--randomized", action="store_true", help="frames, with their code, are randomised (131.0-B)")
+    sub.add_argument("--insert", metavar="N", type=int, default=0, help="bytes of the insert zone of AOS frames")
+    sub.add_argument("--control", action="store_true", help="AOS frames have an operational control field")
+    kind = sub.add_mutually_exclusive_group()
     kind.add_argument("--csv", action="store_true", help="a line for each field")
     kind.add_argument("--json", action="store_true", help="a line for each packet")
 
@@ -64,8 +64,8 @@ def packets(options: argparse.Namespace) -> int:
         from fledge.ground import Database
 
         database = Database.load(*options.database, lenient=options.lenient)
-        for one in database.left_out:
-            print(f"fledge: {printable(one)}", file=sys.stderr)
+        for reason in database.left_out:
+            print(f"fledge: {printable(reason)}", file=sys.stderr)
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True
@@ -75,13 +75,13 @@ def packets(options: argparse.Namespace) -> int:
             where = f", byte {piece.at}" if piece.problem else ""
             print(f"fledge: {options.file}{where}: {piece.problem or piece.note}", file=sys.stderr)
             continue
-        found = database.decode(piece.packet, options.root) if database and not encapsulated(piece.packet) else None
-        good = good and not (piece.note or (found and found.reason))
-        show(piece, found)
+        packet = database.decode(piece.packet, options.root) if database and not encapsulated(piece.packet) else None
+        good = good and not (piece.note or (packet and packet.reason))
+        show(piece, packet)
     return 0 if good else 1
 
 
-def _about(piece: Piece, found: Packet | None) -> dict[str, Any]:
+def _about(piece: Piece, packet: Packet | None) -> dict[str, Any]:
     """What is known of a packet before its fields."""
     from fledge.ground.captures import encapsulated, header
 
@@ -92,10 +92,10 @@ def _about(piece: Piece, found: Packet | None) -> dict[str, Any]:
     else:
         about |= {"kind": "encapsulation", "protocol": encapsulated(piece.packet)}
     about["bytes"] = len(piece.packet)
-    reasons = [text for text in (piece.note, found.reason if found else "") if text]
+    reasons = [text for text in (piece.note, packet.reason if packet else "") if text]
     return {key: value for key, value in about.items() if value is not None} | (
-        {"container": found.container} if found else {}) | (
-        {"reason": "; ".join(reasons) or None} if found or reasons else {})
+        {"container": packet.container} if packet else {}) | (
+        {"reason": "; ".join(reasons) or None} if packet or reasons else {})
 
 
 def _plain(value: Any) -> Any:
@@ -106,17 +106,17 @@ def _text(database: Database | None) -> Show:
     def line(text: str) -> None:
         print(printable(text, lines=False))     # a value does not look like another line
 
-    def show(piece: Piece, found: Packet | None) -> None:
-        about = _about(piece, found)
+    def show(piece: Piece, packet: Packet | None) -> None:
+        about = _about(piece, packet)
         when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
         which = f"protocol {about['protocol']}" if "protocol" in about else \
             f"application {about['application']}, count {about['count']}"
         line(f"byte {piece.at}{when}: {about['kind']}, {which}, {about['bytes']} bytes"
-             + (f", {found.container or 'not decoded'}" if found else ""))
+             + (f", {packet.container or 'not decoded'}" if packet else ""))
         if about.get("reason"):
             line(f"  ! {about['reason']}")
-        width = min(max((len(name) for name, _, _ in found.rows), default=0), 80) if found else 0
-        for name, raw, value in found.rows if found else ():
+        width = min(max((len(name) for name, _, _ in packet.rows), default=0), 80) if packet else 0
+        for name, raw, value in packet.rows if packet else ():
             unit = " ".join(database.units(name.partition(".")[0].partition("[")[0])) if database else ""
             shown = "no value" if value is None else str(_plain(value))
             beside = f"  (raw {_plain(raw)})" if value is None or (raw != value and str(raw) != str(value)) else ""
@@ -127,28 +127,28 @@ def _text(database: Database | None) -> Show:
 
 def _csv(database: Database | None) -> Show:
     def line(*row: Any) -> None:
-        print(",".join("" if one is None else field(one) if isinstance(one, str) else str(one) for one in row))
+        print(",".join("" if cell is None else field(cell) if isinstance(cell, str) else str(cell) for cell in row))
 
     line("byte", "application", "count", "container", "field", "value", "raw", "kind", "reason")
 
-    def show(piece: Piece, found: Packet | None) -> None:
-        about = _about(piece, found)
+    def show(piece: Piece, packet: Packet | None) -> None:
+        about = _about(piece, packet)
         head = [about.get(key) for key in ("byte", "application", "count")]
         kind = f"encapsulation {about['protocol']}" if "protocol" in about else about["kind"]
         end = [kind, about.get("reason")]
-        of = found.container if found else None
-        for name, raw, value in found.rows if found else ():
+        of = packet.container if packet else None
+        for name, raw, value in packet.rows if packet else ():
             line(*head, of, name, _plain(value), _plain(raw), *end)
-        if not found or not found.rows:
-            line(*head, found.container if found else "", "", "", "", *end)
+        if not packet or not packet.rows:
+            line(*head, packet.container if packet else "", "", "", "", *end)
 
     return show
 
 
 def _json(database: Database | None) -> Show:
-    def show(piece: Piece, found: Packet | None) -> None:
-        fields = {"values": found.values, "raw": found.raw} if found else {}
-        text = json.dumps(_about(piece, found) | fields, default=_plain)
+    def show(piece: Piece, packet: Packet | None) -> None:
+        fields = {"values": packet.values, "raw": packet.raw} if packet else {}
+        text = json.dumps(_about(piece, packet) | fields, default=_plain)
         print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves
 
     return show

@@ -37,25 +37,26 @@ def packet(count, content=b"\x14", application=5):
 ALL = [packet(i, bytes([i + 1] * (1 + 3 * i))) for i in range(8)]
 
 
-def found(data, **options):
+def parsed(data, **options):
     """(the packets, the places and texts of problems)"""
     all_ = list(pieces(data, Format(**options)))
-    return [one.packet for one in all_ if one.packet], [(one.at, one.problem) for one in all_ if one.problem]
+    return [p.packet for p in all_ if p.packet], [(p.at, p.problem) for p in all_ if p.problem]
 
 
 def test_packets_may_have_bytes_in_front_and_padding_behind():
-    assert found(b"".join(ALL)) == (ALL, [])
-    assert found(b"".join(b"mark" + one for one in ALL), skip=4) == (ALL, [])
-    assert found(b"".join(one + bytes(5) for one in ALL)) == (ALL, [])
-    assert found(b"") == ([], [])
+    assert parsed(b"".join(ALL)) == (ALL, [])
+    assert parsed(b"".join(b"mark" + packet for packet in ALL), skip=4) == (ALL, [])
+    assert parsed(b"".join(packet + bytes(5) for packet in ALL)) == (ALL, [])
+    assert parsed(b"") == ([], [])
     assert header(ALL[3]) == (False, False, 5, 3, 3, 16)
 
 
 def test_reading_goes_on_behind_damage():
-    assert found(ALL[0] + b"\xff" * 9 + b"".join(ALL[1:])) == (
+    assert parsed(ALL[0] + b"\xff" * 9 + b"".join(ALL[1:])) == (
         ALL, [(7, "9 bytes are no packet: a packet of 4294967295 bytes would begin there")])
     cut = b"".join(ALL)[:-1]
-    assert found(cut) == (ALL[:-1], [(len(cut) - len(ALL[-1]) + 1, "27 bytes are no packet: a packet of 28 bytes would "
+    assert parsed(cut) == (ALL[:-1], [
+        (len(cut) - len(ALL[-1]) + 1, "27 bytes are no packet: a packet of 28 bytes would "
                                       "begin there")])
     notes = [piece.note for piece in pieces(ALL[0] + b"\x9a\0" + b"".join(ALL[1:]))]
     assert notes == ["what follows it is no packet: it may be damaged, too", *[""] * 8]
@@ -71,7 +72,7 @@ def datagram(payload, version=4):
 
 def pcap(frames, order="<", magic=0xA1B2C3D4, link=1):
     return struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, 65535, link) + b"".join(
-        struct.pack(order + "4I", 100 + i, 7, len(one), len(one)) + one for i, one in enumerate(frames))
+        struct.pack(order + "4I", 100 + i, 7, len(frame), len(frame)) + frame for i, frame in enumerate(frames))
 
 
 def pcapng(frames, order="<"):
@@ -82,70 +83,70 @@ def pcapng(frames, order="<"):
     ticks = struct.pack(order + "2HB3x2H", 9, 1, 9, 0, 0)
     return block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1)) + \
         block(1, struct.pack(order + "HHI", 1, 0, 65535) + ticks) + b"".join(
-            block(6, struct.pack(order + "5I", 0, *divmod((100 + i) * 10**9 + 7, 2**32), len(one), len(one)) + one)
-            for i, one in enumerate(frames))
+            block(6, struct.pack(order + "5I", 0, *divmod((100 + i) * 10**9 + 7, 1 << 32), *2 * [len(frame)]) + frame)
+            for i, frame in enumerate(frames))
 
 
 @pytest.mark.parametrize("order", "<>")
 def test_captures_of_a_network(order):
-    frames = [datagram(one, 4 + 2 * (i % 2)) for i, one in enumerate(ALL)]
+    frames = [datagram(packet, 4 + 2 * (i % 2)) for i, packet in enumerate(ALL)]
     for data, nanoseconds in [(pcap(frames, order), 7000), (pcap(frames, order, 0xA1B23C4D), 7),
                               (pcapng(frames, order), 7)]:
-        assert found(data) == (ALL, [])
+        assert parsed(data) == (ALL, [])
         first = next(pieces(data))
         assert first.time == 100 * 10**9 + nanoseconds and data[first.at:first.at + len(ALL[0])] == ALL[0]
-        whole, problems = found(data[:-20])
+        whole, problems = parsed(data[:-20])
         assert whole == ALL[:-1] and "the file ends within" in problems[0][1]
-    assert found(pcap(ALL, order, link=147)) == (ALL, [])
+    assert parsed(pcap(ALL, order, link=147)) == (ALL, [])
     other = pcap([b"\0" * 60, *frames], order)
-    assert found(other) == (ALL, [(0, "1 packets of the network are no whole UDP datagrams: they are left out")])
+    assert parsed(other) == (ALL, [(0, "1 packets of the network are no whole UDP datagrams: they are left out")])
 
 
 def frames_of(data, size=64, check=True):
     """Frames of one virtual channel with all the packets."""
     room = size - 6 - 2 * check
     starts = [sum(map(len, ALL[:i])) for i in range(len(ALL))]
-    made = []
+    packets = []
     for i in range(0, len(data), room):
         zone = data[i:i + room].ljust(room, b"\0") if i + room <= len(data) else \
             data[i:] + packet(0, bytes(room - len(data[i:]) - 6), 0x7FF)
         first = next((start - i for start in starts if i <= start < i + room), 0x7FF)
-        frame = struct.pack(">HBBH", 77 << 4, len(made), len(made), 3 << 11 | first) + zone
-        made.append(frame + struct.pack(">H", binascii.crc_hqx(frame, 0xFFFF)) * check)
-    return made
+        frame = struct.pack(">HBBH", 77 << 4, len(packets), len(packets), 3 << 11 | first) + zone
+        packets.append(frame + struct.pack(">H", binascii.crc_hqx(frame, 0xFFFF)) * check)
+    return packets
 
 
 def test_telemetry_frames():
     for check in (True, False):
         frames = frames_of(b"".join(ALL), check=check)
         assert len(frames) > 2
-        assert found(b"".join(frames), frames=64) == (ALL, [])
-        assert found(b"".join(b"mark" + frame for frame in frames), frames=64, skip=4) == (ALL, [])
-        whole, problems = found(frames[0] + b"".join(frames[2:]), frames=64)
-        assert whole == [one for one in ALL if one in whole] and 0 < len(whole) < len(ALL)
+        assert parsed(b"".join(frames), frames=64) == (ALL, [])
+        assert parsed(b"".join(b"mark" + frame for frame in frames), frames=64, skip=4) == (ALL, [])
+        whole, problems = parsed(frames[0] + b"".join(frames[2:]), frames=64)
+        assert whole == [packet for packet in ALL if packet in whole] and 0 < len(whole) < len(ALL)
         assert problems == [(64, "1 frames of virtual channel 0 are missing in front of this one")]
     frames = frames_of(b"".join(ALL))
     frames[1] = frames[1][:20] + b"\xff" + frames[1][21:]
-    assert (64, "a frame is passed over: its CRC does not hold") in found(b"".join(frames), frames=64)[1]
-    assert found(b"".join(frames)[:-1], frames=64)[1][-1][1] == "the file ends within a frame"
+    assert (64, "a frame is passed over: its CRC does not hold") in parsed(b"".join(frames), frames=64)[1]
+    assert parsed(b"".join(frames)[:-1], frames=64)[1][-1][1] == "the file ends within a frame"
     for wrong, why in [({"frames": 5}, "a frame has 13 to 2048 bytes, not 5"),
                        ({"frames": 64, "reed_solomon": 3}, "the depth is 1 to 16, divides the size"),
                        ({"frames": 892, "reed_solomon": 2}, "223 bytes or fewer"),
                        ({"frames": 64, "insert": 70}, "an insert zone of 70 bytes does not fit")]:
         with pytest.raises(Failure, match=why):
-            found(b"x" * 2000, **wrong)
+            parsed(b"x" * 2000, **wrong)
 
 
 def aos(frames, insert=0, check=True, header_check=False, control=False, channel=5):
     """The same packets in AOS frames, 732.0-B-4: each is as much longer as it has more fields."""
-    made = []
+    packets = []
     for i, frame in enumerate(frames):
         head = struct.pack(">HI", 1 << 14 | 157 << 6 | channel, i << 8)
         if header_check:
             head += fhec(head)
-        one = head + b"\xa5" * insert + frame[4:6] + frame[6:] + b"\1\2\3\4" * control
-        made.append(one + struct.pack(">H", binascii.crc_hqx(one, 0xFFFF)) * check)
-    return made
+        full = head + b"\xa5" * insert + frame[4:6] + frame[6:] + b"\1\2\3\4" * control
+        packets.append(full + struct.pack(">H", binascii.crc_hqx(full, 0xFFFF)) * check)
+    return packets
 
 
 def fhec(head):
@@ -172,20 +173,20 @@ def test_aos_frames():
         frames = aos(zones, **options)
         how = {"frames": len(frames[0]), "insert": options.get("insert", 0), "control": options.get("control", False)}
         fill = aos(zones[:1], **options, channel=63)
-        assert found(b"".join(frames + fill), **how) == (ALL, []), options
-        assert found(b"".join(frame + b"code" for frame in frames), **how, trailer=4) == (ALL, [])
+        assert parsed(b"".join(frames + fill), **how) == (ALL, []), options
+        assert parsed(b"".join(frame + b"code" for frame in frames), **how, trailer=4) == (ALL, [])
         note = list(pieces(b"".join(frames), Format(**how)))[-1].note
         assert note == f"{len(frames)} AOS frames of spacecraft 157, 1 idle packets"
     frames = aos(zones, check=False, header_check=True)
     damaged = frames[1][:5] + b"\x30" + frames[1][6:]
-    assert (68, "a frame is passed over: the check of its header does not hold") in found(
+    assert (68, "a frame is passed over: the check of its header does not hold") in parsed(
         frames[0] + damaged + b"".join(frames[2:]), frames=68)[1]
     mixed = aos(zones, check=False)
     longer = [zone + b"\0\0" for zone in zones]
-    both = found(b"".join(mixed[:2]) + longer[0] + b"".join(mixed[2:]), frames=len(mixed[0]))
+    both = parsed(b"".join(mixed[:2]) + longer[0] + b"".join(mixed[2:]), frames=len(mixed[0]))
     assert both == (ALL, [(2 * len(mixed[0]), "a frame is passed over: it is of TM, the others are of AOS")])
     uslp = b"\xc0" + bytes(63)
-    assert found(uslp, frames=64)[1] == [(0, "the frames are of USLP, which is not read: TM and AOS are")]
+    assert parsed(uslp, frames=64)[1] == [(0, "the frames are of USLP, which is not read: TM and AOS are")]
 
 
 ENCAPSULATED = [b"\xe0", b"\xe9\x05abc", b"\xee\x12\0\x08wxyz", b"\xff" + bytes(5) + b"\0\x0az!", b"\xe1\2"]
@@ -193,19 +194,20 @@ PROTOCOLS = ["idle", "IPE", "CFDP", "mission", "idle"]
 
 
 def test_encapsulation_packets():
-    assert [encapsulated(one) for one in ENCAPSULATED] == PROTOCOLS and encapsulated(ALL[0]) is None
+    assert [encapsulated(packet) for packet in ENCAPSULATED] == PROTOCOLS and encapsulated(ALL[0]) is None
     assert encapsulated(b"\xfa\x57\0\4") == "extended 7"
-    named = [one for one in ENCAPSULATED if one[0] >> 2 & 7]
+    named = [packet for packet in ENCAPSULATED if packet[0] >> 2 & 7]
     stream = b"".join(x + y for x, y in zip(ALL, ENCAPSULATED)) + b"".join(ALL[5:])
-    assert found(stream) == ([one for pair in zip(ALL, ENCAPSULATED) for one in pair if len(one) > 1] + ALL[5:], [])
-    assert found(pcap(named, link=147)) == (named, [])
+    given = [packet for pair in zip(ALL, ENCAPSULATED) for packet in pair if len(packet) > 1] + ALL[5:]
+    assert parsed(stream) == (given, [])
+    assert parsed(pcap(named, link=147)) == (named, [])
     zone = b"".join(ENCAPSULATED) + ALL[0]
     size = len(zone) + 6
     frame = struct.pack(">HBBH", 77 << 4, 0, 0, 3 << 11) + zone
-    assert list(pieces(frame, Format(frames=size))) == [(0, one, None, "", "") for one in [*named, ALL[0]]] + [
+    assert list(pieces(frame, Format(frames=size))) == [(0, packet, None, "", "") for packet in [*named, ALL[0]]] + [
         (size, b"", None, "", "1 TM frames of spacecraft 77, 2 idle packets")]
     other = struct.pack(">HBBH", 77 << 4, 0, 0, 3 << 11) + b"\x40" + zone[:-1]
-    assert found(other + frame[:3] + b"\1" + frame[4:], frames=size) == ([*named, ALL[0]], [
+    assert parsed(other + frame[:3] + b"\1" + frame[4:], frames=size) == ([*named, ALL[0]], [
         (0, "virtual channel 0 has a packet of version 2, which is not read: what is behind it is left out up to the "
             "next packet that a frame points to")])
 
@@ -237,7 +239,7 @@ def test_the_code_of_real_frames(capsys):
     assert [piece.packet for piece in pieces(bytes(data), Format(4, 892, 0, 4, randomized=True)) if piece.packet] == [
         piece.packet for piece in pieces(cadus.read_bytes(), Format(4, 892, 0, 4, randomized=True)) if piece.packet]
     data[2 * 1024 + 4 + 7 * 64] ^= 1
-    assert (2052, "a frame is passed over: its Reed-Solomon code has too many wrong symbols") in found(
+    assert (2052, "a frame is passed over: its Reed-Solomon code has too many wrong symbols") in parsed(
         bytes(data), skip=4, frames=892, reed_solomon=4, randomized=True)[1]
 
 
@@ -251,11 +253,12 @@ def test_the_record_of_an_exchange_has_the_packets_of_its_queues(tmp_path):
         maker.message(queues[1 - i % 2], 10 * i, i, struct.pack("<I", len(whole)) + whole.ljust(64, b"\xff"))
     maker.close()
     all_ = list(read(maker.path))
-    assert [one.packet for one in all_] == ALL and [one.time for one in all_] == [0, 0, 10, 10, 20, 20, 30, 30]
+    assert [piece.packet for piece in all_] == ALL and [piece.time for piece in all_] == [0, 0, 10, 10, 20, 20, 30, 30]
     maker = Maker(tmp_path / "run.mcap")
     maker.message(maker.channel("/flight/rate", "fledge/Rate", "float64 rate\n"), 0, 0, struct.pack("<d", 1.5))
     maker.close()
-    assert [one.problem for one in read(maker.path)] == ["a record without packets: fledge convert writes its values"]
+    problem, = (piece.problem for piece in read(maker.path))
+    assert problem == "a record without packets: fledge convert writes its values"
 
 
 @pytest.fixture
@@ -305,8 +308,8 @@ def test_no_text_of_a_database_or_a_packet_drives_the_terminal_or_a_table(form, 
     if not form:
         assert len(out.splitlines()) == 6 and "=1+1;\u27e81B\u27e9[2J\u27e80A\u27e9byt" in out
     if form == ["--csv"]:
-        said, = [row for row in csv.DictReader(io.StringIO(out)) if row["field"] == "said"]
-        assert said["value"].startswith("'=1+1;\u27e81B\u27e9[2J\nbyt") and said["container"].startswith("/S/=Q")
+        text, = [row for row in csv.DictReader(io.StringIO(out)) if row["field"] == "said"]
+        assert text["value"].startswith("'=1+1;\u27e81B\u27e9[2J\nbyt") and text["container"].startswith("/S/=Q")
 
 
 def test_a_database_with_faults_lists_them_all_and_leniently_the_rest_is_read(files, capsys):

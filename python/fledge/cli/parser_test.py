@@ -7,7 +7,7 @@ import pytest
 from fledge import cli
 
 
-@pytest.mark.parametrize("words, said, usage", [
+@pytest.mark.parametrize("words, message, usage", [
     (["montecarlo", "nadir_spin", "--campagn", "release"],
      "fledge montecarlo: unrecognized arguments: --campagn release; did you mean '--campaign'?", "fledge montecarlo"),
     (["falsify", "sun_safe", "SUN-1", "faults"], "fledge falsify: unrecognized arguments: faults", "fledge falsify"),
@@ -17,19 +17,19 @@ from fledge import cli
      "fledge ground serve"),
     (["keys", "new", "k", "--xyzzy"], "fledge keys new: unrecognized arguments: --xyzzy", "fledge keys new"),
 ])
-def test_an_unknown_argument_is_refused_by_its_own_command(capsys, words, said, usage):
+def test_an_unknown_argument_is_refused_by_its_own_command(capsys, words, message, usage):
     with pytest.raises(SystemExit) as end:
         cli.parsed(words)
     first, second = capsys.readouterr().err.splitlines()[:2]
-    assert end.value.code == 2 and first.startswith(said) and second.startswith(f"usage: {usage} [")
+    assert end.value.code == 2 and first.startswith(message) and second.startswith(f"usage: {usage} [")
 
 
 def test_the_same_thing_has_one_name_in_all_commands():
     """A campaign is --campaign, how many fly at a time is --jobs; neither is a position."""
     commands, = (action for action in cli.parser()._actions if isinstance(action, argparse._SubParsersAction))
-    for name, one in commands.choices.items():
-        places = [action.dest for action in one._actions if not action.option_strings]
-        assert "campaign" not in places and not {"--threads", "--workers"} & set(one._option_string_actions), name
+    for name, parser in commands.choices.items():
+        places = [action.dest for action in parser._actions if not action.option_strings]
+        assert "campaign" not in places and not {"--threads", "--workers"} & set(parser._option_string_actions), name
     for name in ("montecarlo", "sweep", "falsify", "versions"):
         assert {"--campaign", "--jobs"} <= set(commands.choices[name]._option_string_actions)
     for name in ("faults", "verify", "flips", "profile"):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_jobs, add_parameters, given_parameters
+from fledge.cli.arguments import add_campaign, add_parameters, add_pool, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("profile", profile, "profile nadir_spin --on linux,leon3,desktop --for 10min")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
-    one.add_argument("--free", action="store_true", help="without a scenario; with --for")
-    one.add_argument("--on", default="linux", metavar="TARGETS", help="as of fledge fly, where something "
+    sub = command("profile", profile, "profile nadir_spin --on linux,leon3,desktop --for 10min")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
+    sub.add_argument("--free", action="store_true", help="without a scenario; with --for")
+    sub.add_argument("--on", default="linux", metavar="TARGETS", help="as of fledge fly, where something "
                      "measures it; desktop is CPython, to compare with; default: linux")
-    one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
-    one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
+    sub.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
+    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    sub.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
                      "flights with the mission's dispersions; SCENARIO may be several, A,B")
-    add_campaign(one, "with --longest: ")
-    add_jobs(one, "with --longest: ")
-    one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
+    add_campaign(sub, "with --longest: ")
+    add_pool(sub, "with --longest: ")
+    sub.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
                      "runs/MISSION/profile")
-    add_parameters(one)
-    one.set_defaults(needs=lambda options: ["profile", "build _emulator", *TARGETS.known(_names(options))])
+    add_parameters(sub)
+    sub.set_defaults(needs=lambda options: ["profile", "build _emulator", *TARGETS.known(_names(options))])
 
 
 def profile(options: argparse.Namespace) -> int:
@@ -68,16 +68,16 @@ def profile(options: argparse.Namespace) -> int:
                   parameters=given_parameters(options))
         say(f"{job.title}, {job.scenario}, {job.duration:g} s")
         with Bar(job.title) as bar:
-            found = measure(job, names, options.process, lambda name, done: bar.at(
+            timings = measure(job, names, options.process, lambda name, done: bar.at(
                 done / len(names), f"{done} of {counted(len(names), 'target')}, now {name}"))
-        for line in columns(page.table(found), right=set(range(1, len(found) + 1))):
+        for line in columns(page.table(timings), right=set(range(1, len(timings) + 1))):
             say("  " + line)
         facts = {"mission": job.title, "scenario": job.scenario, "duration": job.duration,
-                 "targets": [one.as_json() for one in found]}
+                 "targets": [timing.as_json() for timing in timings]}
         paths = write_files({"profile.json": json.dumps(facts, indent=1) + "\n",
-                             "profile.html": page.page(job.title, job.scenario, job.duration, found)}, folder)
+                             "profile.html": page.page(job.title, job.scenario, job.duration, timings)}, folder)
     say(f"  report   {paths[1]}\n  figures  {paths[0]}")
-    problems = [f"{one.target}: {problem}" for one in found for problem in one.problems()]
+    problems = [f"{timing.target}: {problem}" for timing in timings for problem in timing.problems()]
     for problem in problems:
         print(f"fledge: {problem}", file=sys.stderr)
     return 1 if problems else 0
@@ -85,8 +85,6 @@ def profile(options: argparse.Namespace) -> int:
 
 def _longest(options: argparse.Namespace, folder: Path, duration: float | None) -> int:
     """Search the longest path of each task."""
-    import sys
-
     from fledge.analysis import timing
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
@@ -101,15 +99,15 @@ def _longest(options: argparse.Namespace, folder: Path, duration: float | None) 
                                options.campaign, duration, options.seed, options.process, folder,
                                **given_parameters(options))
         with Bar(Path(options.mission).name) as bar:
-            found = search.search(options.longest, options.jobs, lambda done: bar.at(
-                done / options.longest, f"{done} of {options.longest}"))
+            spans = search.search(options.longest, options.jobs, lambda done: bar.at(
+                done / options.longest, f"{done} of {options.longest}"), options.scheduler)
         say(f"{search.jobs[0].title}, {', '.join(job.scenario for job in search.jobs)}: the longest paths in "
-            f"{counted(found.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
+            f"{counted(spans.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
                                                   else ", which differ in their noise: there is no dispersions.py"))
-        say("\n".join(timing.text(found)))
-        for path in write_files({"timing.csv": timing.as_csv(found), "timing.json": timing.as_json(found)}, folder):
+        say("\n".join(timing.text(spans)))
+        for path in write_files({"timing.csv": timing.as_csv(spans), "timing.json": timing.as_json(spans)}, folder):
             say(f"  figures  {path}")
-    return 1 if found.died else 0
+    return 1 if spans.died else 0
 
 
 def _names(options: argparse.Namespace) -> list[str]:

@@ -13,7 +13,6 @@ from fledge.cli.arguments import add_parameters, given_parameters
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from typing import Any
 
     from fledge.mission.process import Flight
 
@@ -27,14 +26,14 @@ Ctrl-D ends."""
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("console", console, "console nadir_spin")
-    one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    one.add_argument("--turns", type=int, default=10_000, metavar="N", help="of loops and returns of functions that a "
+    sub = command("console", console, "console nadir_spin")
+    sub.add_argument("mission", help="the name of a mission, or its folder")
+    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    sub.add_argument("--turns", type=int, default=10_000, metavar="N", help="of loops and returns of functions that a "
                      "line or a procedure may take in one instant; default: 10000")
-    one.add_argument("--out", metavar="DIR", help="for the programs; default: runs/MISSION/console")
-    add_parameters(one)
-    one.set_defaults(needs=lambda options: [TARGET])
+    sub.add_argument("--out", metavar="DIR", help="for the programs; default: runs/MISSION/console")
+    add_parameters(sub)
+    sub.set_defaults(needs=lambda options: [TARGET])
 
 
 def console(options: argparse.Namespace) -> int:
@@ -48,7 +47,7 @@ def console(options: argparse.Namespace) -> int:
     with alone(folder):
         job = Job(options.mission, None, 1.0, 0, folder=folder, free=True, parameters=given_parameters(options))
         if options.process is None and len(job.parts) > 1:
-            raise Failure(f"console: --process: {job.title} has {', '.join(one.process for one in job.parts)}")
+            raise Failure(f"console: --process: {job.title} has {', '.join(part.process for part in job.parts)}")
         part = job.part(options.process or job.parts[0].process)
         with Console(part, target) as flight:
             for text in _texts(f"{part.mission.title}; :help; Ctrl-D ends"):

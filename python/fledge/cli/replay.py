@@ -16,24 +16,24 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("replay", replay, "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
-    one.set_defaults(needs=lambda _: ["build cosim"])
-    one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
+    sub = command("replay", replay, "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
+    sub.set_defaults(needs=lambda _: ["build cosim"])
+    sub.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
                      "fledge_controller --record write it, or its folder")
-    one.add_argument("node", metavar="NODE", help="the node that runs again")
-    one.add_argument("--until", metavar="DURATION", help="only until then (90s, 10min, 2h); default: the end "
+    sub.add_argument("node", metavar="NODE", help="the node that runs again")
+    sub.add_argument("--until", metavar="DURATION", help="only until then (90s, 10min, 2h); default: the end "
                      "of the complete part of the record")
-    one.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "
+    sub.add_argument("--out", metavar="FILE", help="the archive of the replay; default: replay_NODE.mcap beside the "
                      "record")
-    one.add_argument("--address", metavar="A", help="where the node greets; default: an abstract socket")
-    one.add_argument("--keys", metavar="PATH", help="the controller's keys (fledge keys)")
-    one.add_argument("--patience", type=float, default=60.0, metavar="S",
+    sub.add_argument("--address", metavar="A", help="where the node greets; default: an abstract socket")
+    sub.add_argument("--keys", metavar="PATH", help="the controller's keys (fledge keys)")
+    sub.add_argument("--patience", type=float, default=60.0, metavar="S",
                      help="how long to wait for the node; default: 60")
-    one.add_argument("--reply", type=float, default=60.0, metavar="S", help="how long to wait for its replies; 0: for "
+    sub.add_argument("--reply", type=float, default=60.0, metavar="S", help="how long to wait for its replies; 0: for "
                      "ever, as for a debugger; default: 60")
-    one.description += " COMMAND starts the node; without it, start the node by hand, for example in a debugger."
-    one.usage = one.format_usage().removeprefix("usage: ").rstrip() + " [-- COMMAND ...]"
-    one.set_defaults(starts_command=True)
+    sub.description += " COMMAND starts the node; without it, start the node by hand, for example in a debugger."
+    sub.usage = sub.format_usage().removeprefix("usage: ").rstrip() + " [-- COMMAND ...]"
+    sub.set_defaults(starts_command=True)
 
 
 def replay(options: argparse.Namespace) -> int:

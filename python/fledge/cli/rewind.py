@@ -17,18 +17,18 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.cli.arguments import number
 
-    one = command("rewind", rewind, "rewind runs/nadir_spin --to 1h23m")
-    one.add_argument("run", metavar="RUN", help="the folder of a run of fledge up, with keep_every")
-    one.add_argument("--to", required=True, metavar="TIME", help="the instant (90s, 10min, 1h23m)")
-    one.add_argument("--until", metavar="TIME", help="how long to simulate; default: as in the run")
-    one.add_argument("--with", dest="file", metavar="SIM.toml", help="take the programs from this file: another branch")
-    one.add_argument("--changed", action="store_true", help="let programs that have changed since the run fly from the "
+    sub = command("rewind", rewind, "rewind runs/nadir_spin --to 1h23m")
+    sub.add_argument("run", metavar="RUN", help="the folder of a run of fledge up, with keep_every")
+    sub.add_argument("--to", required=True, metavar="TIME", help="the instant (90s, 10min, 1h23m)")
+    sub.add_argument("--until", metavar="TIME", help="how long to simulate; default: as in the run")
+    sub.add_argument("--with", dest="file", metavar="SIM.toml", help="take the programs from this file: another branch")
+    sub.add_argument("--changed", action="store_true", help="let programs that have changed since the run fly from the "
                      "start; they must write the same until the instant")
-    one.add_argument("--pace", type=number(), metavar="X",
+    sub.add_argument("--pace", type=number(), metavar="X",
                      help="X simulated seconds per second from the instant on; 0: as fast as possible")
-    one.add_argument("--out", metavar="DIR", help="for logs and records; default: RUN@TIME")
-    one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
-    one.set_defaults(needs=_needed)
+    sub.add_argument("--out", metavar="DIR", help="for logs and records; default: RUN@TIME")
+    sub.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
+    sub.set_defaults(needs=_needed)
 
 
 def _needed(options: argparse.Namespace) -> list[str]:
@@ -49,7 +49,7 @@ def rewind(options: argparse.Namespace) -> int:
     from fledge.cli.console import say
     from fledge.cli.up import fly, view_of
     from fledge.cosim.up import description
-    from fledge.cosim.up.rewind import RewindError, noted, past_of
+    from fledge.cosim.up.rewind import RewindError, recorded, past_of
     from fledge.errors import Failure
     from fledge.targets import TARGETS
 
@@ -58,7 +58,7 @@ def rewind(options: argparse.Namespace) -> int:
     if folder.resolve() == run.resolve():
         raise Failure(f"--out {folder} would overwrite the run from which this one goes on")
     try:
-        plan, found = noted(run)
+        plan, digests = recorded(run)
         if options.file:
             other = description.read(Path(options.file), TARGETS)
             plan.programs, plan.watch = other.programs, other.watch
@@ -69,7 +69,7 @@ def rewind(options: argparse.Namespace) -> int:
         if plan.until is None or to >= plan.until:
             raise RewindError(f"the run is to go on from {to:g} s, but it ends at {plan.until:g} s; give a later "
                               "--until")
-        past = past_of(run, plan, found, to, options.changed)
+        past = past_of(run, plan, digests, to, options.changed)
     except (RewindError, description.SimError) as error:
         raise Failure(f"rewind: {error}") from None
     fresh = [p.name for p in plan.nodes if p.name not in past.snapshots]

@@ -32,7 +32,7 @@ def alone(folder: Path, instead: str = "give another folder with --out") -> Iter
 
     instead: what a user can do, besides waiting. The lock is the kernel's: it ends with the program, however that ends.
     """
-    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     lock = -1
     while lock < 0:
         make(folder, 0o700)
@@ -40,9 +40,9 @@ def alone(folder: Path, instead: str = "give another folder with --out") -> Iter
     try:
         yield
     finally:
-        for one in made:        # which are empty, where a command is refused
+        for parent in missing:        # which are empty, where a command is refused
             try:
-                one.rmdir()
+                parent.rmdir()
             except OSError:
                 break
         os.close(lock)
@@ -87,10 +87,10 @@ def folder_of(name: str, replace: bool = False) -> Path:
     return folder
 
 
-def kept() -> dict[str, list[Path]]:
+def kept_runs() -> dict[str, list[Path]]:
     """The kept runs: name -> their records, or what is left of one that has not ended."""
-    return {folder.name: found for folder in sorted(KEPT.glob("*"))
-            if (found := sorted(folder.glob("*.mcap")) or sorted(folder.glob("*.mcap.part")))}
+    return {folder.name: files for folder in sorted(KEPT.glob("*"))
+            if (files := sorted(folder.glob("*.mcap")) or sorted(folder.glob("*.mcap.part")))}
 
 
 def find_run(name: str) -> Path:
@@ -102,16 +102,16 @@ def find_run(name: str) -> Path:
         if path.is_file():
             return path
         if path.is_dir():
-            found = sorted(one for one in [*path.glob("*.mcap"), *path.glob("*/*.mcap")]
-                           if not one.name.endswith(SCENE))
-            if len(found) == 1:
-                return found[0]
+            records = sorted(record for record in [*path.glob("*.mcap"), *path.glob("*/*.mcap")]
+                             if not record.name.endswith(SCENE))
+            if len(records) == 1:
+                return records[0]
             if path.parent == RUNS and path != KEPT and (runs := list(path.glob("*/run.mcap"))):
-                newest = max(runs, key=lambda one: one.stat().st_mtime_ns)
-                print(f"{newest} is the newest run of {path.name}; {path} has {len(found)} records", file=sys.stderr)
+                newest = max(runs, key=lambda record: record.stat().st_mtime_ns)
+                print(f"{newest} is the newest run of {path.name}; {path} has {len(records)} records", file=sys.stderr)
                 return newest
-            if found:
-                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
+            if records:
+                raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, records))}")
             unfinished += sorted([*path.glob("*.mcap.part"), *path.glob("*/*.mcap.part")])
     if unfinished:
         raise Failure(f"there is no whole record '{name}'; {' '.join(map(_left, unfinished))}")

@@ -125,16 +125,16 @@ def test_two_runs_into_one_folder_never_mix(here, capsys):
 
 
 def test_two_simulations_in_one_program_do_not_write_one_file(here):
-    one, two = fledge.load("looker"), fledge.load("looker")
-    for sim in (one, two):
+    first, second = fledge.load("looker"), fledge.load("looker")
+    for sim in (first, second):
         sim.record(sim.flight.tracking.error)
         sim.archive(here / "run.mcap")
-    one.run(10)
+    first.run(10)
     with pytest.raises(RunError, match="cannot write .*run.mcap: another run writes .*run.mcap.part now; let it end"):
-        two.run(10)
-    two.close_archive()
-    one.run(10)
-    one.close_archive()
+        second.run(10)
+    second.close_archive()
+    first.run(10)
+    first.close_archive()
     assert Archive(here / "run.mcap").time("error")[-1] == 20
 
 
@@ -166,11 +166,11 @@ def test_a_killed_run_of_another_scenario_is_no_secret_either(here, capsys):
     assert cli.main(["run", "looker", "short"]) == 0
     Waiting(here).kill()
     capsys.readouterr()
-    for name, told in (("looker", True), ("looker/short", False), ("runs/looker", True)):
+    for name, replaced in (("looker", True), ("looker/short", False), ("runs/looker", True)):
         assert cli.main(["convert", name, "--about"]) == 0
-        said = "run.mcap is not of the last run: a run that has not ended left runs/looker/waiting/run.mcap.part" \
+        message = "run.mcap is not of the last run: a run that has not ended left runs/looker/waiting/run.mcap.part" \
             in capsys.readouterr().err
-        assert said == told, name
+        assert message == replaced, name
 
 
 def test_pages_are_of_the_run_whose_record_lies_beside_them_and_older_ones_are_kept(here, capsys):
@@ -183,9 +183,9 @@ def test_pages_are_of_the_run_whose_record_lies_beside_them_and_older_ones_are_k
     assert not report.exists() and not (report.parent / "view.html").exists()
     assert (report.parent / "earlier-report.html").read_text() == page
     assert (report.parent / "earlier-view.html").read_text() == "of the first run"
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("view.html", "report.html"):
-        assert f"  earlier  runs/looker/short/earlier-{name}: {name} of the run before\n" in said
+        assert f"  earlier  runs/looker/short/earlier-{name}: {name} of the run before\n" in output
     assert cli.main(["run", "looker", "short", "--report"]) == 0
     assert "  earlier  " not in capsys.readouterr().out and report.exists()
 
@@ -399,5 +399,5 @@ def test_a_new_folder_of_a_run_is_its_owners(tmp_path):
     there.mkdir(mode=0o755)
     with alone(there / "runs/one"):
         (there / "runs/one/record").touch()
-        assert [one.stat().st_mode & 0o777 for one in (there, there / "runs", there / "runs/one")] == [
+        assert [path.stat().st_mode & 0o777 for path in (there, there / "runs", there / "runs/one")] == [
             0o755, 0o700, 0o700]

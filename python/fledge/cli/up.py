@@ -29,26 +29,26 @@ def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     from fledge.cli.arguments import add_parameters, number
 
-    one = command("up", up, "up spring.toml")
-    one.add_argument("simulation", metavar="SIM.toml|MISSION",
+    sub = command("up", up, "up spring.toml")
+    sub.add_argument("simulation", metavar="SIM.toml|MISSION",
                      help="a file that names the programs; or a mission, each of its processes as a program")
-    one.add_argument("scenario", nargs="?", help="of a MISSION: whose set-up to take; default: its first")
-    one.add_argument("--until", metavar="DURATION", help="how long to simulate (90s, 10min, 2h); default: as the file "
+    sub.add_argument("scenario", nargs="?", help="of a MISSION: whose set-up to take; default: its first")
+    sub.add_argument("--until", metavar="DURATION", help="how long to simulate (90s, 10min, 2h); default: as the file "
                      "or the scenario says")
-    one.add_argument("--seed", type=int, metavar="N", help="of the random streams")
-    one.add_argument("--pace", type=number(), metavar="X",
+    sub.add_argument("--seed", type=int, metavar="N", help="of the random streams")
+    sub.add_argument("--pace", type=number(), metavar="X",
                      help="X simulated seconds per second; 0: as fast as possible")
-    add_parameters(one)
-    one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
-    one.add_argument("--exchange", action="store_true", help="record all messages between the nodes")
-    one.add_argument("--keep-every", metavar="DURATION", help="of simulated time: keep snapshots of all nodes, so that "
+    add_parameters(sub)
+    sub.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
+    sub.add_argument("--exchange", action="store_true", help="record all messages between the nodes")
+    sub.add_argument("--keep-every", metavar="DURATION", help="of simulated time: keep snapshots of all nodes, so that "
                      "fledge rewind can go on from any instant")
-    one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
-    one.add_argument("--report", action="store_true", help="of a whole mission: then check by its scenario what the "
+    sub.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
+    sub.add_argument("--report", action="store_true", help="of a whole mission: then check by its scenario what the "
                      "flight computers have put out, and write its plots and a page, into DIR/report")
-    one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
-    one.add_argument("--check", action="store_true", help="only check the file")
-    one.set_defaults(needs=_needed)
+    sub.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
+    sub.add_argument("--check", action="store_true", help="only check the file")
+    sub.set_defaults(needs=_needed)
 
 
 def _needed(options: argparse.Namespace) -> list[str]:
@@ -61,10 +61,10 @@ def _needed(options: argparse.Namespace) -> list[str]:
 
     try:
         file = tomllib.loads(Path(options.simulation).read_text(encoding="utf-8"))
-        targets = TARGETS.known([one["target"] for one in file.get("node", []) if "target" in one])
-        by_ssh = any(str(one.get("target")).startswith(BY_SSH) for one in file.get("node", []))
+        targets = TARGETS.known([node["target"] for node in file.get("node", []) if "target" in node])
+        by_ssh = any(str(node.get("target")).startswith(BY_SSH) for node in file.get("node", []))
         targets += ["ssh", "aarch64"] * by_ssh
-        serves = any("serve" in one for one in file.get("asynchronous", []))
+        serves = any("serve" in program for program in file.get("asynchronous", []))
     except (OSError, ValueError, TypeError, AttributeError):
         targets, serves = [], False
     return ["build cosim", *targets, *["control_room", "build ground", "view"] * serves]
@@ -101,7 +101,7 @@ def up(options: argparse.Namespace) -> int:
 
 def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
     """Run a Plan, perhaps from the Past of another; returns the exit code."""
-    from fledge.cosim.up.rewind import RewindError, noted, past_of
+    from fledge.cosim.up.rewind import RewindError, recorded, past_of
     from fledge.cosim.up.session import Session, StartError
     from fledge.targets import TARGETS
     from fledge.serial_line import is_apart
@@ -123,10 +123,10 @@ def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
                 view.ends(outcome.progress)
             if outcome.rewind is None:
                 break
-            past = past_of(folder, plan, noted(folder)[1], outcome.rewind, False)
+            past = past_of(folder, plan, recorded(folder)[1], outcome.rewind, False)
             new = run.with_name(f"{run.resolve().name}@{outcome.rewind:g}s")
-            folder = next(one for i in count(1) if not (one := new.with_name(f"{new.name}-{i}" if i > 1 else new.name)
-                                                        ).exists())
+            folders = (new.with_name(f"{new.name}-{i}" if i > 1 else new.name) for i in count(1))
+            folder = next(path for path in folders if not path.exists())
             view.happens(f"{plan.simulation}: back to {outcome.rewind:g} s, in {folder}")
     except (StartError, RewindError) as error:
         raise Failure(f"up: {error}") from None

@@ -27,26 +27,26 @@ OUT = Path("verification")
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("verify", verify, "verify nadir_spin --on desktop,leon3")
-    one.add_argument("mission", help="the name of a mission, or its folder; its requirements.py has the requirements")
-    one.add_argument("--on", default="desktop", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: desktop")
-    one.add_argument("--scenario", action="append", metavar="NAME", help="fly only this one; may be given again; "
+    sub = command("verify", verify, "verify nadir_spin --on desktop,leon3")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its requirements.py has the requirements")
+    sub.add_argument("--on", default="desktop", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: desktop")
+    sub.add_argument("--scenario", action="append", metavar="NAME", help="fly only this one; may be given again; "
                      "default: all that show a requirement")
-    one.add_argument("--only", action="append", metavar="ID", help="report on this requirement and its children; may "
+    sub.add_argument("--only", action="append", metavar="ID", help="report on this requirement and its children; may "
                      "be given again; default: all")
-    one.add_argument("--again", action="store_true", help="fly all; default: take the flights whose sources, target, "
+    sub.add_argument("--again", action="store_true", help="fly all; default: take the flights whose sources, target, "
                      "seed, scenario and requirements are those of the report before from there")
-    one.add_argument("--coverage", action="store_true", help="also count the statements and branches of flight that "
+    sub.add_argument("--coverage", action="store_true", help="also count the statements and branches of flight that "
                      "ran on leon3")
-    one.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
+    sub.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
-    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    add_pool(one)
-    one.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
-    one.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
+    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_pool(sub)
+    sub.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
+    sub.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
                      f"records; default: {OUT}/MISSION")
-    add_parameters(one)
-    one.set_defaults(needs=lambda options: TARGETS.known(_targets(options)))
+    add_parameters(sub)
+    sub.set_defaults(needs=lambda options: TARGETS.known(_targets(options)))
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -63,7 +63,7 @@ def verify(options: argparse.Namespace) -> int:
         raise Failure("verify: --on names no target; there are " + ", ".join(TARGETS))
     TARGETS.ready(targets, "verify")
     if options.coverage and not any(TARGETS[name].takes_tools for name in targets):
-        taking = [name for name, one in TARGETS.items() if one.takes_tools]
+        taking = [name for name, target in TARGETS.items() if target.takes_tools]
         raise Failure(f"verify: --coverage counts on {' and '.join(taking)}; add one, as in --on desktop,{taking[0]}")
     given = tables.read(Path(options.requirements)) if options.requirements else []
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
@@ -98,53 +98,53 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
     from fledge.verify.flight import Flight
 
     assert sim.mission
-    scenarios = {name: [one.id for one in requirements.for_scenario(name)]
+    scenarios = {name: [requirement.id for requirement in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
 
     def rows(flown: list[Flown]) -> tuple[list[Row], list[Row], set[str]]:
         """All of the requirements, of the CSV too; those of --only; whether a requirement is among these."""
         own = evidence.rows(requirements, scenarios, flown)
-        found = own + tables.only_there(given, own)
-        evidence.adopt(found)
-        wanted = evidence.with_children([row for row in found if row.id in (options.only or [row.id])])
-        return own, [row for row in found if row.id in wanted], wanted
+        all_rows = own + tables.only_there(given, own)
+        evidence.adopt(all_rows)
+        wanted = evidence.with_children([row for row in all_rows if row.id in (options.only or [row.id])])
+        return own, [row for row in all_rows if row.id in wanted], wanted
 
-    _, found, wanted = rows([])
+    _, all_rows, wanted = rows([])
     chosen = [Flight(options.mission, name, target, options.seed, given_parameters(options),
                      options.coverage and TARGETS[target].takes_tools, folder / "flights" / name / target)
               for name, ids in scenarios.items() if set(ids) & wanted for target in targets]
-    say(f"{sim.name}: {counted(len(found), 'requirement')}, {counted(len(chosen), 'flight')} on "
+    say(f"{sim.name}: {counted(len(all_rows), 'requirement')}, {counted(len(chosen), 'flight')} on "
         + ", ".join(targets))
 
-    def tell(one: Flown) -> None:
-        found = [shown.verdict for shown in one.shown]
-        verdicts = ", ".join(f"{found.count(word)} {word}" for word in dict.fromkeys(found))
-        how = f"failed: {one.error}" if one.error else \
-            f"{one.time:g} s in {one.wall:.3g} s, {one.speed:,.0f} times real time; {verdicts}"
-        say(f"  {'before ' if one.before else 'flown  '}  {one.title}: {how}")
+    def tell(flight: Flown) -> None:
+        words = [shown.verdict for shown in flight.shown]
+        verdicts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+        how = f"failed: {flight.error}" if flight.error else \
+            f"{flight.time:g} s in {flight.wall:.3g} s, {flight.speed:,.0f} times real time; {verdicts}"
+        say(f"  {'before ' if flight.before else 'flown  '}  {flight.title}: {how}")
 
     with Bar(sim.name) as bar:
         flown = flights.fly(chosen, sim.mission.folder, options.jobs, options.again, tell,
                             lambda done, all_: bar.at(done / max(all_, 1), f"{done} of {all_} flights"),
                             options.scheduler)
-    for one in flown:
-        if one.record:
-            one.record = f"flights/{one.scenario}/{one.target}/{one.record}"
-    own, found, _ = rows(flown)
-    for line in columns([("requirement", "verdict", "margin", "where"), *map(_line, found)]):
+    for flight in flown:
+        if flight.record:
+            flight.record = f"flights/{flight.scenario}/{flight.target}/{flight.record}"
+    own, all_rows, _ = rows(flown)
+    for line in columns([("requirement", "verdict", "margin", "where"), *map(_line, all_rows)]):
         say(f"  {line}")
     csv = {"file": Path(options.requirements).name, "differences": tables.differences(
-        given, [row for row in own if row in found], not options.only)} if given else None
+        given, [row for row in own if row in all_rows], not options.only)} if given else None
     for id, what in csv["differences"] if csv else ():
         say(f"  differs  {id} {what}")
-    for path in _write(options, sim, found, flown, scenarios, csv, folder):
+    for path in _write(options, sim, all_rows, flown, scenarios, csv, folder):
         say(f"  wrote    {path}")
-    violated = [row.id for row in found if row.verdict == VIOLATED]
+    violated = [row.id for row in all_rows if row.verdict == VIOLATED]
     problems = [f"violated: {', '.join(violated)}"] if violated else []
-    problems += [f"failed: {one.title}" for one in flown if one.error]
+    problems += [f"failed: {flight.title}" for flight in flown if flight.error]
     if options.strict:
         problems += [f"{word}: {', '.join(ids)}" for word in (UNKNOWN, evidence.NOT_SHOWN)
-                     if (ids := [row.id for row in found if row.verdict == word])]
+                     if (ids := [row.id for row in all_rows if row.verdict == word])]
     if problems:
         raise Failure(f"{sim.name}: {'; '.join(problems)}", 1)
     return 0
@@ -176,26 +176,26 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
     assert sim.mission
     whole = not (options.only or options.scenario)
     before = evidence.earlier(folder / "results.json")
-    made = datetime.now(timezone.utc)
+    time = datetime.now(timezone.utc)
     name = Path(options.mission).name
     common = [*(["--seed", str(options.seed)] if options.seed else []),
               *(word for text in options.parameters for word in ("--set", text))]
 
-    def command(one: Flown) -> str:
-        desktop = one.target == "desktop"
-        return shlex.join(["./fledge", "run" if desktop else "fly", name, one.scenario, *common,
-                           *([] if desktop else ["--on", one.target])])
+    def command(flight: Flown) -> str:
+        desktop = flight.target == "desktop"
+        return shlex.join(["./fledge", "run" if desktop else "fly", name, flight.scenario, *common,
+                           *([] if desktop else ["--on", flight.target])])
 
     results = {
-        "mission": sim.name, "made": made.isoformat(timespec="seconds"), "seed": options.seed,
+        "mission": sim.name, "made": time.isoformat(timespec="seconds"), "seed": options.seed,
         "identity": identity(sim.mission.folder), "requirements": [evidence.facts(row) for row in rows],
         "traces": evidence.traces(rows, scenarios),
-        "coverage": {id: one._asdict() for id, one in page.per_requirement(rows).items()},
-        "flights": [{**dataclasses.asdict(one), "coverage": None,
-                     "shown": [{**dataclasses.asdict(shown), "figure": None} for shown in one.shown]}
-                    for one in flown]}
+        "coverage": {id: coverage._asdict() for id, coverage in page.per_requirement(rows).items()},
+        "flights": [{**dataclasses.asdict(flight), "coverage": None,
+                     "shown": [{**dataclasses.asdict(shown), "figure": None} for shown in flight.shown]}
+                    for flight in flown]}
     files = {"report.html": page.page(
-        sim.mission, rows, flown, scenarios, command, seed=options.seed, made=made,
+        sim.mission, rows, flown, scenarios, command, seed=options.seed, made=time,
         about=sim.mission.summaries()[""], only="; ".join(
             [*(["--only " + " ".join(options.only)] if options.only else []),
              *(["--scenario " + " ".join(options.scenario)] if options.scenario else [])]),
@@ -204,7 +204,7 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
         changed_since=before["made"].replace("T", " ").replace("+00:00", " UTC") if before else "", csv=csv),
         "requirements.csv": tables.write(rows), "junit.xml": tables.junit(sim.name, rows, flown),
         "results.json": dumps(results)}
-    counts = coverage.joined(one.coverage for one in flown)
+    counts = coverage.joined(flight.coverage for flight in flown)
     if counts:
         files["coverage.info"] = coverage.lcov(counts, ROOT)
     return write_files(files, folder)

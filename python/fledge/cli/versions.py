@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("versions", versions, "versions nadir_spin --against HEAD~1 --runs 200")
-    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
-    add_campaign(one)
-    one.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "
+    sub = command("versions", versions, "versions nadir_spin --against HEAD~1 --runs 200")
+    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
+    add_campaign(sub)
+    sub.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "
                      "tree of Fledge or of the project, the mission as it was, or results of this campaign")
-    one.add_argument("--runs", type=int, default=100, metavar="N", help="default: %(default)s")
-    one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
-    add_jobs(one)
-    one.add_argument("--out", metavar="DIR", help="for the results of both and versions.csv; default: "
+    sub.add_argument("--runs", type=int, default=100, metavar="N", help="default: %(default)s")
+    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    add_jobs(sub)
+    sub.add_argument("--out", metavar="DIR", help="for the results of both and versions.csv; default: "
                      "runs/MISSION/versions")
 
 
@@ -43,12 +43,12 @@ def versions(options: argparse.Namespace) -> int:
     with alone(folder):
         this, other = comparing.fly(options.mission, options.against, options.campaign, options.runs, options.seed,
                                     folder, options.jobs)
-        found = comparing.compare(this, other)
-        say("\n".join(comparing.text(this, other, found)))
-        for path in write_files({"versions.csv": comparing.as_csv(this, found)}, folder):
+        moved = comparing.compare(this, other)
+        say("\n".join(comparing.text(this, other, moved)))
+        for path in write_files({"versions.csv": comparing.as_csv(this, moved)}, folder):
             say(f"  report   {path}")
-    fell = comparing.regressions(found)
-    for one in fell:
-        print(f"fledge: {one.name} held in {counted(len(one.lost), 'run')} in which it does not hold now, as in run "
-              f"{one.lost[0]}", file=sys.stderr)
+    fell = comparing.regressions(moved)
+    for change in fell:
+        print(f"fledge: {change.name} held in {counted(len(change.lost), 'run')} in which it does not hold now, as in "
+              f"run {change.lost[0]}", file=sys.stderr)
     return 1 if fell else 0

@@ -27,7 +27,7 @@ from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
     from fledge import _core
-    from registers.description import Board, Number, Snorkel
+    from registers.description import Board, Number
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 PACKETS = {"commands": "packets to flight, flight/command/command.h",
@@ -77,10 +77,11 @@ address   = {at:#x}
 carries   = "{message.path}"
 ''')
         at += size
-    found = dictionary(mission)
+    commands = dictionary(mission)
     for name, direction, capacity, queue in (
-            ("commands", "read", found.uplink, found.packets),
-            ("telemetry", "write", found.downlink, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
+            ("commands", "read", commands.uplink, commands.packets),
+            ("telemetry", "write", commands.downlink,
+             1 << (2 * commands.packets + len(commands.outputs)).bit_length())):
         parts.append(f'''
 [[snorkel]]
 name      = "{name}"
@@ -127,8 +128,8 @@ def _doc(message: Message) -> str:
 
 def _distinct(texts: Iterable[str]) -> list[str]:
     """Names as boards have them: lower case, no two underscores in a row."""
-    found = names.distinct([re.sub("_+", "_", text.lower()).strip("_") or "unnamed" for text in texts])
-    return [name.strip("_") if name.rstrip("_") not in C | CPP else name + "2" for name in found.values()]
+    distinct = names.distinct([re.sub("_+", "_", text.lower()).strip("_") or "unnamed" for text in texts])
+    return [name.strip("_") if name.rstrip("_") not in C | CPP else name + "2" for name in distinct.values()]
 
 
 def texts_of(paths: Iterable[Path | str]) -> list[tuple[Path, str]]:
@@ -155,12 +156,12 @@ def carried(mission: Mission, path: str) -> list[Number] | None:
                           f"{', '.join((*messages, *PACKETS))}")
     known = [(f"{message.path}.{name}", field) for name, field, _ in leaves(message.struct.fields)
              if not field.spare and field.type != "char" and not name.startswith("head.")]
-    found = [(name, field) for name, field in known if name == path or name.startswith((f"{path}.", f"{path}["))]
-    if not found:
+    matching = [(name, field) for name, field in known if name == path or name.startswith((f"{path}.", f"{path}["))]
+    if not matching:
         raise LookupError(f"{message.path} has no numbers {path}; it has {', '.join(name for name, _ in known)}")
     return [Number(name, "i32" if field.type == "enum" else field.type, math.prod(field.shape), field.unit or "-",
                    field.doc or ", ".join(f"{value}: {text}" for text, value in dict(field.enumerators).items()))
-            for name, field in found]
+            for name, field in matching]
 
 
 def read(mission: Mission, texts: Iterable[tuple[Path, str]]) -> list[Board]:
@@ -194,14 +195,14 @@ def lanes(mission: Mission, boards: Sequence[Board]) -> list[Lane]:
     finder.complete(boards)
     if finder.wrong:
         raise ExportError("\n".join(finder.wrong))
-    return sorted(finder.found, key=lambda one: (one.id, one.board, one.lane, one.tag or 0))
+    return sorted(finder.lanes, key=lambda lane: (lane.id, lane.board, lane.lane, lane.tag or 0))
 
 
 class _Finder:
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
-        self.found: list[Lane] = []
+        self.lanes: list[Lane] = []
         self.wrong: list[str] = []
         self.taken: dict[str, Any] = {}
         self.kinds: dict[tuple[int, int, int], tuple[Message, int]] = {}
@@ -213,10 +214,10 @@ class _Finder:
         if snorkel.carries in PACKETS:
             self.packets(board, snorkel, lane)
         elif lane.carries:
-            found = self.message(board, lane.line, lane.carries, lane)
-            if not found:
+            output = self.message(board, lane.line, lane.carries, lane)
+            if not output:
                 return
-            id, message = found
+            id, message = output
             if snorkel.message_size != message.struct.size and not (
                     lane.variable and snorkel.message_size > message.struct.size):
                 self.refuse(board, lane.line, f"{message.path} has {message.struct.size} bytes; write size = "
@@ -224,7 +225,7 @@ class _Finder:
             elif snorkel.message not in (None, message.struct.name):
                 self.refuse(board, lane.line, f"{message.path} is a {message.struct.name}, no {snorkel.message}")
             elif self.take(board, lane.line, message, range(message.struct.size)):
-                self.found.append(Lane(message, id, i, place, 0, 0, None, 1, 1.0))
+                self.lanes.append(Lane(message, id, i, place, 0, 0, None, 1, 1.0))
         shared = lane is not snorkel.lanes[0] and lane.fields is snorkel.lanes[0].fields
         for k, field in enumerate(() if shared else lane.fields):
             if field.carries:
@@ -233,9 +234,9 @@ class _Finder:
     def packets(self, board: Board, snorkel: Any, lane: Any) -> None:
         """A snorkel of commands or telemetry."""
         what = snorkel.carries
-        found = dictionary(self.mission)
-        least = found.uplink if what == "commands" else found.downlink if found.frames else REPORT_LEAST
-        units = "frames of commands" if found.frames and what == "commands" else "frames" if found.frames else what
+        commands = dictionary(self.mission)
+        least = commands.uplink if what == "commands" else commands.downlink if commands.frames else REPORT_LEAST
+        units = what if not commands.frames else "frames of commands" if what == "commands" else "frames"
         if lane.form != "packet" or lane.from_flight != (what == "telemetry") or not lane.variable or not lane.queued:
             self.refuse(board, snorkel.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
                         f"direction = \"{'write' if what == 'telemetry' else 'read'}\", a capacity and a queue")
@@ -265,10 +266,10 @@ class _Finder:
             self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "
                         "in \"world.nav.attitude.sigma_BN\"")
             return
-        found = self.message(board, field.line, ".".join(parts[:3]), lane)
-        if not found:
+        output = self.message(board, field.line, ".".join(parts[:3]), lane)
+        if not output:
             return
-        id, message = found
+        id, message = output
         try:
             type_, unit, offset, n = _numbers(message.struct, parts[3:], ".".join(parts[:3]))
         except ExportError as error:
@@ -288,7 +289,7 @@ class _Finder:
             self.refuse(board, field.line, f"{field.carries} is in {unit}, the field in {field.unit}; write unit = "
                         f"\"{unit}\", and scale and offset in it")
         elif self.take(board, field.line, message, range(offset, offset + count * ELEMENTS[type_].size)):
-            self.found.append(Lane(message, id, i, place, k, offset, type_, count, field.scale, tag))
+            self.lanes.append(Lane(message, id, i, place, k, offset, type_, count, field.scale, tag))
 
     def take(self, board: Board, line: int, message: Message, places: range) -> bool:
         """Each byte of a message passes once."""
@@ -358,15 +359,15 @@ def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequ
     texts = texts_of(files)
     own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
     boards = read(mission, texts or [(Path(name), text) for name, text in own.items()])
-    found = lanes(mission, boards)
+    all_lanes = lanes(mission, boards)
     for board in boards:
         own |= emit_c.emit(board) | emit_markdown.emit(board)
-    return own | emit(mission, boards, found)
+    return own | emit(mission, boards, all_lanes)
 
 
-def emit(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> dict[str, str]:
+def emit(mission: Mission, boards: Sequence[Board], lanes: list[Lane]) -> dict[str, str]:
     """The table of messages in lanes. boards: of `read`; found: of `lanes`."""
-    return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, found)}
+    return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, lanes)}
 
 
 def header(mission: Mission) -> str:
@@ -376,43 +377,43 @@ def header(mission: Mission) -> str:
                       "/** Which message passes through which lane. */", extern("MissionIo", f"{name}_io"), "#endif\n"])
 
 
-def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
+def source(mission: Mission, boards: Sequence[Board], entries: list[Lane]) -> str:
     name, upper = mission.name, mission.name.upper()
-    kinds = any(one.tag is not None for one in found)
+    kinds = any(lane.tag is not None for lane in entries)
     lines = [*written(mission), f'#include "{name}_io.h"', *['#include "targets/mission_packets.h"']
              * kinds, "", *(f'#include "{b.name}.h"' for b in boards)]
-    whole = {one.message.struct.name: one.message.struct for one in found if one.number is None}
+    whole = {lane.message.struct.name: lane.message.struct for lane in entries if lane.number is None}
     for struct in whole.values():
         declared = f"const RegisterMessage fledge_message_{struct.name}"
         lines += message(struct, declared, [f"extern {declared};"])
     lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
-              *(["", "static const MissionLane lanes[] = {"] if found else [])]
-    for one in found:
-        board = boards[one.board]
-        lines += row("0" if one.number else f"&fledge_message_{one.message.struct.name}",
-                     f"{upper}_MSG_{one.message.name.upper()}", f"{one.board}u",
-                     f"{board.name.upper()}_LANE_{board.lanes[one.lane].name.upper()}", f"{one.field}u",
-                     f"{one.offset}u", f"FLEDGE_{(one.number or 'enum').upper()}")
+              *(["", "static const MissionLane lanes[] = {"] if entries else [])]
+    for lane in entries:
+        board = boards[lane.board]
+        lines += row("0" if lane.number else f"&fledge_message_{lane.message.struct.name}",
+                     f"{upper}_MSG_{lane.message.name.upper()}", f"{lane.board}u",
+                     f"{board.name.upper()}_LANE_{board.lanes[lane.lane].name.upper()}", f"{lane.field}u",
+                     f"{lane.offset}u", f"FLEDGE_{(lane.number or 'enum').upper()}")
     places = packet_lanes(boards)
     room = max((lane.capacity for b in boards for snorkel in b.snorkels if snorkel.carries == "commands"
                 for lane in snorkel.lanes),
                default=0)
-    lines += [*(["};"] if found else []), *_packets(boards, found), "",
+    lines += [*(["};"] if entries else []), *_packets(boards, entries), "",
               *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
-              f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
-              f"{len(found)}u,",
+              f"    {name}_messages, boards, {'lanes' if entries else 0}, {upper}_MESSAGES, {len(boards)}u, "
+              f"{len(entries)}u,",
               "    &packets," if kinds else "    0,",
               *(f"    {places.get(what, '{MISSION_NO_BOARD, 0u}')}," for what in PACKETS),
               f"    {'packet' if room else '0'}, {room}u", "};", ""]
     return "\n".join(lines)
 
 
-def _packets(boards: Sequence[Board], found: list[Lane]) -> list[str]:
+def _packets(boards: Sequence[Board], lanes: list[Lane]) -> list[str]:
     """Lines that define the kinds of packets, and memory for each."""
     rows: list[str] = []
     lines: list[str] = []
     longest = 0
-    for board, place, tag in sorted({(one.board, one.lane, one.tag) for one in found if one.tag is not None}):
+    for board, place, tag in sorted({(lane.board, lane.lane, lane.tag) for lane in lanes if lane.tag is not None}):
         lane = boards[board].lanes[place]
         size = lane.capacity
         if lane.variable:
@@ -434,7 +435,7 @@ def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
 
 def message(struct: _core.Struct, declared: str, before: Sequence[str] = ()) -> list[str]:
     """Lines that define a RegisterMessage."""
-    found = byte_runs(struct.fields)
-    runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)
-    return ["", f"static const RegisterRun runs_{struct.name}[] = {{{runs}}};", *before,
-            f'{declared} = {{"{struct.name}", {struct.size}u, {len(found)}u,', f"    runs_{struct.name}}};"]
+    runs = byte_runs(struct.fields)
+    rows = ", ".join(f"{{{width}u, {n}u}}" for width, n in runs)
+    return ["", f"static const RegisterRun runs_{struct.name}[] = {{{rows}}};", *before,
+            f'{declared} = {{"{struct.name}", {struct.size}u, {len(runs)}u,', f"    runs_{struct.name}}};"]

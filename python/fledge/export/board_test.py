@@ -114,13 +114,13 @@ def test_messages_pass_whole(name, tmp_path):
     assert [c.take(p, 0) for p in outputs] == [c.get(p) for p in outputs]
     sim.run(600.0)
     input_log = {p: recorded.samples(p) for p in inputs}
-    said = {p: recorded.samples(p) for p in outputs}
+    samples = {p: recorded.samples(p) for p in outputs}
     for i, t in enumerate(recorded.times()):
         for path in inputs:
             c.put(path, input_log[path][i])
         c.tick(t)
         for path in outputs:
-            assert c.take(path, t) == said[path][i], (path, t)
+            assert c.take(path, t) == samples[path][i], (path, t)
     assert i == 1200 and c.trouble() == [0, 0, 0]
 
 
@@ -213,17 +213,17 @@ def test_numbers_pass_in_words_to_the_nearest_count(tmp_path):
         c.tick(t)
         seen = struct.unpack("=qiI6d", c.get("world.nav.attitude"))
         assert seen[:3] == (t, 3, k)          # measured now, good, and counted
-        for found, value, step in zip(seen[3:], [*sigma, *omega], [5e-5] * 3 + [1e-5] * 3):
-            assert abs(found - value) <= step / 2 * (1 + 1e-9)
-            assert abs(found / step - round(found / step)) < 1e-6
+        for number, value, step in zip(seen[3:], [*sigma, *omega], [5e-5] * 3 + [1e-5] * 3):
+            assert abs(number - value) <= step / 2 * (1 + 1e-9)
+            assert abs(number / step - round(number / step)) < 1e-6
         seen = struct.unpack("=qiI8d", c.get("world.wheels.speeds"))
         assert seen[:3] == (t, quality, k)
         assert all(abs(a - b) <= 0.001 * (1 + 1e-9) for a, b in zip(seen[3:7], speeds))
         assert seen[7:] == (0, 0, 0, 0)       # no word carries them
-        said = struct.unpack("=qiI8d", c.get("flight.motor.command"))
+        values = struct.unpack("=qiI8d", c.get("flight.motor.command"))
         taken = struct.unpack("=qiI8d", c.take("flight.motor.command", t))
         assert taken[:3] == (t, 3, 1) and taken[3] == 0
-        assert all(abs(a - b) <= 1.5e-5 * (1 + 1e-9) for a, b in zip(taken[4:7], said[4:7]))
+        assert all(abs(a - b) <= 1.5e-5 * (1 + 1e-9) for a, b in zip(taken[4:7], values[4:7]))
     assert c.trouble() == [0, 0, 0]
     c.put("world.nav.attitude", struct.pack("=qiI6d", 1, 2, 3, 2.0, -2.0, math.nan, 0, 0, 0))
     c.tick(10**12)
@@ -324,6 +324,6 @@ def test_an_output_that_flight_does_not_have_is_refused():
 
 
 def test_the_same_mission_gives_the_same_files():
-    one, two = (export.emit_board(export.read(fledge.load("asterisk_scan")), outputs="all") for _ in range(2))
-    assert one == two and set(one) == {f"asterisk_scan_{e}" for e in
-                                       ("board.toml", "board.h", "board.c", "board.md", "io.h", "io.c")}
+    first, two = (export.emit_board(export.read(fledge.load("asterisk_scan")), outputs="all") for _ in range(2))
+    assert first == two and set(first) == {f"asterisk_scan_{e}" for e in
+                                           ("board.toml", "board.h", "board.c", "board.md", "io.h", "io.c")}

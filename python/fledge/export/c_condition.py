@@ -29,7 +29,7 @@ def condition(name: str, steps: list[Any], modules: Mapping[str, Module], first:
         compared.append(expression)
     if len(compared) > 1:
         names = [f"{name}_{i + 1}" for i in range(len(compared))]
-        lines += [line for one, expression in zip(names, compared) for line in statement(one, expression)]
+        lines += [line for name, expression in zip(names, compared) for line in statement(name, expression)]
         compared = names
     results: list[tuple[str, str]] = []   # (expression, the operator that it is made with) of each that waits
     remaining = iter(compared)
@@ -40,7 +40,7 @@ def condition(name: str, steps: list[Any], modules: Mapping[str, Module], first:
             results.append((f"!({results.pop()[0]})", ""))
         else:
             b, a = results.pop(), results.pop()
-            results.append((f" {step}{step} ".join(enclosed(*one, step) for one in (a, b)), step))
+            results.append((f" {step}{step} ".join(enclosed(*operand, step) for operand in (a, b)), step))
     expression, made_with = results[0]
     if first:
         expression = f"{first} && {enclosed(expression, made_with, '&')}"
@@ -64,8 +64,8 @@ def comparison(step: tuple[Any, str, Any], modules: Mapping[str, Module], stem: 
     """(statements before it, the expression) of a comparison. stem: what the names of tables begin with."""
     left, relation, right = step
     before: list[str] = []
-    a, b = (value(one, modules, before, f"{stem}_{end}") for one, end in ((left, "a"), (right, "b")))
-    wide = {one.type for one in (a, b)} & LIMITS.keys()
+    a, b = (value(operand, modules, before, f"{stem}_{end}") for operand, end in ((left, "a"), (right, "b")))
+    wide = {operand.type for operand in (a, b)} & LIMITS.keys()
     if a.type == "enum" and b.constant is not None:
         return before, f"{a.expression} {relation} {literal_of(a.field, b.constant)}"
     if not wide:

@@ -87,16 +87,16 @@ def restart(mission: Mission) -> str:
     wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
     for module in mission.modules:
         ports = [f"{module.name}.in.{f.name}" for f in module.fields("in")]
-        kept = {f"{module.name}.in.{f.name}" for f in module.fields("in")
-                if any(module.memory[f.offset:f.offset + f.size])}
-        if wired & set(ports) and kept <= wired:
+        linked = {f"{module.name}.in.{f.name}" for f in module.fields("in")
+                  if any(module.memory[f.offset:f.offset + f.size])}
+        if wired & set(ports) and linked <= wired:
             lines.append(f"    memset(&m->{module.name}.in, 0, sizeof m->{module.name}.in);")
         else:
             lines += [f"    memset(&m->{p}, 0, sizeof m->{p});" for p in ports if p in wired]
     lines += ["", *(f"    {m.function}_reset(&m->{m.name});" for m in mission.modules), ""]
     if mission.modes:
         lines += [f"    m->mode.current = {mode(mission, mission.initial_mode)};",
-                  "    m->mode.asked = m->mode.current;", "    m->mode.t = -1;"]
+                  "    m->mode.requested = m->mode.current;", "    m->mode.t = -1;"]
     for event in mission.events:
         lines.append(f"    m->event.{event.name} = exec_{'armed' if event.armed else 'disarmed'}();")
     for task in mission.tasks:
@@ -131,16 +131,16 @@ def modes(mission: Mission) -> Iterator[str]:
         terms = [f"mode == {mode(mission, m)}" for m in task.modes or ()]
         yield function(f"static int runs_{task.name}({struct}Mode mode)",
                        ["    return " + " ||\n           ".join(terms) + ";"])
-    lines = ["    m->mode.current = m->mode.asked;"]
+    lines = ["    m->mode.current = m->mode.requested;"]
     for task in switched(mission):
         lines += [f"    if (exec_switch(&m->task.{task.name}, runs_{task.name}(m->mode.current), {rate(task)}, "
                   "t)) {",
                   *(f"        {m.function}_reset(&m->{m.name});" for m in task.run), "    }"]
-    lines = [one for line in lines for one in call_broken(line)]
+    lines = [piece for line in lines for piece in call_broken(line)]
     if switched(mission):
         yield function(f"static void enter_mode({struct} *m, int64_t t)", lines,
                        "What becomes active is reset, and runs on its own grid of times.")
-    yield function(f"void {mission.name}_enter({struct} *m, {struct}Mode mode)", ["    m->mode.asked = mode;"])
+    yield function(f"void {mission.name}_enter({struct} *m, {struct}Mode mode)", ["    m->mode.requested = mode;"])
     yield from guards(mission)
 
 
@@ -179,13 +179,13 @@ def call_broken(line: str) -> list[str]:
 def events(mission: Mission) -> Iterator[str]:
     modules = {m.path: m for m in mission.modules}
     for event in mission.events:
-        looks = statement("looks", in_modes(mission, event.modes)) if event.modes else []
+        active = statement("watches", in_modes(mission, event.modes)) if event.modes else []
         again = condition("again", event.until, modules) if event.until else []
-        lines = [*looks, *condition("holds", event.condition, modules, "looks" if looks else ""), *again]
+        lines = [*active, *condition("holds", event.condition, modules, "watches" if active else ""), *again]
         lines += call_broken(f"    if (!exec_fires(&m->event.{event.name}, holds, {'again' if again else '!holds'}, "
                              f"{integer(event.hold)}, {event.count}, {int(event.once)}, t)) {{")
         lines += ["        return;", "    }"]
-        enter = f"m->mode.asked = {mode(mission, event.mode)};"
+        enter = f"m->mode.requested = {mode(mission, event.mode)};"
         if event.mode in mission.guards:
             lines += [f"    m->event.{event.name}.refused = !may_enter_{event.mode}(m);",
                       f"    if (m->event.{event.name}.refused == 0) {{", f"        {enter}", "    }"]
@@ -195,11 +195,11 @@ def events(mission: Mission) -> Iterator[str]:
         for module, offset, raw in event.settings:
             lines += assignments(module, offset, raw)
         lines += [f"    {mission.name}_publish_{m.name}(m, t);" for m in event.publishes]
-        yield function(f"static void look_at_{event.name}({mission.struct()} *m, int64_t t)", lines,
+        yield function(f"static void check_{event.name}({mission.struct()} *m, int64_t t)", lines,
                        f"{event.title}: {event.text}")
     if mission.events:
-        yield function(f"static void look_at_events({mission.struct()} *m, int64_t t)",
-                       [f"    look_at_{event.name}(m, t);" for event in mission.events])
+        yield function(f"static void check_events({mission.struct()} *m, int64_t t)",
+                       [f"    check_{event.name}(m, t);" for event in mission.events])
 
 
 # --- the tick --------------------------------------------------------------------------------------
@@ -208,9 +208,9 @@ def tick(mission: Mission) -> str:
     lines = []
     if mission.modes:
         if switched(mission):
-            lines += ["    if (m->mode.asked != m->mode.current) {", "        enter_mode(m, t);", "    }"]
+            lines += ["    if (m->mode.requested != m->mode.current) {", "        enter_mode(m, t);", "    }"]
         else:
-            lines += ["    m->mode.current = m->mode.asked;"]
+            lines += ["    m->mode.current = m->mode.requested;"]
     if mission.events:
         lines.append("    int ran = 0;")
     for task in mission.tasks:
@@ -220,14 +220,17 @@ def tick(mission: Mission) -> str:
     if mission.modes:
         lines.append("    m->mode.t = t;")
     if mission.events:
-        lines += ["    if (ran) {", "        look_at_events(m, t);", "    }"]
+        lines += ["    if (ran) {", "        check_events(m, t);", "    }"]
     return function(f"void {mission.name}_tick({mission.struct()} *m, int64_t t)", lines)
 
 
 def next_tick(mission: Mission) -> str:
-    """The earliest of the active tasks, and those of a mode that is asked for."""
+    """The earliest of the active tasks, and those of a requested mode."""
     lines = ["    int64_t t = INT64_MAX;"]
     for task in mission.tasks:
-        asked, now = (f"runs_{task.name}(m->mode.asked)", "m->mode.t") if task in switched(mission) else ("0", "0")
-        lines += call_broken(f"    t = exec_sooner(t, exec_next(&m->task.{task.name}, {rate(task)}, {asked}, {now}));")
+        requested, now = "0", "0"
+        if task in switched(mission):
+            requested, now = f"runs_{task.name}(m->mode.requested)", "m->mode.t"
+        lines += call_broken(
+            f"    t = exec_sooner(t, exec_next(&m->task.{task.name}, {rate(task)}, {requested}, {now}));")
     return function(f"int64_t {mission.name}_next(const {mission.struct()} *m)", [*lines, "    return t;"])

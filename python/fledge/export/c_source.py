@@ -136,7 +136,7 @@ def times(mission: Mission) -> list[str]:
     if mission.modes:
         rows += ["    struct {",
                  *with_notes([(f"{name}Mode current;", ""),
-                              (f"{name}Mode asked;", "takes effect at the next tick"),
+                              (f"{name}Mode requested;", "takes effect at the next tick"),
                               ("int64_t t;", "[ns] the last tick; -1: none yet")], "        ", "///<", ""),
                  "    } mode;"]
     if mission.events:
@@ -148,24 +148,24 @@ def times(mission: Mission) -> list[str]:
 
 def functions(mission: Mission) -> str:
     name, struct = mission.name, mission.struct()
-    found = [("Set the parameters of flight.py, then reset.", f"void {name}_init({struct} *m);"),
-             ("Back to the start; the parameters stay.", f"void {name}_reset({struct} *m);"),
-             ("Begin again at t [ns], in flight: the first tick is at or after it. The parameters stay.",
-              f"void {name}_restart({struct} *m, int64_t t);"),
-             ("The time of the next tick [ns]; INT64_MAX if no task is active.",
-              f"int64_t {name}_next(const {struct} *m);"),
-             ("Run what is due at t [ns], in the order of the desktop. Times rise from tick to tick; one at which "
-              "nothing is due does no harm.", f"void {name}_tick({struct} *m, int64_t t);")]
+    entries = [("Set the parameters of flight.py, then reset.", f"void {name}_init({struct} *m);"),
+               ("Back to the start; the parameters stay.", f"void {name}_reset({struct} *m);"),
+               ("Begin again at t [ns], in flight: the first tick is at or after it. The parameters stay.",
+                f"void {name}_restart({struct} *m, int64_t t);"),
+               ("The time of the next tick [ns]; INT64_MAX if no task is active.",
+                f"int64_t {name}_next(const {struct} *m);"),
+               ("Run what is due at t [ns], in the order of the desktop. Times rise from tick to tick; one at which "
+                "nothing is due does no harm.", f"void {name}_tick({struct} *m, int64_t t);")]
     if mission.modes:
-        found.append(("Ask for a mode; it takes effect at the next tick.",
-                      f"void {name}_enter({struct} *m, {struct}Mode mode);"))
+        entries.append(("Ask for a mode; it takes effect at the next tick.",
+                        f"void {name}_enter({struct} *m, {struct}Mode mode);"))
     if mission.guards:
-        found.append((f"Whether a mode may be entered now: {name}_enter does not ask.",
-                      f"int {name}_may_enter(const {struct} *m, {struct}Mode mode);"))
+        entries.append((f"Whether a mode may be entered now: {name}_enter does not ask.",
+                        f"int {name}_may_enter(const {struct} *m, {struct}Mode mode);"))
     for module in mission.configuration:
-        found.append((f"Publish {module.name} anew at t [ns], after its parameters were changed.",
-                      f"void {name}_publish_{module.name}({struct} *m, int64_t t);"))
-    return "\n".join(line for text, declaration in found for line in (*doc(text), declaration, ""))
+        entries.append((f"Publish {module.name} anew at t [ns], after its parameters were changed.",
+                        f"void {name}_publish_{module.name}({struct} *m, int64_t t);"))
+    return "\n".join(line for text, declaration in entries for line in (*doc(text), declaration, ""))
 
 
 def composed_functions(mission: Mission) -> str:
@@ -220,9 +220,9 @@ def init(mission: Mission) -> str:
     wired = {f"m->{w.target}" for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
     lines = ["    memset(m, 0, sizeof *m);"]
     for module in mission.modules:
-        found = list(settings(module.struct, module.memory, f"m->{module.name}", module.name, wired))
-        if found:
-            lines += ["", *paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)]
+        rows = list(settings(module.struct, module.memory, f"m->{module.name}", module.name, wired))
+        if rows:
+            lines += ["", *paragraph(f"{module.name}: {first_words(module.struct.doc)}", rows)]
     return "\n".join([f"void {mission.name}_init({mission.struct()} *m)", "{", *lines, "",
                       f"    {mission.name}_reset(m);", "}", ""])
 
@@ -233,27 +233,27 @@ def set_up(mission: Mission) -> str:
         place = f"{memory(mission)}.{module.name}"
         lines += ([""] if lines else []) + [f"    memset(&{place}, 0, sizeof {place});",
                                             f"    {module.function}_reset(&{place});"]
-        found = list(settings(module.struct, module.memory, place, module.name))
-        if found:
-            lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)
+        rows = list(settings(module.struct, module.memory, place, module.name))
+        if rows:
+            lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", rows)
     return "\n".join([f"void {mission.name}_set_up(void)", "{", *lines, "}", ""]) if lines else ""
 
 
-def paragraph(title: str, found: list[Setting]) -> list[str]:
+def paragraph(title: str, settings: list[Setting]) -> list[str]:
     """A module's settings. A note stands beside the first line that it is about, if there is room."""
     lines, rows = comment(title, "    "), []
-    for one in found:
-        first, *others = one.lines
-        if beside(first, one.note):
-            rows += [(first, one.note), *((line, "") for line in others)]
+    for setting in settings:
+        first, *others = setting.lines
+        if beside(first, setting.note):
+            rows += [(first, setting.note), *((line, "") for line in others)]
             continue
         lines += with_notes(rows, "    ")
-        note = comment(one.note, "    ")
+        note = comment(setting.note, "    ")
         if not rows and lines[-1].endswith(" */") and lines[-1].startswith(("    /*", "     *")):
             lines[-1] = lines[-1].removesuffix(" */") + "."  # two comments in a row are one
-            note = comment(f"{one.name}: {one.note}", "    ")
+            note = comment(f"{setting.name}: {setting.note}", "    ")
             note[0] = note[0].replace("/*", " *", 1)
-        lines += [*note, *("    " + line if "\n" in line else broken(line) for line in one.lines)]
+        lines += [*note, *("    " + line if "\n" in line else broken(line) for line in setting.lines)]
         rows = []
     return lines + with_notes(rows, "    ")
 

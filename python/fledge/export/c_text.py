@@ -88,7 +88,7 @@ def with_notes(rows: Sequence[tuple[str, str]], indent: str, begin: str = "/*", 
 
     rows = [(code, plain(note)) for code, note in rows]
     if not end and not all(fits([row]) for row in rows):
-        return [one for code, note in rows for one in (*(doc(note, indent) if note else []), indent + code)]
+        return [line for code, note in rows for line in (*(doc(note, indent) if note else []), indent + code)]
     for code, note in rows:
         if not note or not fits([*block, (code, note)]):
             flush()

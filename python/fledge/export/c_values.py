@@ -57,10 +57,10 @@ def settings(struct: _core.Struct, memory: bytes, start: str, stem: str,
 
 def indices(shape: Sequence[int]) -> list[str]:
     """[""] of a scalar, "[0]", "[1]" ... of an array, "[0][0]", "[0][1]" ... in the order of memory."""
-    found = [""]
+    texts = [""]
     for n in shape:
-        found = [one + f"[{i}]" for one in found for i in range(n)]
-    return found
+        texts = [index + f"[{i}]" for index in texts for i in range(n)]
+    return texts
 
 
 # --- a field each ----------------------------------------------------------------------------------

@@ -18,22 +18,22 @@ def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEME
                ) -> Dictionary:
     """What a mission can be commanded, and what it sends."""
     modules = [(m.path, m.struct, m in mission.configuration) for m in mission.modules]
-    found = Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
-                          [e.title for e in mission.events], stream, telemetry, order)
-    found.guards = {mission.mode_titles[mode]: guard.text for mode, guard in mission.guards.items()}
+    dictionary_ = Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
+                                [e.title for e in mission.events], stream, telemetry, order)
+    dictionary_.guards = {mission.mode_titles[mode]: guard.text for mode, guard in mission.guards.items()}
     if stream == COMMANDS:      # a software bus carries packets
-        found.frames = next((frames for m in mission.modules if (frames := frames_of(m.struct, m.memory))), None)
-    return found
+        dictionary_.frames = next((frames for m in mission.modules if (frames := frames_of(m.struct, m.memory))), None)
+    return dictionary_
 
 
 def emit_commands(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
                   ) -> dict[str, str]:
     """File name -> text. stream: of commands; telemetry: the first of telemetry; order: of telemetry's numbers where
     the ground reads it."""
-    found = dictionary(mission, stream, telemetry, order)
+    facts = dictionary(mission, stream, telemetry, order)
     name = mission.name
-    return {f"{name}_commands.h": header(mission), f"{name}_commands.c": source(mission, found),
-            f"{name}_packets.json": found.text()}
+    return {f"{name}_commands.h": header(mission), f"{name}_commands.c": source(mission, facts),
+            f"{name}_packets.json": facts.text()}
 
 
 def header(mission: Mission) -> str:
@@ -47,21 +47,21 @@ def header(mission: Mission) -> str:
                          f"extern CommandServices {name}_services;"] if mission.services else []), "#endif\n"])
 
 
-def source(mission: Mission, found: Dictionary) -> str:
+def source(mission: Mission, facts: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
-    largest = max((b.size for b in found.blocks), default=1)
+    largest = max((b.size for b in facts.blocks), default=1)
     composed = mission.form == "micropython"
-    script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
+    script = [f'#include "targets/micropython/{header}.h"' for header in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
-             f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
+             f"static uint8_t queue[{facts.room}];", f"static uint8_t packet[{facts.longest}];",
              f"static TelemetryRate rates[{3 + n} + COMMAND_STREAMS];", ""]
-    for i, block in enumerate(found.blocks):
+    for i, block in enumerate(facts.blocks):
         lines += numbers(str(i), block.runs)
         if block.rules:
             lines += [f"static const CommandRule rules_{i}[] = {{ /* {block.path} */", *rules(block.rules), "};"]
-    if found.blocks:
+    if facts.blocks:
         lines += ["", "static const CommandBlock blocks[] = {"]
-        for i, block in enumerate(found.blocks):
+        for i, block in enumerate(facts.blocks):
             lines += row(f"runs_{i}", f"rules_{i}" if block.rules else "0", f"{block.size}u", f"{len(block.runs)}u",
                          f"{len(block.rules)}u", f"{int(block.configuration)}u", "0u")
         lines += ["};"]
@@ -70,19 +70,20 @@ def source(mission: Mission, found: Dictionary) -> str:
         lines += ["", *(line for item in runs.items() for line in numbers(*item)),
                   "static const TelemetryOutput outputs[] = {"]
         for message in mission.outputs:
-            one = message.struct.name
-            lines += row(f"runs_{one}", f"{len(runs[one])}u", f"offsetof({struct}, {message.member})", f"sizeof({one})")
+            type_ = message.struct.name
+            lines += row(f"runs_{type_}", f"{len(runs[type_])}u",
+                         f"offsetof({struct}, {message.member})", f"sizeof({type_})")
         lines += ["};"]
-    lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
-              f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, "
+    lines += ["", *functions(mission, facts), f"const TelemetryTable {name}_telemetry = {{",
+              f"    {facts.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, "
               f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
               *drives(mission), f"const CommandTable {name}_commands = {{"]
     lines += [f"    .{key} = {value}," for key, value in (
-        ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
-        ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
-        ("n_events", f"{len(found.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if found.blocks else "0"),
+        ("stream", f"{facts.stream:#06x}u"), ("version", f"{facts.version:#06x}u"),
+        ("n_blocks", f"{len(facts.blocks)}u"), ("n_modes", f"{len(facts.modes)}u"),
+        ("n_events", f"{len(facts.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if facts.blocks else "0"),
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
         ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
         *[("may_enter", "may_enter")] * bool(mission.guards), *[("procedures", "&script_procedures")] * composed,
@@ -90,10 +91,10 @@ def source(mission: Mission, found: Dictionary) -> str:
     return "\n".join([*lines, "};", ""])
 
 
-def functions(mission: Mission, found: Dictionary) -> list[str]:
+def functions(mission: Mission, facts: Dictionary) -> list[str]:
     """What the commands do to the mission."""
     name, struct = mission.name, mission.struct()
-    memory = ([f"    return (uint8_t *)mission + {name}_parameters[block].offset;"] if found.blocks
+    memory = ([f"    return (uint8_t *)mission + {name}_parameters[block].offset;"] if facts.blocks
               else ["    (void)block;", "    return mission;"])
     if mission.form == "micropython":
         return executive(memory, bool(mission.guards))
@@ -103,7 +104,7 @@ def functions(mission: Mission, found: Dictionary) -> list[str]:
         "    (void)mission;", "    return 0u;"]
     published = {m.path: m.name for m in mission.configuration}
     publish = [f"    case {i}: {name}_publish_{published[b.path]}(mission, t); break;"
-               for i, b in enumerate(found.blocks) if b.path in published]
+               for i, b in enumerate(facts.blocks) if b.path in published]
     publish = ["    switch (block) {", *publish, "    default: break;", "    }"] if publish else [
         "    (void)mission;", "    (void)block;", "    (void)t;"]
     arm = [f"    case {i}: m->event.{e.name}.armed = on; break;" for i, e in enumerate(mission.events)]
@@ -138,7 +139,7 @@ def drives(mission: Mission) -> list[str]:
     if not mission.services:
         return []
     framed = any(service.type == "SpaceLink" for service in mission.services)
-    events = [i for i, one in enumerate(outputs) if one.struct.name == "FlightEvent"]
+    events = [i for i, output in enumerate(outputs) if output.struct.name == "FlightEvent"]
     return [*wrap([f"&{service.function}_service," for service in mission.services],
                   "static const CommandService *const list[] = {", "    ", "};"), "",
             *function("static void *module(void *mission, uint32_t place)",
@@ -163,12 +164,13 @@ def function(head: str, lines: Sequence[str]) -> list[str]:
 def numbers(name: str, runs: Sequence[tuple[int, int]]) -> list[str]:
     """Their table of ExecRuns."""
     each = [f"{{{width}u, {count}u}}" for width, count in runs]
-    return wrap([f"{one}," for one in each[:-1]] + each[-1:], f"static const ExecRun runs_{name}[] = {{", "    ", "};")
+    return wrap([*(f"{item}," for item in each[:-1]), *each[-1:]], f"static const ExecRun runs_{name}[] = {{", "    ",
+                "};")
 
 
-def rules(found: Sequence[Rule]) -> list[str]:
+def rules(rows: Sequence[Rule]) -> list[str]:
     """Rows of CommandRules."""
-    return [line for r in found for line in row(
+    return [line for r in rows for line in row(
         string(r.name.encode()), string(r.text.encode()), f"{r.offset}u", f"{r.n}u", f"{r.row}u",
         "COMMAND_ALL_ROWS" if r.rows_at is None else f"{r.rows_at}u",
         " | ".join(name for name, bit in FLAGS.items() if r.flags & bit) or "0u", f"FLEDGE_{r.number.upper()}",

@@ -68,7 +68,7 @@ def comparison(random, port):
     group = random.choice([PLAIN, PLAIN, PLAIN, LENGTHS, ENUMS])
     path = random.choice(group)
     if random.random() < 0.5:
-        other = random.choice([one for one in group if one != path])
+        other = random.choice([name for name in group if name != path])
         return holds(watched(port, path), watched(port, other)), lambda v: holds(number(v, path), number(v, other))
     if group is ENUMS:
         name, value = random.choice(list(PHASES.items()))
@@ -109,10 +109,10 @@ class Expected:
             return False
         self.past.append((t, holds))
         run = []
-        for one, held in reversed(self.past):
+        for row, held in reversed(self.past):
             if not held:
                 break
-            run.append(one)
+            run.append(row)
         if self.waits or not run or len(run) < self.rules["count"] or t - run[-1] < self.rules["hold"] * 10**9:
             return False
         self.armed, self.waits, self.fired = False, not self.rules["once"], t
@@ -168,27 +168,27 @@ def flown(sim, expected, steps=300):
     """Fly, and compare with what is expected at each instant. Returns (times, outputs of each, firings)."""
     f = sim.flight
     ports = {f"flight.{name}.kinds": getattr(f, name).kinds for name in ("noise", "other", "flags")}
-    mode, asked = "idle", "idle"
+    mode, requested = "idle", "idle"
     flown, firings = [], 0
     for _ in range(steps):
         sim.step()
-        t, mode = sim.kernel.now, asked
+        t, mode = sim.kernel.now, requested
         values = decoded(objects.struct(f.noise.kinds), objects.memory(f.noise.kinds))
         ran = t % 500_000_000 == 0 or mode == "work" and t % 700_000_000 == 100_000_000
-        for one in expected:
-            if ran and one.fires(t, values, mode):
+        for row in expected:
+            if ran and row.fires(t, values, mode):
                 firings += 1
-                asked = one.rules.get("enter", asked)
+                requested = row.rules.get("enter", requested)
                 for other in expected:
                     name = other.event.name
-                    if name in one.rules["arm"]:
+                    if name in row.rules["arm"]:
                         other.arm(True)
-                    if name in one.rules["disarm"]:
+                    if name in row.rules["disarm"]:
                         other.arm(False)
         assert sim.mode == mode
-        for one in expected:
-            assert one.event.fired_at == (None if one.fired is None else one.fired / 1e9), (t, one.event)
-            assert one.event.armed == one.armed, (t, one.event)
+        for row in expected:
+            assert row.event.fired_at == (None if row.fired is None else row.fired / 1e9), (t, row.event)
+            assert row.event.armed == row.armed, (t, row.event)
         flown.append((t, {path: objects.memory(port) for path, port in ports.items()}))
     return flown, firings
 

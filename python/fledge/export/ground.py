@@ -98,12 +98,12 @@ class _Reader(Tables):
 
     def named(self, at: tuple, paths: Iterable[str]) -> list[str]:
         """The paths that the key at the end of `at` holds."""
-        found = [path for path in paths if holds(at[-1], path)]
-        if not found:
+        ends = [path for path in paths if holds(at[-1], path)]
+        if not ends:
             near = nearest(at[-1], [*paths, *(path.partition("[")[0] for path in paths)])
             self.refuse(at, f"a key of [{at[0]}] is of the mission", f"there is no {at[-1]}",
                         f"did you mean {near}?" if near else "./fledge export xtce writes all names")
-        return found
+        return ends
 
     def change(self, table: dict, at: tuple) -> Shown:
         self.keys(table, at, ("polynomial", "unit", "warning", "critical"))

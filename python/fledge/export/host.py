@@ -45,10 +45,10 @@ def emit_host(mission: Mission) -> dict[str, str]:
     if set_up:
         lines += ["static void init(void)", "{", "    executive_init();", *set_up, "}", ""]
     lines += ["static const MissionTopic topics[] = {"]
-    places = {one.name: i for i, one in enumerate(types)}
-    for one in messages:
-        lines += row(f'"{topic(one.path)}"', f"{places[one.struct.name]}u",
-                     f"MISSION_{one.latency.upper()}", f"{int(one.optional)}u")
+    places = {type_.name: i for i, type_ in enumerate(types)}
+    for message in messages:
+        lines += row(f'"{topic(message.path)}"', f"{places[message.struct.name]}u",
+                     f"MISSION_{message.latency.upper()}", f"{int(message.optional)}u")
     lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", *executive(mission, len(types)), "const MissionHost fledge_mission = {"]
@@ -58,8 +58,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
         ("start", "&start"), ("init", "init" if set_up else own + "init"),
-        *((one, own + one) for one in ("restart", "next", "tick")),
-        *((one, own + one) for one in ("failure", "describe", "figures") if composed),
+        *((call, own + call) for call in ("restart", "next", "tick")),
+        *((call, own + call) for call in ("failure", "describe", "figures") if composed),
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
@@ -70,10 +70,10 @@ def emit_host(mission: Mission) -> dict[str, str]:
         ("n_channels", f"{len(mission.outputs) + 2}u"), ("n_rates", f"{len(mission.tasks)}u"),
         ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
     return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(
-        mission, [*types, *said_types()])}
+        mission, [*types, *message_types()])}
 
 
-def said_types() -> list[Any]:
+def message_types() -> list[Any]:
     """The messages of executives."""
     return [objects.struct(getattr(flight, name)) for name in (MODE, ACTIVITY)]
 

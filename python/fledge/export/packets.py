@@ -103,24 +103,24 @@ def primary(command: bool, stream: int) -> list[Item]:
             bits("ccsds_length", 16, "bytes of the packet, less 7", value=0)]
 
 
-HEADER = [*(replace(one, value=None) for one in primary(False, 0)), bits("header_seconds", 32, "flight's time",
+HEADER = [*(replace(item, value=None) for item in primary(False, 0)), bits("header_seconds", 32, "flight's time",
           unit="s"), bits("header_fraction", 16, "of a second, in 1/65536"), bits("header_spare", 32)]
 
 
-def database(mission: Mission, found: Dictionary | None = None, last: Packet | None = None) -> Database:
+def database(mission: Mission, facts: Dictionary | None = None, last: Packet | None = None) -> Database:
     """Of a flight process. found: its dictionary, of the streams and byte order where it flies; None: those of its own
     board. last: what the stream behind those of the outputs has; None: texts."""
-    found = found or dictionary(mission)
-    return Database(mission.process, found, [*packets(mission, found), last or texts(mission, found),
-                                             *services(mission, found)], list(commands(mission, found)))
+    facts = facts or dictionary(mission)
+    return Database(mission.process, facts, [*packets(mission, facts), last or texts(mission, facts),
+                                             *services(mission, facts)], list(commands(mission, facts)))
 
 
 # --- telemetry -------------------------------------------------------------------------------------
 
-def packets(mission: Mission, found: Dictionary) -> Iterator[Packet]:
-    yield housekeeping(mission, found)
-    yield reports(mission, found)
-    for output, message in zip(found.outputs, mission.outputs):
+def packets(mission: Mission, facts: Dictionary) -> Iterator[Packet]:
+    yield housekeeping(mission, facts)
+    yield reports(mission, facts)
+    for output, message in zip(facts.outputs, mission.outputs):
         fields = list(numbers(message.struct.fields))
         if output.path != message.path or sum(field.bits for field in fields) != 8 * output.size:
             raise ExportError(f"{output.path}: its packet has {output.size} bytes, its fields have not")
@@ -133,26 +133,27 @@ def record(numbers_: Iterable[tuple[str, str, int]], about: Mapping[str, Any]) -
     items = []
     for name, type_, n in numbers_:
         of = about.get(name, "")
-        for own, said in of.items() if n > 1 else [(name, of)]:
-            items.append(replace(number(own, type_), **(said if isinstance(said, dict) else {"meaning": said})))
+        for own, meaning in of.items() if n > 1 else [(name, of)]:
+            items.append(replace(number(own, type_), **
+                         (meaning if isinstance(meaning, dict) else {"meaning": meaning})))
     return items
 
 
-def housekeeping(mission: Mission, found: Dictionary) -> Packet:
-    modules = {"none": 0} | {one.path: 1 + i for i, one in enumerate(found.blocks)}
+def housekeeping(mission: Mission, facts: Dictionary) -> Packet:
+    modules = {"none": 0} | {block.path: 1 + i for i, block in enumerate(facts.blocks)}
     items = record(HOUSEKEEPING_RECORD, {
         "t": {"meaning": "flight's instant", "unit": "ns"},
-        "mode": {"meaning": "the active mode", "enumerators": numbered(found.modes)},
+        "mode": {"meaning": "the active mode", "enumerators": numbered(facts.modes)},
         "staged": {"meaning": "the module that is staged", "enumerators": modules},
         **{name: f"commands {name}" for name in ("accepted", "executed", "refused")},
-        "reasons": {f"reasons.{one.name.lower()}": f"refused: {WHY[one]}" if one in WHY else "always 0"
-                    for one in Reason},
+        "reasons": {f"reasons.{reason.name.lower()}": f"refused: {WHY[reason]}" if reason in WHY else "always 0"
+                    for reason in Reason},
         "begun": "1: a command came by the link from the ground",
         "last": "the sequence of the last one that was accepted"})
-    return Packet(f"{mission.process}.housekeeping", "the state of flight", found.telemetry + HOUSEKEEPING, items)
+    return Packet(f"{mission.process}.housekeeping", "the state of flight", facts.telemetry + HOUSEKEEPING, items)
 
 
-def reports(mission: Mission, found: Dictionary) -> Packet:
+def reports(mission: Mission, facts: Dictionary) -> Packet:
     items = record(REPORT_RECORD, {
         "t": {"meaning": "the instant of execution; of acceptance, the last instant before; -1: none", "unit": "ns"},
         "sequence": "of the command", "code": {"meaning": "what the command is", "enumerators": lower(Code)},
@@ -165,23 +166,23 @@ def reports(mission: Mission, found: Dictionary) -> Packet:
                    "rule 0 of the fault protection, and so on; 0: from elsewhere"}})
     items.append(Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n"))
     return Packet(f"{mission.process}.reports", "what was done with a command, and what was read back",
-                  found.telemetry + REPORTS, items)
+                  facts.telemetry + REPORTS, items)
 
 
-def texts(mission: Mission, found: Dictionary) -> Packet:
+def texts(mission: Mission, facts: Dictionary) -> Packet:
     items = record(TEXT_RECORD, {
         "t": {"meaning": "flight's instant", "unit": "ns"}, "kind": {"enumerators": lower(Kind)},
         "sequence": "of the command that started the procedure or had the text", "line": "of the script; 0: none",
         "n": "letters", "lost": "texts before it, for which there was no room"})
     items.append(Item("text", "char", 0, count="n"))
-    return Packet(f"{mission.process}.texts", "what an interpreter in flight says", found.texts, items)
+    return Packet(f"{mission.process}.texts", "what an interpreter in flight says", facts.texts, items)
 
 
-def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
+def services(mission: Mission, facts: Dictionary) -> Iterator[Packet]:
     """What services send. It is big-endian everywhere."""
     types = {module.type for module in mission.modules}
     if "EventLog" in types:
-        path, stream = f"{mission.process}.events", found.texts + 1 + SERVICES.index("events")
+        path, stream = f"{mission.process}.events", facts.texts + 1 + SERVICES.index("events")
         *head, arguments = EVENT_RECORD
         rest = {f"arguments[{i}]": "as its id says" for i in range(arguments[2])}
         yield Packet(path, "what a module has said", stream, record(head, {
@@ -190,7 +191,7 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
             "output": "whose event it is: the place in the list of outputs",
             "severity": {"meaning": "how grave it is", "enumerators": numbered(["none", *SEVERITIES])},
             "id": "which event of the output"}), "big", rest=record([arguments], {"arguments": rest}))
-        for place, output in enumerate(found.outputs):
+        for place, output in enumerate(facts.outputs):
             for event in output.events:
                 own = [number(name, "f64", unit="" if unit in ("-", "SI") else unit) for name, unit in event.arguments]
                 spare = [replace(bits("spare", 64), name=f"spare{i}") for i in range(len(own), len(rest))]
@@ -204,10 +205,10 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
             number("left_out", "u16", "bit i: choice i names no number"), number("n", "u16", "bytes of the numbers"),
             Item("numbers", "bytes", 0, "each in its own type; commands define which", count="n")]
         yield Packet(f"{mission.process}.selected", "numbers that the ground has chosen: a report of housekeeping",
-                     found.texts + 1 + SERVICES.index("selected"), items, "big")
+                     facts.texts + 1 + SERVICES.index("selected"), items, "big")
     if "Files" in types:
         yield Packet(f"{mission.process}.files", "a PDU of CFDP (727.0-B-5)",
-                     found.texts + 1 + SERVICES.index("files"), list(pdu()), "big")
+                     facts.texts + 1 + SERVICES.index("files"), list(pdu()), "big")
 
 
 def pdu() -> Iterator[Item]:
@@ -233,7 +234,7 @@ def numbered(names: Sequence[str]) -> dict[str, int]:
 
 
 def lower(kind: Any) -> dict[str, int]:
-    return {one.name.lower(): int(one) for one in kind}
+    return {member.name.lower(): int(member) for member in kind}
 
 
 def first_words(doc: str) -> str:
@@ -277,24 +278,24 @@ ABOUT = {
     Code.UNIT: "set the state of a unit of the spacecraft, or clear its fault"}
 
 
-def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
+def commands(mission: Mission, facts: Dictionary) -> Iterator[Command]:
     process = mission.process
     header, plain = f"{process}.command", f"{process}.plain"
     yield Command(plain, "the header of a command", [
-        *primary(True, found.stream), bits("code", 8, "what the command is"),
+        *primary(True, facts.stream), bits("code", 8, "what the command is"),
         bits("checksum", 8, "the XOR of all bytes of the packet is 0xFF", value=0)], abstract=True)
     yield Command(header, "the header of a command for this version of the mission",
-                  [bits("version", 16, "of the mission's dictionary", value=found.version)], plain, abstract=True)
-    blocks = {one.path: i for i, one in enumerate(found.blocks)}
+                  [bits("version", 16, "of the mission's dictionary", value=facts.version)], plain, abstract=True)
+    blocks = {block.path: i for i, block in enumerate(facts.blocks)}
     choices: dict[str, dict[str, int]] = {
-        "mode": numbered(found.modes), "event": numbered(found.events), "module": blocks,
-        "output": {one.path: i for i, one in enumerate(found.outputs)}
-        | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
+        "mode": numbered(facts.modes), "event": numbered(facts.events), "module": blocks,
+        "output": {output.path: i for i, output in enumerate(facts.outputs)}
+        | {f"{process}.housekeeping": len(facts.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
         "action": lower(Action), "file_action": lower(FileAction), "own": {"ground": 0, "flight": 1},
         "class": {"unacknowledged": 1, "acknowledged": 2}, "even": {"refuse": 0, "even": 1},
         "state": {"clear": 0} | {name: 1 + i for i, name in enumerate(UNIT_STATES)}}
-    types = {one.type for one in mission.modules}
-    published = {block.path: blocks[block.path] for block in found.blocks if block.configuration}
+    types = {module.type for module in mission.modules}
+    published = {block.path: blocks[block.path] for block in facts.blocks if block.configuration}
     for code in Code:
         of = {**choices, "module": published if code == Code.PUBLISH else blocks}
         names = [name for name in ARGUMENTS[code] if name != "version"]
@@ -302,9 +303,9 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         if code != Code.WRITE and there and all(of.get(name, True) for name in names):
             parent = header if "version" in ARGUMENTS[code] else plain
             about = ABOUT.get(code, "") + "".join(
-                f"; {mode} is entered only {guard}" for mode, guard in found.guards.items() if code == Code.MODE)
+                f"; {mode} is entered only {guard}" for mode, guard in facts.guards.items() if code == Code.MODE)
             yield Command(f"{process}.{code.name.lower()}", about,
-                          [one for name in names for one in argument(code, name, of.get(name, {}))], parent,
+                          [item for name in names for item in argument(code, name, of.get(name, {}))], parent,
                           {"code": int(code)})
     write = f"{process}.write"
     yield Command(write, ABOUT[Code.WRITE], [number("module", "u16"), number("offset", "u32", "in its parameters")],
@@ -321,9 +322,9 @@ def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item
         yield Item("bytes", "char" if meaning else "bytes", 0, meaning, count="n")
         return
     values = {"zero": 0, "turns": TURNS, "every": 1, "on": 1}
-    one = number(name, argument_type(name), MEANINGS.get(name, ""), "ns" if name == "time" else "",
-                 choices, values.get(name))
-    yield replace(one, bounds=LIMITS.get(name, one.bounds))
+    item = number(name, argument_type(name), MEANINGS.get(name, ""), "ns" if name == "time" else "",
+                  choices, values.get(name))
+    yield replace(item, bounds=LIMITS.get(name, item.bounds))
 
 
 MEANINGS = {"crc": "CRC-16-CCITT of what was staged, or is to be stored or started", "n": "how many bytes",
@@ -352,7 +353,7 @@ def writes(module: Any, parent: str, place: int) -> Iterator[Command]:
     process, _, name = module.path.partition(".")
     fields, start, _ = parameters(module.struct)
     for path, f, at in leaves(fields, -start):
-        if f.name.startswith("spare") or any(one in path for one in UNWRITTEN.get(module.type, ())):
+        if f.name.startswith("spare") or any(unwritten in path for unwritten in UNWRITTEN.get(module.type, ())):
             continue
         items = list(numbers([f]))
         size = f.size // len(items)

@@ -21,13 +21,13 @@ def page(name: str, missions: Sequence[Mission], databases: Sequence[Database], 
     lines = [f"# Packets of {name}", "", "All that the mission's flight software sends and understands. Places count "
              "from 0, the most significant bit first: 0.5 is bit 5 of byte 0. `fledge export xtce` writes the same for "
              "ground stations."]
-    for mission, one in zip(missions, databases):
-        process = one.process
+    for mission, database in zip(missions, databases):
+        process = database.process
         lines += ["", f"## {process}: packets", "", f"The version of its dictionary is "
-                  f"`{one.dictionary.version:#06x}`. Numbers are {one.order}-endian. Each packet begins with this "
-                  "header:", "", *table(HEADER)]
-        said = [packet for packet in one.packets if packet.parent]
-        for packet in one.packets:
+                  f"`{database.dictionary.version:#06x}`. Numbers are {database.order}-endian. Each packet begins with "
+                  "this header:", "", *table(HEADER)]
+        children = [packet for packet in database.packets if packet.parent]
+        for packet in database.packets:
             if packet.parent:
                 continue
             packet = replace(packet, items=[*packet.items, *packet.rest])
@@ -35,30 +35,30 @@ def page(name: str, missions: Sequence[Mission], databases: Sequence[Database], 
             open_ = ", and more" if packet.items[-1].count else ""
             lines += ["", f"### {packet.path}", "", f"{sentence(packet.about)} Stream `{packet.stream:#06x}` (APID "
                       f"{packet.stream & 0x7FF}), {length} bytes{open_}.", "", *packet_table(packet, ground)]
-            if events := [each for each in said if each.parent == packet.path]:
+            if events := [child for child in children if child.parent == packet.path]:
                 lines += ["", *rows(("output", "id", "event", "arguments", "meaning"), map(event_cells, events))]
-        header = one.chain(one.command(f"{process}.command"))
-        lines += ["", f"## {process}: commands", "", f"Stream `{one.dictionary.stream:#06x}`. Numbers are big-endian. "
-                  "Each command begins with this header; the first two have no version:", "",
+        header = database.chain(database.command(f"{process}.command"))
+        lines += ["", f"## {process}: commands", "", f"Stream `{database.dictionary.stream:#06x}`. Numbers are "
+                  "big-endian. Each command begins with this header; the first two have no version:", "",
                   *table([item for part in header for item in part.items])]
         writes: dict[str, list[Command]] = {}
-        for command in one.commands:
+        for command in database.commands:
             if command.parent == f"{process}.write":
                 writes.setdefault(".".join(command.path.split(".")[:3]), []).append(command)
             elif not command.abstract:
-                lines += ["", *command_lines(one, command, ground)]
+                lines += ["", *command_lines(database, command, ground)]
         for path, commands in writes.items():
             lines += ["", f"### {path}", "", f"Write parameters of `{process}.{path.split('.')[2]}`, module "
                       f"{commands[0].fixed['module']}: code 3, one command for each row.", "",
                       *write_table(path, commands, ground)]
         if mission.modes:
             lines += ["", f"## {process}: modes", "", *rows(("number", "mode", "is entered"), (
-                (str(i), f"`{mission.mode_titles[one]}`",
-                 text(f"only {mission.guards[one].text}" if one in mission.guards else "always"))
-                for i, one in enumerate(mission.modes)))]
+                (str(i), f"`{mission.mode_titles[mode]}`",
+                 text(f"only {mission.guards[mode].text}" if mode in mission.guards else "always"))
+                for i, mode in enumerate(mission.modes)))]
         if mission.events:
             lines += ["", f"## {process}: events", "", *rows(("number", "event", "what happens"), (
-                (str(i), f"`{one.title}`", text(one.text)) for i, one in enumerate(mission.events)))]
+                (str(i), f"`{event.title}`", text(event.text)) for i, event in enumerate(mission.events)))]
     return "\n".join([*lines, ""])
 
 
@@ -78,10 +78,10 @@ def whole(words: str) -> str:
 
 def rows(titles: Sequence[str], cells: Iterable[Sequence[str]]) -> list[str]:
     """A table; columns that would be empty are left out."""
-    found = [list(row) for row in cells]
-    kept = [i for i in range(len(titles)) if any(row[i] for row in found)]
-    return ["| " + " | ".join(titles[i] for i in kept) + " |", "|---" * len(kept) + "|",
-            *("| " + " | ".join(row[i] for i in kept) + " |" for row in found)]
+    table = list(cells)
+    shown = [i for i in range(len(titles)) if any(row[i] for row in table)]
+    return ["| " + " | ".join(titles[i] for i in shown) + " |", "|---" * len(shown) + "|",
+            *("| " + " | ".join(row[i] for i in shown) + " |" for row in table)]
 
 
 def grouped(items: Sequence[Item], at: int = 0) -> Iterator[tuple[int, str, int, Item]]:
@@ -129,8 +129,8 @@ def packet_table(packet: Packet, ground: Ground) -> list[str]:
         grouped(packet.items, start)))
 
 
-def command_lines(one: Database, command: Command, ground: Ground) -> list[str]:
-    parents = one.chain(command)[:-1]
+def command_lines(database: Database, command: Command, ground: Ground) -> list[str]:
+    parents = database.chain(command)[:-1]
     at = sum(item.bits for part in parents for item in part.items)
     lines = [f"### {command.path}", "", f"{sentence(command.about)} Code {command.fixed['code']}, "
              f"{at // 8 + sum(item.bits for item in command.items) // 8} bytes"

@@ -163,7 +163,7 @@ class Mission:
         if any(m.type == "SpaceLink" for m in self.services):
             driven |= {f"ccsds/{name}.c" for name in FRAMES}
         own = [m.struct.header.removesuffix(".h") for m in self.modules]
-        return sorted({f"{one}.c" for one in own} | driven | included(own, roots))
+        return sorted({f"{name}.c" for name in own} | driven | included(own, roots))
 
     @property
     def services(self) -> list[Module]:
@@ -177,21 +177,21 @@ def included(modules: Sequence[str], roots: Sequence[Path]) -> set[str]:
     def file(name: str) -> Path | None:
         return next((root / name for root in roots if (root / name).is_file()), None)
 
-    found: set[str] = set()
+    sources: set[str] = set()
     todo = list(modules)
-    for one in todo:            # it grows
-        for name in (f"{one}.h", f"{one}.c"):
+    for stem in todo:           # it grows
+        for name in (f"{stem}.h", f"{stem}.c"):
             path = file(name)
             if path is None:
                 continue
             if name.endswith(".c"):
-                found.add(name)
+                sources.add(name)
             for other in INCLUDE.findall(path.read_text("utf-8", "replace")):
-                near = (Path(one).parent / other).as_posix()
+                near = (Path(stem).parent / other).as_posix()
                 other = near if file(f"{near}.h") else other
                 if other not in todo and not other.startswith(LINKED):
                     todo.append(other)
-    return found
+    return sources
 
 
 def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:
@@ -207,18 +207,18 @@ def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = Non
                           if flights else f"{sim.name} has no flight process")
     if process is not None and process not in flights:
         raise ExportError(f"{sim.name} has no flight process '{process}'; it has {', '.join(flights) or 'none'}")
-    one = flights[process] if process is not None else sim.flight
-    return _Reader(sim, one, _memory(one), tasks).mission()
+    flight = flights[process] if process is not None else sim.flight
+    return _Reader(sim, flight, _memory(flight), tasks).mission()
 
 
 def read_all(sim: Any) -> list[Mission]:
     """The Missions of all flight processes of a simulation which has not run."""
     memory = [_memory(flight) for flight in sim.flights]    # before the first is read, which resets them all
-    return [_Reader(sim, *one).mission() for one in zip(sim.flights, memory)]
+    return [_Reader(sim, *flight).mission() for flight in zip(sim.flights, memory)]
 
 
 def _memory(flight: Any) -> dict[str, bytes]:
-    return {name: objects.memory(one) for name, one in flight.instances.items()}
+    return {name: objects.memory(module) for name, module in flight.instances.items()}
 
 
 class _Reader:
@@ -257,22 +257,22 @@ class _Reader:
         if not self.partial:
             wanted = set(live)
         self.running = running
-        self.refuse_prototypes({name: one for name, one in live.items() if name in wanted})
+        self.refuse_prototypes({name: module for name, module in live.items() if name in wanted})
         c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
-        return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name],
-                             self.read_script(name, one)) for name, one in live.items() if name in wanted}
+        return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(module), memory[name],
+                             self.read_script(name, module)) for name, module in live.items() if name in wanted}
 
     def refuse_prototypes(self, modules: dict[str, Any]) -> None:
         """Raise ExportError for modules whose interface is Python, too: no target has that."""
-        found = []
-        for name, cls in ((name, prototype(one)) for name, one in modules.items()):
+        prototypes = []
+        for name, cls in ((name, prototype(module)) for name, module in modules.items()):
             if cls:
                 kind, file, line = cls._struct.name, shown(cls._struct.path), cls._struct.line
-                found.append(self.refusal(
+                prototypes.append(self.refusal(
                     f"{self.flight.name}.{name} is still Python (the class {kind}, {file}, line {line}): "
                     f"./fledge new module {kind} --from {file}:{kind} begins its C", name))
-        if found:
-            raise ExportError("\n".join(map(str, found)))
+        if prototypes:
+            raise ExportError("\n".join(map(str, prototypes)))
 
     def read_script(self, name: str, module: Any) -> str:
         functions = script(module)
@@ -328,13 +328,13 @@ class _Reader:
             message.name = c[path.removeprefix("world.")]
             message.member = f"in.{message.name}"
         for inner in mission.wires.values():
-            for one in inner:
-                if one.source in order:
-                    one.source = order[one.source].member
+            for node in inner:
+                if node.source in order:
+                    node.source = order[node.source].member
         mission.inputs = list(order.values())
         if self.flight.reset:
             line, mission.down = self.flight.reset
-            mission.reset = next((i for i, one in enumerate(mission.inputs) if line in one.ends), None)
+            mission.reset = next((i for i, port in enumerate(mission.inputs) if line in port.ends), None)
 
     # --- the whole ---
 
@@ -396,13 +396,14 @@ class _Reader:
             steps = guard.condition.steps if guard.condition is not None else []
             paths = self.watched(f"mode {self.flight.name}.{mode}", steps, self.flight.declared_at(mode))
             if paths <= modules.keys():
-                mission.guards[mode_names[mode]] = Guard(guard.text, steps, [mode_names[one] for one in guard.after])
+                mission.guards[mode_names[mode]] = Guard(guard.text, steps, [mode_names[mode] for mode in guard.after])
             else:
                 mission.left_out.append(f"the condition of the mode {mode}")
 
     def watched(self, what: str, steps: Sequence[Any], declared_at: tuple[str, int]) -> set[str]:
         """The paths of the modules that a condition looks at, which must be flight's own."""
-        paths = {one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path}
+        operands = [operand for step in steps if not isinstance(step, str) for operand in (step[0], step[2])]
+        paths = {operand.path for operand in operands if operand.path}
         for path in sorted(paths):
             if path.split(".")[0] != self.flight.name:
                 file, line = declared_at
@@ -414,24 +415,24 @@ class _Reader:
         live = self.flight.events.values()
         naming = names.distinct([e.name for e in live])
         modules = {m.path: m for m in mission.modules}
-        kept, until = [], {}
+        rows, until = [], {}
         for event in live:
             until[event.name] = event.until.steps if event.until is not None else []
             steps = [*event.condition.steps, *until[event.name]]
             paths = self.watched(f"event {self.flight.name}.{event.name}", steps, event.declared_at)
             if {*paths, *(path for path, _, _ in event.settings)} <= modules.keys():
-                kept.append(event)
+                rows.append(event)
             else:
                 mission.left_out.append(f"the event {event.name}")
-        flying = [event.name for event in kept]
-        for event in kept:
+        flying = [event.name for event in rows]
+        for event in rows:
             settings = [(modules[path], offset, raw) for path, offset, raw in event.settings]
             mission.events.append(Event(
                 naming[event.name], event.name, event_text(event), event.text, event.condition.steps,
                 until[event.name], event.hold, event.count, event.once, event.starts_armed,
                 [mode_names[m] for m in event.modes], mode_names.get(event.mode, ""),
                 [(naming[name], on) for name, on in event.arms if name in flying], settings,
-                [m for m in mission.configuration if any(m is one for one, _, _ in settings)]))
+                [m for m in mission.configuration if any(m is module for module, _, _ in settings)]))
 
     def check_finite(self, module: Module, mission: Mission) -> None:
         wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
@@ -446,7 +447,7 @@ class _Reader:
         if not self.sim.mission:
             return ExportError(text)
         folder, process = self.sim.mission.folder, self.flight
-        known = {one.name: one for one in self.sim.processes}
+        known = {process.name: process for process in self.sim.processes}
         for p, n in [] if name else re.findall(r"\b(\w+)\.(\w+)", text):
             if p in known and n in known[p].instances:
                 process, name = known[p], n
@@ -456,7 +457,7 @@ class _Reader:
         if Path(file).is_relative_to(folder):
             return ExportError(f"{file}, line {line}: {text}")
         kind = "world" if process not in self.sim.flights else "flight"
-        path = next((folder / f"{one}.py" for one in (kind, "mission") if (folder / f"{one}.py").exists()), folder)
+        path = next((folder / f"{stem}.py" for stem in (kind, "mission") if (folder / f"{stem}.py").exists()), folder)
         return ExportError(f"{path}: {text}")
 
 

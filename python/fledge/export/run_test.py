@@ -23,8 +23,8 @@ def first_difference(sim, mission, c, run, every=0, all_instants=False, request=
     run(sim)
     times = recorded.times()
     input_log = {p: recorded.samples(p) for p in inputs}
-    said = {p: recorded.samples(p) for p in outputs}
-    assert len(times) == len(next(iter(said.values())))
+    recordings = {p: recorded.samples(p) for p in outputs}
+    assert len(times) == len(next(iter(recordings.values())))
     ticks = 0
     for i, t in enumerate(times):
         if request:
@@ -37,7 +37,7 @@ def first_difference(sim, mission, c, run, every=0, all_instants=False, request=
             c.put(path, samples[i])
         c("tick", t)
         ticks += 1
-        for path, samples in said.items():
+        for path, samples in recordings.items():
             if c.get(path) != samples[i]:
                 return t, path
     assert ticks > 100
@@ -238,7 +238,7 @@ def test_an_input_of_several_outputs_takes_the_same_bits(choices, tmp_path):
     assert seen[:5] == ["calm", "turn", "point", "drift", "calm"]
 
 
-def test_a_mode_that_is_asked_for_from_outside(modes, tmp_path):
+def test_a_mode_that_is_requested_from_outside(modes, tmp_path):
     sim = fledge.load(modes)
     mission = export.read(sim)
     c = Compiled(mission, tmp_path / "c")

@@ -25,28 +25,28 @@ def yamcs(name: str, databases: Sequence[Database], ground: Ground) -> dict[str,
     """File -> text of a folder with etc/ and mdb/, where Yamcs starts: yamcsd --etc-dir etc."""
     name = names.identifier(name)
     lines = [f"# {name}: written by fledge export xtce --yamcs", "services:",
-             *(f"  - class: org.yamcs.{one}" for one in YAMCS_SERVICES),
+             *(f"  - class: org.yamcs.{service}" for service in YAMCS_SERVICES),
              "  - class: org.yamcs.ProcessorCreatorService", "    args: {name: realtime, type: realtime}", "",
              "dataLinks:"]
-    for i, one in enumerate(databases):
-        lines += [f"  - name: {one.process}_telemetry", "    class: org.yamcs.tctm.UdpTmDataLink",
-                  f"    stream: tm_{one.process}", f"    port: {TELEMETRY_PORT + i}",
+    for i, database in enumerate(databases):
+        lines += [f"  - name: {database.process}_telemetry", "    class: org.yamcs.tctm.UdpTmDataLink",
+                  f"    stream: tm_{database.process}", f"    port: {TELEMETRY_PORT + i}",
                   "    packetPreprocessorClassName: org.yamcs.tctm.cfs.CfsPacketPreprocessor",
                   "    packetPreprocessorArgs:",
                   "      useLocalGenerationTime: true     # flight's time counts from its start",
-                  f"  - name: {one.process}_commands", "    class: org.yamcs.tctm.UdpTcDataLink",
-                  f"    stream: tc_{one.process}", "    host: localhost", f"    port: {COMMAND_PORT + i}",
+                  f"  - name: {database.process}_commands", "    class: org.yamcs.tctm.UdpTcDataLink",
+                  f"    stream: tc_{database.process}", "    host: localhost", f"    port: {COMMAND_PORT + i}",
                   "    commandPostprocessorClassName: org.yamcs.tctm.cfs.CfsCommandPostprocessor"]
     lines += ["", "mdb:", "  - type: xtce", f"    spec: mdb/{name}.xml", "", "streamConfig:", "  tm:"]
-    for one in databases:
-        lines += [f"    - name: tm_{one.process}", "      processor: realtime",
-                  f"      rootContainer: /{name}/{names.identifier(one.process)}_packet"]
+    for database in databases:
+        lines += [f"    - name: tm_{database.process}", "      processor: realtime",
+                  f"      rootContainer: /{name}/{names.identifier(database.process)}_packet"]
     lines += ["  cmdHist: [cmdhist_realtime]", "  event: [events_realtime]",
               "  param: [pp_realtime, sys_param, proc_param]", "  parameterAlarm: [alarms_realtime]",
               "  eventAlarm: [event_alarms_realtime]", "  invalidTm: invalid_tm_stream", "  tc:"]
-    for one in sorted(databases, key=lambda one: -len(one.process)):    # the first pattern that matches counts
-        lines += [f"    - name: tc_{one.process}", "      processor: realtime",
-                  f'      tcPatterns: ["/{name}/{names.identifier(one.process)}_.*"]']
+    for database in sorted(databases, key=lambda db: -len(db.process)):     # the first pattern that matches counts
+        lines += [f"    - name: tc_{database.process}", "      processor: realtime",
+                  f'      tcPatterns: ["/{name}/{names.identifier(database.process)}_.*"]']
     server = ["services:", "  - class: org.yamcs.http.HttpServer", "", f"instances: [{name}]", ""]
     return {"etc/yamcs.yaml": "\n".join(server), f"etc/yamcs.{name}.yaml": "\n".join([*lines, ""]),
             f"mdb/{name}.xml": xtce(name, databases, ground, "yamcs")}
@@ -58,26 +58,26 @@ def cosmos(name: str, databases: Sequence[Database], ground: Ground) -> dict[str
     gem = "openc3-cosmos-" + names.identifier(name).lower().replace("_", "-")
     variables, lines = ["VARIABLE host host.docker.internal"], [""]
     out: dict[str, str] = {}
-    for i, one in enumerate(databases):
-        target = names.identifier(one.process).upper()
-        reports = one.dictionary.telemetry + REPORTS & 0x7FF
+    for i, database in enumerate(databases):
+        target = names.identifier(database.process).upper()
+        reports = database.dictionary.telemetry + REPORTS & 0x7FF
         variables += [f"VARIABLE {target.lower()}_command_port {COMMAND_PORT + i}",
                       f"VARIABLE {target.lower()}_telemetry_port {TELEMETRY_PORT + i}"]
         lines += [f"TARGET {target} {target}",
                   f"INTERFACE {target}_INT udp_interface.rb <%= host %> <%= {target.lower()}_command_port %> "
                   f"<%= {target.lower()}_telemetry_port %>", f"  MAP_TARGET {target}",
-                  f"  PROTOCOL READ_WRITE flight_link_protocol.rb {reports} {one.order}",
+                  f"  PROTOCOL READ_WRITE flight_link_protocol.rb {reports} {database.order}",
                   f"  PORT <%= {target.lower()}_telemetry_port %>/udp", ""]
         folder = f"targets/{target}"
-        header = one.chain(one.command(f"{one.process}.reset_flight"))
+        header = database.chain(database.command(f"{database.process}.reset_flight"))
         sent = [item.name for command in header for item in command.items]
         out |= {f"{folder}/target.txt": "\n".join(["LANGUAGE ruby", *(
             f"IGNORE_PARAMETER {item.upper()}" for item in sent), *(
             f"IGNORE_ITEM {item.name.upper()}" for item in HEADER), ""]),
-            f"{folder}/cmd_tlm/1_open.txt": "".join(f"{line}\n" for packet in one.packets if ends_open(packet)
-                                                    for line in telemetry(target, one, packet)),
-            f"{folder}/cmd_tlm/2_database.xtce": xtce(target, [one], ground, "cosmos"),
-            f"{folder}/cmd_tlm/3_commands.txt": "".join(f"{line}\n" for line in commands(target, one, ground))}
+            f"{folder}/cmd_tlm/1_open.txt": "".join(f"{line}\n" for packet in database.packets if ends_open(packet)
+                                                    for line in telemetry(target, database, packet)),
+            f"{folder}/cmd_tlm/2_database.xtce": xtce(target, [database], ground, "cosmos"),
+            f"{folder}/cmd_tlm/3_commands.txt": "".join(f"{line}\n" for line in commands(target, database, ground))}
     head = f"# {name}: written by fledge export xtce --cosmos"
     return {"plugin.txt": "\n".join([head, *variables, *lines]),
             f"{gem}.gemspec": GEMSPEC.format(gem=gem, name=name), "Rakefile": RAKEFILE,
@@ -85,21 +85,21 @@ def cosmos(name: str, databases: Sequence[Database], ground: Ground) -> dict[str
             "tool.\n", "lib/flight_link_protocol.rb": PROTOCOL.format(refused=int(Reason.SEQUENCE))} | out
 
 
-def commands(target: str, one: Database, ground: Ground) -> Iterator[str]:
+def commands(target: str, database: Database, ground: Ground) -> Iterator[str]:
     """What COSMOS does not read of commands from XTCE: bytes up to their ends, and which are hazardous."""
-    for command in one.commands:
-        found = []
-        at = sum(each.bits for part in one.chain(command) for each in part.items)
+    for command in database.commands:
+        lines = []
+        at = sum(each.bits for part in database.chain(command) for each in part.items)
         for item in command.items if not command.abstract else ():
             if item.count:
-                found.append(f'  PARAMETER {item.name.upper()} {at} 0 {kind_of(item)} "" {quoted(item.meaning)}')
+                lines.append(f'  PARAMETER {item.name.upper()} {at} 0 {kind_of(item)} "" {quoted(item.meaning)}')
         if why := ground.hazardous.get(command.path):
-            found.append(f"  HAZARDOUS {quoted(why)}")
-        if found:
-            yield "\n".join([f"SELECT_COMMAND {target} {name_of(command.path)}", *found])
+            lines.append(f"  HAZARDOUS {quoted(why)}")
+        if lines:
+            yield "\n".join([f"SELECT_COMMAND {target} {name_of(command.path)}", *lines])
 
 
-def telemetry(target: str, one: Database, packet: Packet) -> Iterator[str]:
+def telemetry(target: str, database: Database, packet: Packet) -> Iterator[str]:
     """A packet in COSMOS' own words: one that ends with bytes or a text, which its reader of XTCE cannot have. It comes
     before the XTCE, after which COSMOS takes no more telemetry."""
     yield f"TELEMETRY {target} {name_of(packet.path)} BIG_ENDIAN {quoted(packet.about)}"
@@ -108,7 +108,7 @@ def telemetry(target: str, one: Database, packet: Packet) -> Iterator[str]:
         yield (f"  APPEND_{'ID_' * is_id}ITEM {item.name.upper()} {item.bits} UINT "
                f"{f'{packet.stream & 0x7FF} ' * is_id}{quoted(item.meaning)}")
     for item in packet.items:
-        order = "LITTLE_ENDIAN" if (packet.order or one.order) == "little" else "BIG_ENDIAN"
+        order = "LITTLE_ENDIAN" if (packet.order or database.order) == "little" else "BIG_ENDIAN"
         yield f"  APPEND_ITEM {name_of(item.name)} {item.bits} {kind_of(item)} {quoted(item.meaning)} {order}"
         yield from (f"    STATE {quoted(label)} {value}" for label, value in item.enumerators.items())
 

@@ -43,7 +43,7 @@ def complaints(text, variables):
     """What COSMOS would not know in a file of its words."""
     top = item = ""
     for number, line in enumerate(text.splitlines(), 1):
-        line = re.sub("<%= *(\\w+) *%>", lambda found: variables[found[1]], line)
+        line = re.sub("<%= *(\\w+) *%>", lambda match: variables[match[1]], line)
         if not line.strip() or line.startswith("#"):
             continue
         word, *given = shlex.split(line)
@@ -54,7 +54,7 @@ def complaints(text, variables):
         elif of not in ("", top, item):
             yield f"{number}: {word} follows {top}"
         elif not least <= len(given) <= len(patterns) or not all(
-                re.fullmatch(pattern.lstrip("?"), one) for pattern, one in zip(patterns, given)):
+                re.fullmatch(pattern.lstrip("?"), text) for pattern, text in zip(patterns, given)):
             yield f"{number}: {line.strip()}"
         if of == "":
             top, item = word, ""
@@ -80,16 +80,16 @@ def test_yamcs_knows_each_key(folder):
     instance = yaml.safe_load((folder / "yamcs/etc/yamcs.yaml").read_text())["instances"]
     assert [path.name for path in (folder / "yamcs/etc").iterdir() if path.name != "yamcs.yaml"] == [
         f"yamcs.{name}.yaml" for name in instance]
-    made = yaml.safe_load((folder / f"yamcs/etc/yamcs.{instance[0]}.yaml").read_text())
-    assert set(made) == {"services", "dataLinks", "mdb", "streamConfig"}
+    settings = yaml.safe_load((folder / f"yamcs/etc/yamcs.{instance[0]}.yaml").read_text())
+    assert set(settings) == {"services", "dataLinks", "mdb", "streamConfig"}
     ports, streams = [], {"tm": [], "tc": []}
-    for link in made["dataLinks"]:
+    for link in settings["dataLinks"]:
         must, may = YAMCS[link["class"]]
         assert must <= set(link) <= must | may
         ports.append(link["port"])
         streams["tm" if "Tm" in link["class"] else "tc"].append(link["stream"])
     assert len(set(ports)) == len(ports)
     for kind in streams:
-        assert sorted(one["name"] for one in made["streamConfig"][kind]) == sorted(streams[kind])
-        assert {one["processor"] for one in made["streamConfig"][kind]} == {"realtime"}
-    assert all((folder / "yamcs" / one["spec"]).is_file() and one["type"] == "xtce" for one in made["mdb"])
+        assert sorted(link["name"] for link in settings["streamConfig"][kind]) == sorted(streams[kind])
+        assert {stream["processor"] for stream in settings["streamConfig"][kind]} == {"realtime"}
+    assert all((folder / "yamcs" / file["spec"]).is_file() and file["type"] == "xtce" for file in settings["mdb"])

@@ -108,8 +108,8 @@ def mine(tmp_path_factory):
 
 def finite(random, n):
     """Random bit patterns of doubles that a parameter may have."""
-    found = np.frombuffer(random.randbytes(64 * n), dtype=np.float64)
-    return found[(abs(found) >= 1e-100) & (abs(found) <= 1e100)][:n]
+    values = np.frombuffer(random.randbytes(64 * n), dtype=np.float64)
+    return values[(abs(values) >= 1e-100) & (abs(values) <= 1e100)][:n]
 
 
 def fill(store, random):
@@ -155,7 +155,7 @@ def test_every_kind_of_parameter_comes_back_exactly(mine, seed, compiler, tmp_pa
     sim = store_mission(mine, Random(seed))
     mission = export.read(sim)
     c = Compiled(mission, tmp_path, roots=[root], compiler=compiler)
-    expected = b"".join(objects.memory(one) for one in sim.flight)
+    expected = b"".join(objects.memory(module) for module in sim.flight)
     assert c.memory.raw[-len(expected):] == expected
 
 

@@ -8,7 +8,6 @@ sees; the sender sets sequence, length and checksum. An alias in the name space 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -47,16 +46,16 @@ class _Writer:
         self.containers = names.distinct(packet.path for database in databases for packet in self.packets(database))
         self.commands = names.distinct(command.path for database in databases for command in database.commands)
 
-    def packets(self, one: Database) -> list[Packet]:
+    def packets(self, database: Database) -> list[Packet]:
         """Those of a process, behind the one that is the header of all."""
-        parents = {packet.parent for packet in one.packets}
+        parents = {packet.parent for packet in database.packets}
         if self.station == "cosmos":
-            found = [replace(packet, items=[*packet.items, *packet.rest]) for packet in one.packets
-                     if not ends_open(packet) and not packet.parent]
+            reversed_ = [replace(packet, items=[*packet.items, *packet.rest]) for packet in database.packets
+                         if not ends_open(packet) and not packet.parent]
         else:
-            found = [packet if packet.path in parents else replace(packet, items=[*packet.items, *packet.rest])
-                     for packet in one.packets]
-        return [Packet(f"{one.process}.packet", "the header of a packet", 0, HEADER), *found]
+            reversed_ = [packet if packet.path in parents else replace(packet, items=[*packet.items, *packet.rest])
+                         for packet in database.packets]
+        return [Packet(f"{database.process}.packet", "the header of a packet", 0, HEADER), *reversed_]
 
     def file(self, name: str) -> str:
         root = Element("SpaceSystem", {"xmlns": NAMESPACE, "name": names.identifier(name)})
@@ -78,16 +77,17 @@ class _Writer:
 
     # --- telemetry ---
 
-    def packet(self, one: Database, packet: Packet, types: Element, parameters: Element, containers: Element) -> None:
-        root = f"{one.process}.packet"
+    def packet(self, database: Database, packet: Packet, types: Element, parameters: Element,
+               containers: Element) -> None:
+        root = f"{database.process}.packet"
         container = named(containers, "SequenceContainer", self.containers[packet.path], packet.path, packet.about)
         entries = ElementTree.SubElement(container, "EntryList")
         header = [item.name for item in HEADER] if packet.path != root else []
-        header += [item.name for each in one.packets if each.path == packet.parent for item in each.items]
+        header += [item.name for each in database.packets if each.path == packet.parent for item in each.items]
         short = names.distinct((item.name for item in packet.items), header)
         for item in packet.items:
             path = f"{packet.path}.{item.name}"
-            order = (packet.order or one.order) if packet.path != root else "big"
+            order = (packet.order or database.order) if packet.path != root else "big"
             count = self.parameters[f"{packet.path}.{item.count}"] if item.count else ""
             self.parameter(types, parameters, path, short[item.name], item, order,
                            self.ground.telemetry.get(path, Shown()), count)
@@ -107,9 +107,9 @@ class _Writer:
         """short: its name in its packet, which COSMOS shows."""
         name = self.parameters[path]
         self.type(types, "Parameter", name, item, order, shown, count)
-        found = named(parameters, "Parameter", name, path, item.meaning, {"parameterTypeRef": name})
-        ElementTree.SubElement(found[0], "Alias", {"nameSpace": "COSMOS", "alias": short})
-        return found
+        parameter = named(parameters, "Parameter", name, path, item.meaning, {"parameterTypeRef": name})
+        ElementTree.SubElement(parameter[0], "Alias", {"nameSpace": "COSMOS", "alias": short})
+        return parameter
 
     # --- types ---
 
@@ -156,9 +156,9 @@ class _Writer:
         self.range(found, of, item, kind == "Float", bool(shown.polynomial))
         self.limits(found, shown)
 
-    def variable(self, found: Element, kind: str, of: str, item: Item, count: str) -> None:
+    def variable(self, element: Element, kind: str, of: str, item: Item, count: str) -> None:
         """The encoding of a text or of bytes."""
-        encoding = ElementTree.SubElement(found, f"{kind}DataEncoding")
+        encoding = ElementTree.SubElement(element, f"{kind}DataEncoding")
         if count:
             size = ElementTree.SubElement(encoding, "Variable" if kind == "String" else "SizeInBits")
             if kind == "String":
@@ -174,7 +174,7 @@ class _Writer:
         if kind == "String" and item.bits:
             ElementTree.SubElement(size, "TerminationChar").text = "00"
 
-    def range(self, found: Element, of: str, item: Item, is_float: bool, calibrated: bool) -> None:
+    def range(self, element: Element, of: str, item: Item, is_float: bool, calibrated: bool) -> None:
         """What a number may be, by its header."""
         ends = {}
         for end, bound, is_open in zip(("min", "max"), item.bounds, item.bounds[2:]):
@@ -184,15 +184,15 @@ class _Writer:
                 inside = math.floor(bound) + 1 if end == "min" else math.ceil(bound) - 1
                 ends[f"{end}Inclusive"] = str(inside if is_open else int(bound))
         if ends:
-            whole = found if of == "Parameter" else ElementTree.SubElement(found, "ValidRangeSet")
+            whole = element if of == "Parameter" else ElementTree.SubElement(element, "ValidRangeSet")
             raw = {"validRangeAppliesToCalibrated": "false"} if calibrated else {}
             ElementTree.SubElement(whole, "ValidRange", ends | raw)
 
-    def limits(self, found: Element, shown: Shown) -> None:
+    def limits(self, element: Element, shown: Shown) -> None:
         """Both ranges, where there is one: COSMOS takes one that is missing for 0 to 0."""
         if not shown.warning and not shown.critical:
             return
-        ranges = ElementTree.SubElement(ElementTree.SubElement(found, "DefaultAlarm"), "StaticAlarmRanges")
+        ranges = ElementTree.SubElement(ElementTree.SubElement(element, "DefaultAlarm"), "StaticAlarmRanges")
         most = 1.7976931348623157e308
         for tag, pair in (("WarningRange", shown.warning or shown.critical),
                           ("CriticalRange", shown.critical or (-most, most))):
@@ -201,7 +201,7 @@ class _Writer:
 
     # --- commands ---
 
-    def command(self, one: Database, command: Command, types: Element, parameters: Element, arguments: Element,
+    def command(self, database: Database, command: Command, types: Element, parameters: Element, arguments: Element,
                 metas: Element) -> None:
         name = self.commands[command.path]
         meta = named(metas, "MetaCommand", name, command.path, command.about)
@@ -215,15 +215,15 @@ class _Writer:
                     ElementTree.SubElement(rows, "ArgumentAssignment", {"argumentName": argument,
                                                                         "argumentValue": str(value)})
         rows, entries = Element("ArgumentList"), Element("EntryList")
-        inherited = [item.name for part in one.chain(command)[:-1] for item in part.items]
+        inherited = [item.name for part in database.chain(command)[:-1] for item in part.items]
         short = names.distinct((item.name for item in command.items), inherited)
         for item in command.items:
             if item.count and self.station == "cosmos":
                 continue
             if command.abstract and item.value is not None:
                 path = f"{command.path}.{item.name}"
-                found = self.parameter(types, parameters, path, item.name, item, "big", Shown())
-                ElementTree.SubElement(found, "ParameterProperties", {"dataSource": "constant"})
+                parameter = self.parameter(types, parameters, path, item.name, item, "big", Shown())
+                ElementTree.SubElement(parameter, "ParameterProperties", {"dataSource": "constant"})
                 ElementTree.SubElement(entries, "ParameterRefEntry", {"parameterRef": self.parameters[path]})
                 continue
             if item.count:                              # it is in no entry: only the size of the bytes
@@ -239,52 +239,52 @@ class _Writer:
         if why := self.ground.hazardous.get(command.path):
             ElementTree.SubElement(meta, "DefaultSignificance", {"reasonForWarning": why,
                                                                  "consequenceLevel": "critical"})
-        codes = [each.fixed["code"] for each in one.chain(command) if "code" in each.fixed]
+        codes = [each.fixed["code"] for each in database.chain(command) if "code" in each.fixed]
         if codes and not command.abstract and self.station != "cosmos":
-            self.verifiers(meta, one, codes[-1])
+            self.verifiers(meta, database, codes[-1])
 
     def argument(self, arguments: Element, rows: Element, command: str, name: str, item: Item) -> None:
         self.type(arguments, "Argument", f"{command}.{name}".replace(".", "_"), item, count=item.count)
         named(rows, "Argument", name, item.name, item.meaning,
               {"argumentTypeRef": f"{command}.{name}".replace(".", "_")})
 
-    def verifiers(self, meta: Element, one: Database, code: int) -> None:
+    def verifiers(self, meta: Element, database: Database, code: int) -> None:
         """Accepted and completed by the reports of the command's code; failed by one that it was refused."""
-        found = ElementTree.SubElement(meta, "VerifierSet")
+        verifiers = ElementTree.SubElement(meta, "VerifierSet")
         for tag, executed, good, within in (("Accepted", 0, "==", self.ground.accepted_within),
                                             ("Complete", 1, "==", self.ground.completed_within),
                                             ("Failed", None, "!=", self.ground.completed_within)):
-            verifier = ElementTree.SubElement(found, f"{tag}Verifier")
+            verifier = ElementTree.SubElement(verifiers, f"{tag}Verifier")
             conditions = ElementTree.SubElement(ElementTree.SubElement(verifier, "BooleanExpression"),
                                                 "ANDedConditions")
             reported = {"code": ("==", code), "executed": ("==", executed), "reason": (good, int(Reason.OK))}
             for item, (operator, value) in reported.items():
                 if value is not None:
-                    self.condition(conditions, one, item, operator, value)
+                    self.condition(conditions, database, item, operator, value)
             if self.station == "yamcs":
-                self.condition(conditions, one, "sequence", "==", SENT)
+                self.condition(conditions, database, "sequence", "==", SENT)
             ElementTree.SubElement(verifier, "CheckWindow", {"timeToStopChecking": f"PT{within:g}S",
                                                              "timeWindowIsRelativeTo": "commandRelease"})
             if tag == "Failed":
                 ElementTree.SubElement(verifier, "ReturnParmRef", {
-                    "parameterRef": self.parameters[f"{one.process}.reports.reason"]})
+                    "parameterRef": self.parameters[f"{database.process}.reports.reason"]})
 
-    def condition(self, conditions: Element, one: Database, item: str, operator: str, value: Any) -> None:
-        found = ElementTree.SubElement(conditions, "Condition")
+    def condition(self, conditions: Element, database: Database, item: str, operator: str, value: Any) -> None:
+        condition = ElementTree.SubElement(conditions, "Condition")
         raw = {"useCalibratedValue": "false"}
-        ElementTree.SubElement(found, "ParameterInstanceRef", {
-            "parameterRef": self.parameters[f"{one.process}.reports.{item}"]} | raw)
-        ElementTree.SubElement(found, "ComparisonOperator").text = operator
+        ElementTree.SubElement(condition, "ParameterInstanceRef", {
+            "parameterRef": self.parameters[f"{database.process}.reports.{item}"]} | raw)
+        ElementTree.SubElement(condition, "ComparisonOperator").text = operator
         if isinstance(value, str):
-            ElementTree.SubElement(found, "ParameterInstanceRef", {"parameterRef": value})
+            ElementTree.SubElement(condition, "ParameterInstanceRef", {"parameterRef": value})
         else:
-            ElementTree.SubElement(found, "Value").text = str(value)
+            ElementTree.SubElement(condition, "Value").text = str(value)
 
 
 def named(parent: Element, tag: str, name: str, path: str, about: str = "", more: Mapping[str, str] | None = None
           ) -> Element:
     """An element with a name, and in an alias that of Fledge."""
-    found = ElementTree.SubElement(parent, tag, {"name": name} | ({"shortDescription": about} if about else {})
-                                   | dict(more or {}))
-    ElementTree.SubElement(ElementTree.SubElement(found, "AliasSet"), "Alias", {"nameSpace": "Fledge", "alias": path})
-    return found
+    element = ElementTree.SubElement(parent, tag, {"name": name} | ({"shortDescription": about} if about else {})
+                                     | dict(more or {}))
+    ElementTree.SubElement(ElementTree.SubElement(element, "AliasSet"), "Alias", {"nameSpace": "Fledge", "alias": path})
+    return element

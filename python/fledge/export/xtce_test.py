@@ -72,12 +72,12 @@ def folder(tmp_path):
 
 
 def databases(sim):
-    return [packets.database(one) for one in export.read_all(sim)]
+    return [packets.database(mission) for mission in export.read_all(sim)]
 
 
 def written(sim, station=""):
-    found = databases(sim)
-    return xtce(sim.name, found, ground.read(sim.mission.folder, found), station)
+    all_ = databases(sim)
+    return xtce(sim.name, all_, ground.read(sim.mission.folder, all_), station)
 
 
 # --- a reader of its own ---------------------------------------------------------------------------
@@ -87,11 +87,12 @@ class Reader:
 
     def __init__(self, text):
         self.root = ElementTree.fromstring(re.sub(r' xmlns="[^"]*"', "", text, count=1))
-        self.types = {one.get("name"): one for one in self.root.iterfind(".//ParameterTypeSet/*")}
-        self.argument_types = {one.get("name"): one for one in self.root.iterfind(".//ArgumentTypeSet/*")}
-        self.parameters = {one.get("name"): one for one in self.root.iterfind(".//ParameterSet/Parameter")}
-        self.containers = {one.get("name"): one for one in self.root.iterfind(".//SequenceContainer")}
-        self.commands = {one.get("name"): one for one in self.root.iterfind(".//MetaCommand")}
+        self.types = {kind.get("name"): kind for kind in self.root.iterfind(".//ParameterTypeSet/*")}
+        self.argument_types = {kind.get("name"): kind for kind in self.root.iterfind(".//ArgumentTypeSet/*")}
+        self.parameters = {parameter.get(
+            "name"): parameter for parameter in self.root.iterfind(".//ParameterSet/Parameter")}
+        self.containers = {container.get("name"): container for container in self.root.iterfind(".//SequenceContainer")}
+        self.commands = {command.get("name"): command for command in self.root.iterfind(".//MetaCommand")}
         self.children = {}
         for container in self.containers.values():
             if (base := container.find("BaseContainer")) is not None:
@@ -103,21 +104,21 @@ class Reader:
 
     def decode(self, packet, container):
         """(alias of the container, alias of a parameter -> raw value) of a packet; all of its bits are read."""
-        found, at = {}, 0
-        one = self.containers[container]
-        while one is not None:
-            for entry in one.iterfind("EntryList/ParameterRefEntry"):
+        values, at = {}, 0
+        node = self.containers[container]
+        while node is not None:
+            for entry in node.iterfind("EntryList/ParameterRefEntry"):
                 parameter = self.parameters[entry.get("parameterRef")]
-                value, at = self.read(self.types[parameter.get("parameterTypeRef")], packet, at, found)
-                found[parameter.get("name")] = value
-            last, one = one, next((each for each in self.children.get(one.get("name"), []) if all(
-                found[c.get("parameterRef")] == int(c.get("value")) for c in each.iter("Comparison"))), None)
+                value, at = self.read(self.types[parameter.get("parameterTypeRef")], packet, at, values)
+                values[parameter.get("name")] = value
+            last, node = node, next((each for each in self.children.get(node.get("name"), []) if all(
+                values[c.get("parameterRef")] == int(c.get("value")) for c in each.iter("Comparison"))), None)
         assert at == 8 * len(packet), last.get("name")
-        return self.alias(last), {self.alias(self.parameters[name]): value for name, value in found.items()}
+        return self.alias(last), {self.alias(self.parameters[name]): value for name, value in values.items()}
 
-    def read(self, kind, packet, at, found):
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
-        bits = self.bits(encoding, found)
+    def read(self, kind, packet, at, values):
+        encoding = next(part for part in kind if part.tag.endswith("DataEncoding"))
+        bits = self.bits(encoding, values)
         assert at % 8 == 0 or encoding.tag == "IntegerDataEncoding"
         whole = packet[at // 8:-(-(at + bits) // 8)]
         if encoding.tag in ("StringDataEncoding", "BinaryDataEncoding"):
@@ -135,30 +136,30 @@ class Reader:
         return number, at + bits
 
     @staticmethod
-    def bits(encoding, found):
+    def bits(encoding, values):
         if encoding.get("sizeInBits"):
             return int(encoding.get("sizeInBits"))
-        ref = next((one for one in encoding.iter() if one.tag.endswith("InstanceRef")), None)
+        ref = next((node for node in encoding.iter() if node.tag.endswith("InstanceRef")), None)
         if ref is None:
             return int(next(encoding.iter("FixedValue")).text)
         slope = float(next(encoding.iter("LinearAdjustment")).get("slope"))
-        return int(found[ref.get("parameterRef") or ref.get("argumentRef")] * slope)
+        return int(values[ref.get("parameterRef") or ref.get("argumentRef")] * slope)
 
     def chain(self, name):
-        one = self.commands[name]
-        base = one.find("BaseMetaCommand")
-        return [*(self.chain(base.get("metaCommandRef")) if base is not None else []), one]
+        command = self.commands[name]
+        base = command.find("BaseMetaCommand")
+        return [*(self.chain(base.get("metaCommandRef")) if base is not None else []), command]
 
     def encode(self, name, sequence, **given):
         """A command with the header's fields that its sender sets."""
         given = dict(given)
-        for one in self.chain(name):
-            for assigned in one.iter("ArgumentAssignment"):
+        for command in self.chain(name):
+            for assigned in command.iter("ArgumentAssignment"):
                 given[assigned.get("argumentName")] = int(assigned.get("argumentValue"))
-        kinds = {a.get("name"): self.argument_types[a.get("argumentTypeRef")] for one in self.chain(name)
-                 for a in one.iterfind("ArgumentList/Argument")}
+        kinds = {a.get("name"): self.argument_types[a.get("argumentTypeRef")] for command in self.chain(name)
+                 for a in command.iterfind("ArgumentList/Argument")}
         bits = ""
-        for entry in (entry for one in self.chain(name) for entry in one.find("CommandContainer/EntryList")):
+        for entry in (entry for command in self.chain(name) for entry in command.find("CommandContainer/EntryList")):
             if entry.tag == "ParameterRefEntry":
                 kind = self.types[self.parameters[entry.get("parameterRef")].get("parameterTypeRef")]
                 bits += self.written(kind, int(kind.get("initialValue")), given)
@@ -175,7 +176,7 @@ class Reader:
 
     def written(self, kind, value, given):
         """The binary digits of a value: of an enumeration also by its label."""
-        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        encoding = next(part for part in kind if part.tag.endswith("DataEncoding"))
         bits = self.bits(encoding, given)
         if encoding.tag in ("StringDataEncoding", "BinaryDataEncoding"):
             raw = (value.encode() if isinstance(value, str) else value).ljust(bits // 8, b"\0")
@@ -183,7 +184,7 @@ class Reader:
         elif encoding.tag == "FloatDataEncoding":
             raw = struct.pack({32: ">f", 64: ">d"}[bits], value)
         else:
-            labels = {one.get("label"): int(one.get("value")) for one in kind.iter("Enumeration")}
+            labels = {label.get("label"): int(label.get("value")) for label in kind.iter("Enumeration")}
             number = labels[value] if value in labels else int(value)
             return f"{number & (1 << bits) - 1:0{bits}b}"
         return f"{int.from_bytes(raw, 'big'):0{bits}b}" if bits else ""
@@ -230,10 +231,10 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
     record = Archive(tmp_path / "outputs.mcap")
     column, times = lru_cache(None)(record.__getitem__), lru_cache(None)(record.time_ns)
     for flight in sim.flights:
-        found, seen = flight.commands.dictionary, {}
+        dictionary, seen = flight.commands.dictionary, {}
         for t, raw in flight.commands.take_packets():
             path, content = reader.decode(raw, f"{flight.name}_packet")
-            ours = decoded(found, raw)
+            ours = decoded(dictionary, raw)
             seen[path] = seen.get(path, 0) + 1
             header = f"{flight.name}.packet"
             assert content[f"{header}.ccsds_length"] == len(raw) - 7
@@ -255,8 +256,8 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
                     index = tuple(map(int, re.findall(r"\[(\d+)\]", key)))
                     assert column(f"{path}.{key.partition('[')[0]}")[(row, *index)] == value, key
         of_flight = {f"{flight.name}.reports", f"{flight.name}.housekeeping"}
-        assert of_flight <= set(seen) <= of_flight | {output.path for output in found.outputs}
-        assert len(seen) > 0.6 * len(found.outputs) and max(seen.values()) > 10
+        assert of_flight <= set(seen) <= of_flight | {output.path for output in dictionary.outputs}
+        assert len(seen) > 0.6 * len(dictionary.outputs) and max(seen.values()) > 10
         assert name != "plays" or seen["flight.reports"] == 9
 
 
@@ -267,9 +268,9 @@ def test_any_packets_of_random_missions_are_read_alike(number, tmp_path):
     dice = Random(number)
     for mission in export.read_all(fledge.load(tmp_path)):
         for order, mark in (("big", ">"), ("little", "<")):
-            found = export.dictionary(mission, 0x18C0, 0x08C0, order)
-            reader = Reader(xtce("random", [packets.database(mission, found)], ground.Ground()))
-            for output in found.outputs:
+            dictionary = export.dictionary(mission, 0x18C0, 0x08C0, order)
+            reader = Reader(xtce("random", [packets.database(mission, dictionary)], ground.Ground()))
+            for output in dictionary.outputs:
                 for _ in range(100 if LONG else 3):
                     body = dice.randbytes(output.size)
                     header = struct.pack(">3H", output.stream, 0xC000 | dice.getrandbits(14), 16 + len(body) - 7)
@@ -291,14 +292,14 @@ def test_what_services_send_is_read_alike(order, tmp_path):
     """On the software bus of cFS, too, it is big-endian."""
     sim = fledge.load(services_test.written(tmp_path / "served", services_test.SERVED, services_test.WATCHES))
     mission = export.read(fledge.load(sim.mission.folder))
-    found = export.dictionary(mission, order=order)
-    one = packets.database(mission, found)
-    reader = Reader(xtce("served", [one], ground.Ground()))
+    dictionary = export.dictionary(mission, order=order)
+    database = packets.database(mission, dictionary)
+    reader = Reader(xtce("served", [database], ground.Ground()))
     sim.flight.commands.take_packets()
     sim.scenarios["services"]()
     seen = set()
     for _, raw in sim.flight.commands.take_packets():
-        if int.from_bytes(raw[:2], "big") <= found.texts:
+        if int.from_bytes(raw[:2], "big") <= dictionary.texts:
             continue
         ours = decoded(sim.flight.commands.dictionary, raw).content
         path, content = reader.decode(raw, "flight_packet")
@@ -314,12 +315,12 @@ def test_what_services_send_is_read_alike(order, tmp_path):
         assert head == {"t": ours.t, "number": ours.number, "before": ours.before,
                         "severity": ["", "info", "low", "medium", "high"].index(ours.severity)}
     assert seen >= {"flight.selected", "flight.monitors.event.FIRED", "flight.stored.event.LATE"}
-    texts = stations.cosmos("served", [one], ground.Ground())
+    texts = stations.cosmos("served", [database], ground.Ground())
     assert "FLIGHT_SELECTED BIG_ENDIAN" in texts["targets/FLIGHT/cmd_tlm/1_open.txt"]
     cosmos = Reader(texts["targets/FLIGHT/cmd_tlm/2_database.xtce"])
     assert [name for name in cosmos.containers if "event" in name] == [
         "flight_stored_event", "flight_monitors_event", "flight_events"]
-    text = page("served", [mission], [one], ground.Ground())
+    text = page("served", [mission], [database], ground.Ground())
     assert "| `flight.stored.event.LATE` | `list`, `step`, `late` s |" in text
 
 
@@ -330,11 +331,11 @@ def raw_fields(fields):
 
 def flat(value, path=""):
     if isinstance(value, dict):
-        for key, one in value.items():
-            yield from flat(one, f"{path}.{key}" if path else key)
+        for key, item in value.items():
+            yield from flat(item, f"{path}.{key}" if path else key)
     elif isinstance(value, list):
-        for i, one in enumerate(value):
-            yield from flat(one, f"{path}[{i}]")
+        for i, item in enumerate(value):
+            yield from flat(item, f"{path}[{i}]")
     else:
         yield path, value
 
@@ -343,9 +344,9 @@ def flat(value, path=""):
 
 def test_every_command_has_the_bytes_that_fledge_sends(folder):
     sim = fledge.load(folder)
-    found = sim.flight.commands.dictionary
-    reader, ours, dice = Reader(written(sim)), Packets(found), Random(1)
-    control = found.block("flight.control")[0]
+    dictionary = sim.flight.commands.dictionary
+    reader, ours, dice = Reader(written(sim)), Packets(dictionary), Random(1)
+    control = dictionary.block("flight.control")[0]
     expected = {
         "noop": ({}, ours.noop), "reset_counters": ({}, ours.reset_counters), "reset_flight": ({}, ours.reset),
         "mode": ({"mode": "rest"}, lambda: ours.mode("rest")),
@@ -364,7 +365,7 @@ def test_every_command_has_the_bytes_that_fledge_sends(folder):
                             lambda: ours.procedure(b"abc", 9, 1)[1]),
         "stop_procedure": ({"slot": 1}, lambda: ours.stop(1)),
         "evaluate": ({"n": 3, "bytes": "f.K"}, lambda: ours.evaluate("f.K"))}
-    for block in found.blocks:
+    for block in dictionary.blocks:
         for path, field, at in leaves(block.fields):
             if field.name.startswith("spare"):
                 continue
@@ -372,11 +373,11 @@ def test_every_command_has_the_bytes_that_fledge_sends(folder):
             raw = b"".join(encoded(field, dice.choice([*field.enumerators.values()] or [dice.randrange(100)]), [])
                            for _ in range(n))
             names = [path + "".join(f"[{i}]" for i in index) for index in np.ndindex(*field.shape)]
-            numbers = [one for one in struct.unpack(f">{n}{'d' if field.type == 'f64' else 'i'}", raw)]
+            numbers = [number for number in struct.unpack(f">{n}{'d' if field.type == 'f64' else 'i'}", raw)]
             expected[f"write_{name_of(block.path.partition('.')[2] + '.' + path)}"] = (
                 {name_of(name): number for name, number in zip(names, numbers)},
                 lambda block=block, at=at, raw=raw: ours.write_bytes(block.path, {at: raw})[0])
-    concrete = [name for name, one in reader.commands.items() if one.get("abstract") != "true"]
+    concrete = [name for name, command in reader.commands.items() if command.get("abstract") != "true"]
     assert sorted(concrete) == sorted(f"flight_{name}" for name in expected)
     for name, (arguments, send) in expected.items():
         sent = send()
@@ -429,9 +430,9 @@ def check_telemetry(database, dictionary, dice):
             elif field.type == "enum" and dice.random() < 0.7:
                 body[at:at + 4] = encoded(field, dice.choice([*field.enumerators.values()]), [])
         packet = struct.pack(">3HIH4x", output.stream, 0xC000, 16 + len(body) - 7, 0, 0) + body
-        found, ours = database.decode(packet), [one for _, one in flat(decoded(dictionary, packet).content)]
-        rows = [value if isinstance(value, str) else raw for _, raw, value in found.rows[len(packets.HEADER):]]
-        assert found.reason == "" and len(rows) == len(ours) > 0, output.path
+        decoded_, ours = database.decode(packet), [value for _, value in flat(decoded(dictionary, packet).content)]
+        rows = [value if isinstance(value, str) else raw for _, raw, value in decoded_.rows[len(packets.HEADER):]]
+        assert decoded_.reason == "" and len(rows) == len(ours) > 0, output.path
         assert all(a == b or a != a and b != b for a, b in zip(rows, ours)), output.path
 
 
@@ -440,32 +441,33 @@ def check_database(sim, path):
     outputs read, as by fledge.commands."""
     path.write_text(written(sim), encoding="utf-8")
     database, dice, seen = fledge.ground.Database.load(path), Random(3), set()
-    known = {name: one for flight in sim.flights for name, one in writers(flight.commands.dictionary)}
+    known = {name: command for flight in sim.flights for name, command in writers(flight.commands.dictionary)}
     streams = [flight.commands.dictionary.outputs[0].stream for flight in sim.flights]
     for flight in sim.flights if len(set(streams)) == len(streams) else ():     # else the database knows the first
         check_telemetry(database, flight.commands.dictionary, dice)
     for form in database.forms():
-        given = {one["name"]: argument(one, dice) for one in form["arguments"]}
-        for one in form["arguments"]:
-            if one["counted_by"]:
-                raw = given[one["name"]]
-                given[one["counted_by"]] = len(raw.encode() if isinstance(raw, str) else raw)
+        arguments = form["arguments"]
+        given = {a["name"]: argument(a, dice) for a in arguments}
+        for a in arguments:
+            if a["counted_by"]:
+                raw = given[a["name"]]
+                given[a["counted_by"]] = len(raw.encode() if isinstance(raw, str) else raw)
         bare = database.encode(form["path"], **given)
         name, _, first = form["name"].partition(".from_")
         if name in known:
-            ours = by_packets(known[name], first, [given[one["name"]] for one in form["arguments"]])
+            ours = by_packets(known[name], first, [given[a["name"]] for a in arguments])
             assert (ours[:2], ours[6], ours[8:]) == (bare[:2], bare[6], bare[8:]), form["name"]
         sent = checksummed(numbered(bare, dice.getrandbits(14)))
-        found = database.decode_command(sent, "cfs")
-        assert found.reason == "" and found.bits == 8 * len(sent) and found.arguments == given, form["name"]
-        assert found.command == form["path"] or bare in seen, form["name"]      # as of another process with its stream
-        assert database.encode(found.command, **found.arguments) == bare
+        command = database.decode_command(sent, "cfs")
+        assert command.reason == "" and command.bits == 8 * len(sent) and command.arguments == given, form["name"]
+        assert command.command == form["path"] or bare in seen, form["name"]    # as of another process with its stream
+        assert database.encode(command.command, **command.arguments) == bare
         seen.add(bare)
         assert database.decode_command(sent[:6] + bytes([sent[6] ^ 0x40]) + sent[7:], "cfs").command is None
         assert database.decode_command(sent + b"\0", "cfs").command in (None, *(
-            [form["path"]] if any(one["counted_by"] for one in form["arguments"]) else []))
+            [form["path"]] if any(a["counted_by"] for a in arguments) else []))
         assert database.decode_command(sent[:-1], "cfs").command != form["path"] or any(
-            one["counted_by"] for one in form["arguments"]), form["name"]
+            a["counted_by"] for a in arguments), form["name"]
     return database
 
 
@@ -476,11 +478,11 @@ def test_every_command_is_decoded_to_what_was_commanded(folder, tmp_path):
             (ours.mode("rest"), "mode", {"mode": "rest"}), (ours.evaluate("f.K", 9), "evaluate",
                                                             {"zero": 0, "turns": 9, "bytes": "f.K", "n": 3}),
             (ours.write("flight.control", K=2)[0], "write_control_K", {"K": 2.0})):
-        found = database.decode_command(sent, "cfs")
-        assert found.command == f"/plays/flight_{name}" and found.arguments == arguments
+        command = database.decode_command(sent, "cfs")
+        assert command.command == f"/plays/flight_{name}" and command.arguments == arguments
     both, = ours.write("flight.control", K=2, P=np.eye(3).tolist())
-    found = database.decode_command(both, "cfs")
-    assert found.command is None and "the packet is longer than a /plays/flight_write_control_K" in found.reason
+    command = database.decode_command(both, "cfs")
+    assert command.command is None and "the packet is longer than a /plays/flight_write_control_K" in command.reason
     assert database.decode_command(sent, "ccsds").command is None       # for the checksum is compared
     with pytest.raises(SetupError, match="a header is none, ccsds or cfs; found aos"):
         database.decode_command(sent, "aos")
@@ -507,22 +509,22 @@ def test_a_long_array_is_several_commands_each_within_the_longest():
 
 
 def test_a_parameter_may_have_the_name_of_an_argument_of_all_commands(folder):
-    one, = databases(fledge.load(folder))
+    database, = databases(fledge.load(folder))
     more = packets.Command("flight.write.control.offset", "", [packets.number("offset", "u16")], "flight.write",
                            {"module": 5, "offset": 8})
-    reader = Reader(xtce("plays", [replace(one, commands=[*one.commands, more])], ground.Ground()))
+    reader = Reader(xtce("plays", [replace(database, commands=[*database.commands, more])], ground.Ground()))
     assert reader.encode("flight_write_control_offset", 0, offset_2=7)[10:] == struct.pack(">HIH", 5, 8, 7)
 
 
 def test_reports_verify_a_command(folder):
     root = Reader(written(fledge.load(folder), "yamcs")).commands["flight_mode"]
-    told = {}
+    reasons = {}
     for verifier in root.find("VerifierSet"):
-        told[verifier.tag] = [[(one.get("parameterRef") or one.text) for one in condition]
-                              for condition in verifier.iter("Condition")]
+        reasons[verifier.tag] = [[(node.get("parameterRef") or node.text) for node in condition]
+                                 for condition in verifier.iter("Condition")]
     sent = ["flight_reports_sequence", "==", "/yamcs/cmdHist/ccsds-seqcount"]
     of = [["flight_reports_code", "==", "2"]]
-    assert told == {
+    assert reasons == {
         "AcceptedVerifier": [*of, ["flight_reports_executed", "==", "0"], ["flight_reports_reason", "==", "0"], sent],
         "CompleteVerifier": [*of, ["flight_reports_executed", "==", "1"], ["flight_reports_reason", "==", "0"], sent],
         "FailedVerifier": [*of, ["flight_reports_reason", "!=", "0"], sent]}
@@ -537,18 +539,19 @@ def test_the_file_of_the_ground_adds_calibrations_limits_and_hazards(folder):
     for i in range(3):
         kind = reader.types[f"flight_tracking_error_sigma_BR_{i}"]
         assert kind.find("UnitSet/Unit").text == "deg"
-        assert [one.attrib for one in kind.iter("Term")] == [{"coefficient": "0.0", "exponent": "0"},
-                                                             {"coefficient": "229.0", "exponent": "1"}]
+        assert [term.attrib for term in kind.iter("Term")] == [{"coefficient": "0.0", "exponent": "0"},
+                                                               {"coefficient": "229.0", "exponent": "1"}]
         ranges = kind.find("DefaultAlarm/StaticAlarmRanges")
         assert ranges.find("WarningRange").attrib == {"minInclusive": "-5.0", "maxInclusive": "5.0"}
         assert float(ranges.find("CriticalRange").get("minInclusive")) < -1e300
     both = reader.types["flight_wheels_wheels_n"].find("DefaultAlarm/StaticAlarmRanges")
-    assert [(one.tag, float(one.get("minInclusive"))) for one in both] == [("WarningRange", 1), ("CriticalRange", 1)]
-    hazardous = [name for name, one in reader.commands.items() if one.find("DefaultSignificance") is not None]
+    assert [(range_.tag, float(range_.get("minInclusive")))
+            for range_ in both] == [("WarningRange", 1), ("CriticalRange", 1)]
+    hazardous = [name for name, command in reader.commands.items() if command.find("DefaultSignificance") is not None]
     assert hazardous and all(name.startswith("flight_write_control_") for name in hazardous)
     assert next(reader.root.iter("CompleteVerifier")).find("CheckWindow").get("timeToStopChecking") == "PT20S"
-    found = databases(sim)
-    texts = stations.cosmos(sim.name, found, ground.read(folder, found))
+    database = databases(sim)
+    texts = stations.cosmos(sim.name, database, ground.read(folder, database))
     assert '  HAZARDOUS "the loop may become unstable "' in texts["targets/FLIGHT/cmd_tlm/3_commands.txt"]
 
 
@@ -617,20 +620,21 @@ end
 @pytest.mark.skipif(not shutil.which("ruby"), reason="not here: ruby")
 def test_the_link_of_cosmos_gives_a_command_what_is_missing(folder, tmp_path):
     sim = fledge.load(folder)
-    found = databases(sim)
+    all_ = databases(sim)
     (tmp_path / "openc3/interfaces/protocols").mkdir(parents=True)
     (tmp_path / "openc3/interfaces/protocols/protocol.rb").write_text("")
     (tmp_path / "flight_link_protocol.rb").write_text(
-        stations.cosmos(sim.name, found, ground.Ground())["lib/flight_link_protocol.rb"])
+        stations.cosmos(sim.name, all_, ground.Ground())["lib/flight_link_protocol.rb"])
     (tmp_path / "run.rb").write_text(RUBY)
-    ours = Packets(found[0].dictionary)
-    bare = [bytes([*one[:2], 0xC0, 0, 0, 0, one[6], 0, *one[8:]]) for one in (ours.mode("rest"), ours.noop())]
+    ours = Packets(all_[0].dictionary)
+    bare = [bytes([*packet[:2], 0xC0, 0, 0, 0, packet[6], 0, *packet[8:]])
+            for packet in (ours.mode("rest"), ours.noop())]
     refusal = struct.pack(">HHHIHI", 0x0881, 0xC000, 33, 0, 0, 0) + struct.pack(">qHHHHHH4x", 0, 1, 0, 0, 17, 0x3FFF, 0)
-    done = subprocess.run(["ruby", "run.rb", *(one.hex() for one in (*bare, refusal, *bare))], cwd=tmp_path,
+    done = subprocess.run(["ruby", "run.rb", *(packet.hex() for packet in (*bare, refusal, *bare))], cwd=tmp_path,
                           capture_output=True, text=True, check=True)
-    ours = Packets(found[0].dictionary)
+    ours = Packets(all_[0].dictionary)
     expected = [ours.mode("rest"), ours.noop()] * 2
-    expected[2:] = [Packets(found[0].dictionary, 0x4000).mode("rest"), Packets(found[0].dictionary, 1).noop()]
+    expected[2:] = [Packets(all_[0].dictionary, 0x4000).mode("rest"), Packets(all_[0].dictionary, 1).noop()]
     assert [bytes.fromhex(line) for line in done.stdout.split()] == expected
 
 
@@ -648,12 +652,12 @@ def test_the_database_of_the_ground_reads_flights_packets_by_this_file(tmp_path)
     sim.run(5 * fledge.units.s)
     all_ = commands.take_packets()
     assert len(all_) > 50
-    for one in all_:
-        found = database.decode(one.packet)
-        alias, values_ = reader.decode(one.packet, "flight_packet")
-        assert found.reason == "" and found.bits == 8 * len(one.packet)
-        assert reader.alias(reader.containers[found.container.rpartition("/")[2]]) == alias
-        assert {reader.alias(reader.parameters[name]): raw for name, raw, _ in found.rows} == pytest.approx(
+    for piece in all_:
+        packet = database.decode(piece.packet)
+        alias, values_ = reader.decode(piece.packet, "flight_packet")
+        assert packet.reason == "" and packet.bits == 8 * len(piece.packet)
+        assert reader.alias(reader.containers[packet.container.rpartition("/")[2]]) == alias
+        assert {reader.alias(reader.parameters[name]): raw for name, raw, _ in packet.rows} == pytest.approx(
             values_, rel=0, abs=0, nan_ok=True)
     raw = bytearray(database.encode("flight_write_control_K", K=3.0))     # its link fills in what follows
     raw[4:6] = (len(raw) - 7).to_bytes(2, "big")
@@ -674,22 +678,22 @@ def test_pdus_of_files_have_their_header_in_words(folder, tmp_path):
     commands.send(packets.dump_table("flight.control", "table"))
     commands.send(packets.send_file("table"))
     sim.run(3 * fledge.units.s)
-    sent = [one for one in map(lambda one: one.packet, commands.take_packets())
-            if decoded(commands.dictionary, one).path == "files"]
+    sent = [packet for packet in map(lambda report: report.packet, commands.take_packets())
+            if decoded(commands.dictionary, packet).path == "files"]
     size = len(commands.table(sim.flight.control))
-    assert [one[28] if one[16] & 0x10 == 0 else "data" for one in sent] == [7, "data", 4]     # METADATA, EOF
-    for one in sent:
-        found = database.decode(one)
-        assert found.reason == "" and found.bits == 8 * len(one) and found.container.endswith("/flight_files")
-        values_ = {name.removeprefix("flight_files_"): value for name, _, value in found.rows}
-        number = int.from_bytes(one[22:26], "big")
+    assert [packet[28] if packet[16] & 0x10 == 0 else "data" for packet in sent] == [7, "data", 4]     # METADATA, EOF
+    for packet in sent:
+        file = database.decode(packet)
+        assert file.reason == "" and file.bits == 8 * len(packet) and file.container.endswith("/flight_files")
+        values_ = {name.removeprefix("flight_files_"): value for name, _, value in file.rows}
+        number = int.from_bytes(packet[22:26], "big")
         assert {name: values_[name] for name in ("pdu_version", "pdu_type", "direction", "mode", "crc", "large", "n",
                                                  "source", "transaction", "destination")} == {
-            "pdu_version": 1, "pdu_type": "file_data" if one[16] & 0x10 else "directive", "direction": "to_receiver",
-            "mode": "acknowledged", "crc": "none", "large": "places_of_32_bits", "n": len(one) - 28, "source": 2,
+            "pdu_version": 1, "pdu_type": "file_data" if packet[16] & 0x10 else "directive", "direction": "to_receiver",
+            "mode": "acknowledged", "crc": "none", "large": "places_of_32_bits", "n": len(packet) - 28, "source": 2,
             "transaction": number, "destination": 1}
-        assert bytes(values_["data"]) == one[28:]
-        assert reader.decode(one, "flight_packet")[1]["flight.files.source"] == 2
+        assert bytes(values_["data"]) == packet[28:]
+        assert reader.decode(packet, "flight_packet")[1]["flight.files.source"] == 2
     assert len(sent[1]) == 28 + 4 + size
 
 

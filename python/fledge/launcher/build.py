@@ -35,8 +35,8 @@ class Build:
             text = (self.folder / "CMakeCache.txt").read_text(encoding="utf-8", errors="replace")
         except OSError:
             return ""
-        found = re.search(f"^{name}:[A-Z]*=(.*)$", text, re.M)
-        return found[1] if found else ""
+        match = re.search(f"^{name}:[A-Z]*=(.*)$", text, re.M)
+        return match[1] if match else ""
 
     def is_configured_here(self) -> bool:
         """Whether the folder belongs to this place of the tree, and of Fledge: a copied or moved one holds the paths of

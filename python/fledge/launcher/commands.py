@@ -234,11 +234,11 @@ def _where_is(tool: str) -> str:
         return f"there is no program {tool}"
     name = re.sub(r"([^\w-])", r"\\\1", tool, flags=re.ASCII)
     try:
-        found = subprocess.run(["apt-cache", "search", "--names-only", f"^(python3-)?{name}3?$"], text=True,
-                               stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout
+        output = subprocess.run(["apt-cache", "search", "--names-only", f"^(python3-)?{name}3?$"], text=True,
+                                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout
     except OSError:
-        found = ""
-    packages = sorted(line.partition(" - ")[0] for line in found.splitlines())
+        output = ""
+    packages = sorted(line.partition(" - ")[0] for line in output.splitlines())
     if packages and packages[0]:
         return f"{tool} is not installed; as root, run: apt-get install {packages[0]}"
     return f"{tool} is not installed, and no Debian package has its name: try 'apt-file search bin/{tool}'"

@@ -18,19 +18,19 @@ from fledge.launcher.parser import OPTIONS, leading_options, parser
 def offers(words: list[str]) -> list[str]:
     """What the last of the words may become; nothing where any file may stand."""
     *before, word = words or [""]
-    found: Iterable[str]
+    names: Iterable[str]
     if before and before[-1] in OPTIONS and not leading_options(before[:-1])[1]:    # its value
-        found = PRESETS if before[-1] == "--preset" else ()
+        names = PRESETS if before[-1] == "--preset" else ()
     else:
         given, before = leading_options(before)
         if "--project" in given:
             os.environ["FLEDGE_PROJECT"] = given["--project"]
         if not before and word.startswith("-"):
-            found = OPTIONS
+            names = OPTIONS
         else:
             words = before[before[:1] == ["help"]:]
-            found = [*_of_parser(parser(), words, word), *["help"] * (not words)]
-    return sorted(name for name in found if name.startswith(word))
+            names = [*_of_parser(parser(), words, word), *["help"] * (not words)]
+    return sorted(name for name in names if name.startswith(word))
 
 
 def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) -> Iterable[str]:
@@ -92,6 +92,6 @@ def _runs() -> Iterable[str]:
     records = [path for path in RUNS.glob("**/*.mcap") if not path.name.endswith(SCENE)]
     for record in records:
         short = [folder for folder in list(record.parents)[-3::-1]      # runs/X first
-                 if folder != KEPT and [one for one in records if folder in one.parents] == [record]]
+                 if folder != KEPT and [record for record in records if folder in record.parents] == [record]]
         folder = short[0] if short else record
         yield folder.name if folder.parent in (RUNS, KEPT) else str(folder)

@@ -38,18 +38,18 @@ class Context:
     def environment(self, *more: Path) -> dict[str, str]:
         """The variables by which Python finds the packages, the extension of the build, these folders, and the project.
         """
-        made = {**os.environ, **self.names(), "PYTHONPATH": os.pathsep.join(map(str, filter(None, [
+        variables = {**os.environ, **self.names(), "PYTHONPATH": os.pathsep.join(map(str, filter(None, [
             *self.folders(), *more, os.environ.get("PYTHONPATH")])))}
         if self.preset == "asan":
             # The interpreter is not instrumented: the sanitizer's library must be loaded before it. It does not free
             # all its memory on exit: leaks are not reported.
             import subprocess
 
-            made["LD_PRELOAD"] = ":".join(
+            variables["LD_PRELOAD"] = ":".join(
                 subprocess.run(["gcc", f"-print-file-name={library}"], stdout=subprocess.PIPE, text=True,
                                check=True).stdout.strip() for library in ("libasan.so", "libstdc++.so"))
-            made["ASAN_OPTIONS"] = "detect_leaks=0"
-        return made
+            variables["ASAN_OPTIONS"] = "detect_leaks=0"
+        return variables
 
     def names(self) -> dict[str, str]:
         """The variables that name the build and the project."""
@@ -110,9 +110,9 @@ def say_if_in_another_checkout(folder: Path) -> None:
             return
 
 
-def same(one: str | Path, other: str | Path) -> bool:
+def same(first: str | Path, other: str | Path) -> bool:
     """Whether both are there, and the same."""
     try:
-        return os.path.samefile(one, other)
+        return os.path.samefile(first, other)
     except OSError:
         return False

@@ -82,8 +82,8 @@ def need(context: Context, purpose: str) -> None:
 def _checked(purpose: str) -> str:
     """What a stamp holds: of the list, and of the state of dpkg. While both are the same, no package can be missing."""
     try:
-        found = STATUS.stat()
-        state = f"{found.st_dev} {found.st_ino} {found.st_size} {found.st_mtime_ns}"
+        status = STATUS.stat()
+        state = f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns}"
     except OSError:
         state = ""
     return f"{zlib.crc32(chr(10).join(listed(purpose)).encode())}\n{state}\n"
@@ -157,10 +157,10 @@ def expanded(needs: Iterable[str]) -> list[str]:
     """The same with purposes and parts in the place of targets, each once."""
     from fledge.targets import TARGETS
 
-    found: list[str] = []
+    packages: list[str] = []
     for purpose in needs:
         used = TARGETS[purpose].with_used() if purpose in TARGETS else []
         folders = [TARGETS.folders[target.name] for target in used]
-        found += [str(folder) for folder in folders if (folder / "packages.txt").is_file()] if used else [purpose]
-        found += [f"build {part}" for target in used for part in target.parts]
-    return list(dict.fromkeys(found))
+        packages += [str(folder) for folder in folders if (folder / "packages.txt").is_file()] if used else [purpose]
+        packages += [f"build {part}" for target in used for part in target.parts]
+    return list(dict.fromkeys(packages))

@@ -17,7 +17,7 @@ from fledge.targets.loop import environment
 if TYPE_CHECKING:
     from fledge.targets import Part
 
-NOISE = 0.1     # of the start: its instructions differ from run to run by a part of that; a shorter loop is not told
+NOISE = 0.1     # of the start: its instructions differ between runs by a part of that; a shorter loop is not measured
 
 # It ends at once: what CPython does at its end belongs to neither part.
 PROGRAM = """
@@ -53,19 +53,19 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     whole = valgrind.massif(command(job.duration), folder, False, under)
     begin = ready[-1].time
     spent = whole[-1].time - begin
-    told = spent > NOISE * begin
-    per_cycle = spent / cycles if told else 0.0
-    during = [one for one in whole if one.time >= begin] if told else []
+    measured = spent > NOISE * begin
+    per_cycle = spent / cycles if measured else 0.0
+    during = [sample for sample in whole if sample.time >= begin] if measured else []
     return Profile(
         target.name, "Valgrind; Python, flight and world in one process", cycles, strict=False,
-        init_instructions=begin, init_heap=max(one.heap for one in ready),
-        instructions=[(0, per_cycle)] if told else [],
-        heap=[(min(cycles, round((one.time - begin) / per_cycle)), one.heap) for one in during],
-        loop_heap=max((one.heap for one in during), default=None),
+        init_instructions=begin, init_heap=max(sample.heap for sample in ready),
+        instructions=[(0, per_cycle)] if measured else [],
+        heap=[(min(cycles, round((sample.time - begin) / per_cycle)), sample.heap) for sample in during],
+        loop_heap=max((sample.heap for sample in during), default=None),
         time={"mean": float(done.stdout.split()[1]) / cycles}, time_of="world too",
         executable=Path(sys.executable).resolve().stat().st_size, total_instructions=whole[-1].time)
 
 
 def mission_of(job: Any) -> str:
     """The mission's name, or its folder from anywhere."""
-    return os.path.abspath(job.asked) if os.path.isdir(job.asked) else job.asked
+    return os.path.abspath(job.source) if os.path.isdir(job.source) else job.source

@@ -46,20 +46,20 @@ class Targets(Mapping[str, Target]):
     for."""
 
     def __init__(self, places: Iterable[Path]) -> None:
-        found = {path.parent.name.replace("_", "-"): path.parent for place in places
-                 for path in place.glob("*/__init__.py")}
-        self.folders = {name: found[name] for name in sorted(found, key=lambda name: (name != "desktop", name))}
-        self._made: dict[str, Target] = {}
+        folders = {path.parent.name.replace("_", "-"): path.parent for place in places
+                   for path in place.glob("*/__init__.py")}
+        self.folders = {name: folders[name] for name in sorted(folders, key=lambda name: (name != "desktop", name))}
+        self._targets: dict[str, Target] = {}
 
     def __getitem__(self, name: str) -> Target:
         """Raises Failure where a folder has no class, or where its class cannot be imported."""
-        if name not in self._made:
-            made = self._class(self.folders[name])()
-            if unknown := [use for use in made.uses if use not in self]:
+        if name not in self._targets:
+            target = self._class(self.folders[name])()
+            if unknown := [use for use in target.uses if use not in self]:
                 raise Failure(f"{self.folders[name]}: it uses {' and '.join(unknown)}, and there is no such target")
-            made.used = [self[use] for use in made.uses]
-            self._made[name] = made
-        return self._made[name]
+            target.used = [self[use] for use in target.uses]
+            self._targets[name] = target
+        return self._targets[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.folders)
@@ -96,30 +96,30 @@ class Targets(Mapping[str, Target]):
                                   f"{'serial:/dev/ttyACM0' if name == 'serial' else 'ssh:USER@HOST'}")
                 near = did_you_mean(name, self)
                 known = listed(list(self)) if near != ";" else "; ".join(
-                    f"{one.name}, {one.about}" for one in self.values())
+                    f"{target.name}, {target.about}" for target in self.values())
                 raise Failure(f"{command}: there is no target '{name}'{near} there are {known}")
 
     def ready(self, names: Iterable[str], command: str) -> list[Target]:
         """The targets of these names, once all is built that any flight there needs. Raises Failure, which begins with
         the command, if there is no such target, or if one needs what is not installed."""
-        found = []
+        targets: list[Target] = []
         for name in names:
             self.expect([name], command)
-            found.append(self[name])
-            if missing := found[-1].missing():
+            targets.append(self[name])
+            if missing := targets[-1].missing():
                 raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here; as root, run: "
-                              f"apt-get install {' '.join(self._packages(found[-1], missing))}")
-        for fromkey in dict.fromkeys(used for target in found for used in target.with_used()):
-            fromkey.prepare()
-        return found
+                              f"apt-get install {' '.join(self._packages(targets[-1], missing))}")
+        for part in dict.fromkeys(used for target in targets for used in target.with_used()):
+            part.prepare()
+        return targets
 
     def _packages(self, target: Target, missing: Iterable[str]) -> list[str]:
         """The packages of Debian that have what is missing: compilers of this machine, and what targets list."""
         import re
 
-        files = [self.folders[one.name] / "packages.txt" for one in target.with_used()]
+        files = [self.folders[used.name] / "packages.txt" for used in target.with_used()]
         native = {"gcc": "g++", "ninja": "ninja-build"}     # g++ brings the C library's headers, too
-        return list(dict.fromkeys([*(native[one] for one in missing if one in native), *(
+        return list(dict.fromkeys([*(native[package] for package in missing if package in native), *(
             name for file in files if file.is_file()
             for name in re.findall(r"^[^#|\s]+", file.read_text(encoding="utf-8"), re.M))]))
 

@@ -38,13 +38,13 @@ def math_sources() -> list[Path]:
 
 def module_sources(mission: Mission, roots: Sequence[Path]) -> list[Path]:
     """The files of a mission's modules, in the first root that has each."""
-    found = []
+    paths = []
     for name in mission.sources(roots):
         path = next((root / name for root in roots if (root / name).is_file()), None)
         if path is None:
             raise Failure(f"{mission.title}: the source {name} is in none of {', '.join(map(str, roots))}")
-        found.append(path)
-    return found
+        paths.append(path)
+    return paths
 
 
 def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Sequence[Path], compiler: str = "gcc",
@@ -74,7 +74,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         lines.append(f"build {stem}: cc {_escaped(source)}")
     whole = f"{name}.o"
     own = list(map(_escaped, archives))
-    linked = [*objects, *own, *(["|"] if link else []), *(_escaped(one) for one in link if isinstance(one, Path))]
+    linked = [*objects, *own, *(["|"] if link else []), *(_escaped(path) for path in link if isinstance(path, Path))]
     text = "\n".join([
         "builddir = .", *_rule(compiler, [*flags, *(f"-I{path}" for path in includes)]),
         "rule link", f"  command = {compiled} $in {_words(link)} -Wl,--gc-sections,-Map=$out.map -o $out",
@@ -96,10 +96,10 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     """
     import hashlib
 
-    known = {ROOT / path: path for one in SHARED for path in sorted(
-        path.relative_to(ROOT) for path in (ROOT / one).rglob("*.c") if "testing" not in path.parts)}
-    found = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
-    if not found:
+    known = {ROOT / path: path for folder in SHARED for path in sorted(
+        path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
+    objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
+    if not objects:
         return {}
     rule = _rule(compiler, [*flags, f"-I{ROOT}"])
     place = build_folder() if (ROOT / "CMakeLists.txt").exists() and os.access(build_folder(), os.W_OK) else folder
@@ -110,8 +110,8 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     with (place / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)    # Ninja expects to be alone
         write_files({"build.ninja": text}, place)
-        run_ninja(place, "objects", list(map(str, found.values())))
-    return {source: (place / path).resolve() for source, path in found.items()}
+        run_ninja(place, "objects", list(map(str, objects.values())))
+    return {source: (place / path).resolve() for source, path in objects.items()}
 
 
 def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:

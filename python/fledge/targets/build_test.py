@@ -19,44 +19,44 @@ def places(tmp_path, monkeypatch):
     return tmp_path / "build", tmp_path / "cache/fledge"
 
 
-def made(recipe):
+def library(recipe):
     """(its folder, whether it was built now)"""
     with once("library", recipe, "a library") as (folder, missing):
         return folder, missing
 
 
-def test_it_is_built_once_by_each_recipe_and_said(places, capsys):
+def test_it_is_built_and_reported_once_by_each_recipe(places, capsys):
     ours, _ = places
-    assert made("one") == (ours / "library", True)
+    assert library("one") == (ours / "library", True)
     assert capsys.readouterr().err == "fledge: building a library, once\n"
-    assert made("one") == (ours / "library", False)
-    assert made("two") == (ours / "library", True)
-    assert made("two") == (ours / "library", False)
+    assert library("one") == (ours / "library", False)
+    assert library("two") == (ours / "library", True)
+    assert library("two") == (ours / "library", False)
 
 
 def test_what_failed_is_built_again(places):
-    made("one")
+    library("one")
     with pytest.raises(KeyError), once("library", "two", "a library"):
         raise KeyError
     for recipe in ("one", "two"):
-        assert made(recipe)[1]
+        assert library(recipe)[1]
 
 
 def test_others_wait_until_it_is_whole(places):
-    found = []
-    other = threading.Thread(target=lambda: found.append(made("one")))
+    built = []
+    other = threading.Thread(target=lambda: built.append(library("one")))
     with once("library", "one", "a library"):
         other.start()
         other.join(0.2)
-        assert not found
+        assert not built
     other.join()
-    assert found == [(places[0] / "library", False)]
+    assert built == [(places[0] / "library", False)]
 
 
-def test_who_may_not_write_builds_in_a_cache(places, monkeypatch):
+def test_a_user_without_write_access_builds_in_a_cache(places, monkeypatch):
     """But takes what the tree has."""
     ours, cache = places
-    made("one")
+    library("one")
     monkeypatch.setattr(os, "access", lambda *_: False)
-    assert made("one") == (ours / "library", False)
-    assert made("two") == (cache / "library", True) and made("two") == (cache / "library", False)
+    assert library("one") == (ours / "library", False)
+    assert library("two") == (cache / "library", True) and library("two") == (cache / "library", False)

@@ -21,15 +21,15 @@ _CALLS = re.compile(r"(?:^|: )[oi](?: [0-9a-f]{8}){7} ([0-9a-f]{8})$", re.M)    
 def named(log: str, program: Path, tool: str, mission: Mission, roots: Sequence[Path]) -> str:
     """What the last fault in a log was, and in which module of the mission; "" if there is none. tool: addr2line of the
     program's processor; roots: folders that the names of files are relative to."""
-    found = [*_FAULT.finditer(log), *_TRAP.finditer(log)]
-    if not found:
+    matches = [*_FAULT.finditer(log), *_TRAP.finditer(log)]
+    if not matches:
         return ""
-    said = found[-1].groupdict()
-    callers = ([int(said["caller"], 16) - 1] if said.get("caller") else
-               [int(one, 16) for one in _CALLS.findall(log[found[-1].end():])])
-    (function, place), *calls = _places(program, tool, [int(said["pc"], 16), *callers])
+    last = matches[-1].groupdict()
+    callers = ([int(last["caller"], 16) - 1] if last.get("caller") else
+               [int(address, 16) for address in _CALLS.findall(log[matches[-1].end():])])
+    (function, place), *calls = _places(program, tool, [int(last["pc"], 16), *callers])
     module = _module(mission, place, [place for _, place in calls])
-    return f"{program.name}: {said['what']} at 0x{said['pc']}: in {module}{function}, {_relative(place, roots)}"
+    return f"{program.name}: {last['what']} at 0x{last['pc']}: in {module}{function}, {_relative(place, roots)}"
 
 
 def _places(program: Path, tool: str, addresses: Iterable[int]) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ import pytest
 
 from fledge.targets import TARGETS, Job, faults
 
-SAID = {"leon3": "flight: trap 0x00000009 at 0x{pc:08x}: the program stops\n"
+LOGS = {"leon3": "flight: trap 0x00000009 at 0x{pc:08x}: the program stops\n"
                  "flight: o 00000000 00000000 00000000 00000000 00000000 00000000 00000000 {call:08x}\n",
         "cortex-m7": "flight: fault: access to protected memory at 0x{pc:08x}, called from 0x{call:08x}\n"
                      "flight: number 4 cfsr 82\n"}
@@ -25,19 +25,19 @@ def test_a_fault_is_reported_with_its_module_and_line(name, tmp_path):
     listed = subprocess.run([target.addr2line.replace("addr2line", "nm"), program], capture_output=True, text=True,
                             check=True).stdout
     places = {symbol: int(at, 16) & ~1 for at, symbol in re.findall(r"^(\w+) [Tt] (\w+)$", listed, re.M)}
-    update = SAID[name].format(pc=places["mrp_feedback_update"] + 4, call=1)
-    told = target.advice(f"world: flown 1 s\n{update}world: interrupted\n", part)
+    update = LOGS[name].format(pc=places["mrp_feedback_update"] + 4, call=1)
+    advice = target.advice(f"world: flown 1 s\n{update}world: interrupted\n", part)
     assert re.fullmatch(r"nadir_spin: .* at 0x\w+: in the module flight\.control, mrp_feedback_update, "
-                        r"flight/control/mrp_feedback\.c:\d+", told)
+                        r"flight/control/mrp_feedback\.c:\d+", advice)
     # Of a function that several modules call, the caller tells which module it was.
     dumped = subprocess.run([target.addr2line.replace("addr2line", "objdump"), "-d", program], capture_output=True,
                             text=True, check=True).stdout
     call = int(re.search(r"^ *(\w+):.*\b(?:call|bl)\b.*<tracking_error_update>", dumped, re.M)[1], 16)
-    said = SAID[name].format(pc=places["fledge_fly"], call=call + (4 if name == "cortex-m7" else 0))
-    assert ": in the module flight.tracking, " in target.advice(said, part)
+    message = LOGS[name].format(pc=places["fledge_fly"], call=call + (4 if name == "cortex-m7" else 0))
+    assert ": in the module flight.tracking, " in target.advice(message, part)
     assert target.advice("world: flown 1 s\n", part) == ""
 
 
 def test_the_last_of_several_faults_is_reported(tmp_path):
-    said = "a: fault: one at 0x10\na: fault: two, with a comma, at 0x20, called from 0x30\n"
-    assert faults._FAULT.findall(said)[-1] == ("two, with a comma,", "20", "30")
+    log = "a: fault: one at 0x10\na: fault: two, with a comma, at 0x20, called from 0x30\n"
+    assert faults._FAULT.findall(log)[-1] == ("two, with a comma,", "20", "30")

@@ -40,8 +40,8 @@ def results(record: Path, figures: Mapping[str, str], cpu_of: str, code: int | N
 
 def heap_of(marks: str) -> tuple[int, int, int] | None:
     """(used at the start, at the end, at most) of marks "tick:used:peak ..."."""
-    found = [tuple(map(int, mark.split(":"))) for mark in marks.split()]
-    return (found[0][1], found[-1][1], found[-1][2]) if found else None
+    switches = [tuple(map(int, mark.split(":"))) for mark in marks.split()]
+    return (switches[0][1], switches[-1][1], switches[-1][2]) if switches else None
 
 
 def new_record(folder: Path, name: str, part: bool = True) -> Path:

@@ -303,20 +303,20 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
                 for report in reports]
 
     expected = shown(sim.flight.commands.reports)
-    assert {one.reason for one in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH, Reason.VERSION, Reason.PLACE,
-                                                Reason.NOT_STAGED, Reason.SEQUENCE}
-    assert sum(one.reason == Reason.SEQUENCE for one in expected) == 1
-    assert {one.code for one in expected if one.executed} == {code for code in Code if code <= Code.TELEMETRY}
+    assert {done.reason for done in expected} == {Reason.OK, Reason.RULE, Reason.LENGTH, Reason.VERSION, Reason.PLACE,
+                                                  Reason.NOT_STAGED, Reason.SEQUENCE}
+    assert sum(report.reason == Reason.SEQUENCE for report in expected) == 1
+    assert {report.code for report in expected if report.executed} == {code for code in Code if code <= Code.TELEMETRY}
     job = Job(str(mission), "all", folder=out)
     direct = {Code.MODE: 1, Code.WRITE: 3, Code.ARM: 2}     # what it changed otherwise, as commands
     for name in on:
-        found = shown(job.parts[0].reports(name))
-        for one in expected:
-            assert one in found
-            found.remove(one)
+        answers = shown(job.parts[0].reports(name))
+        for report in expected:
+            assert report in answers
+            answers.remove(report)
         for code, n in direct.items():
-            assert sum(one.code == code for one in found) == 2 * n
-        assert len(found) == 12 and all(one.good for one in found)
+            assert sum(report.code == code for report in answers) == 2 * n
+        assert len(answers) == 12 and all(report.good for report in answers)
 
 
 @pytest.mark.long("builds and flies on a target")
@@ -394,7 +394,7 @@ def test_telemetry_is_what_the_record_has(tmp_path):
     out = str(tmp_path / "out")
     assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
     mission = export.read(fledge.load(tmp_path / "plays"))
-    found = export.dictionary(mission)
+    dictionary = export.dictionary(mission)
     links = [(tmp_path / f"out/{name}.telemetry.txt").read_text() for name in on]
     assert links == links[:1] * len(on)
     sim = fledge.load(tmp_path / "plays")
@@ -411,8 +411,8 @@ def test_telemetry_is_what_the_record_has(tmp_path):
             assert abs(seconds + part / 65536 - t / 1e9) < 1 / 65536 or stream == 0x881
             assert spare == 0
             sequences[stream] = sequences.get(stream, 0) + 1
-        contents = [(t, decoded(found, raw)) for t, raw in packets]
-        for place, output in enumerate(found.outputs):
+        contents = [(t, decoded(dictionary, raw)) for t, raw in packets]
+        for place, output in enumerate(dictionary.outputs):
             times = record.time_ns(export.host.topic(output.path))
             written = np.diff(record[f"{output.path}.head.sequence"], prepend=0) != 0
             written = [int(t) for t, new in zip(times, written) if new]
@@ -420,20 +420,20 @@ def test_telemetry_is_what_the_record_has(tmp_path):
                 written = written[2::3]
             if output.path == "flight.spin.reference":
                 written = [t for t in written if t <= 5 * 10**9]
-            sent = [(t, one) for t, one in contents if one.path == output.path]
+            sent = [(t, telemetry) for t, telemetry in contents if telemetry.path == output.path]
             assert [t for t, _ in sent] == written and sequences.get(0x882 + place, 0) == len(written)
-            for t, one in sent:
+            for t, telemetry in sent:
                 now = int(np.searchsorted(times, t))
-                for field, value in one.content.items():
+                for field, value in telemetry.content.items():
                     if field != "head" and not isinstance(value, (dict, str)) and not isinstance(
                             np.asarray(value).flat[0], (dict, str)):
                         assert np.array_equal(record[f"{output.path}.{field}"][now], value)
-                assert one.content["head"]["sequence"] == record[f"{output.path}.head.sequence"][now]
-        assert sequences[0x882 + [o.path for o in found.outputs].index("flight.tracking.error")] > 50
-        housekeeping = [(t, one.content) for t, one in contents if one.path == "housekeeping"]
-        assert [t for t, _ in housekeeping][-1] > 9 * 10**9 and all(one["t"] == t for t, one in housekeeping)
+                assert telemetry.content["head"]["sequence"] == record[f"{output.path}.head.sequence"][now]
+        assert sequences[0x882 + [o.path for o in dictionary.outputs].index("flight.tracking.error")] > 50
+        housekeeping = [(t, telemetry.content) for t, telemetry in contents if telemetry.path == "housekeeping"]
+        assert [t for t, _ in housekeeping][-1] > 9 * 10**9 and all(content["t"] == t for t, content in housekeeping)
         assert housekeeping[0][1]["accepted"] == 2 and housekeeping[-1][1]["executed"] == 4
-        assert found.modes[housekeeping[-1][1]["mode"]] == "point"
+        assert dictionary.modes[housekeeping[-1][1]["mode"]] == "point"
 
 
 # --- several flight processes ----------------------------------------------------------------------
@@ -645,27 +645,27 @@ def started(folder, *more):
 
 def processes(folder):
     """(id, command line) of all that name the folder, and no fly itself."""
-    found = []
+    running = []
     for path in Path("/proc").glob("[0-9]*"):
         try:
             words = (path / "cmdline").read_bytes().split(b"\0")
         except OSError:
             continue
         if any(str(folder).encode() in word for word in words) and b"fly" not in words:
-            found.append((int(path.name), words))
-    return found
+            running.append((int(path.name), words))
+    return running
 
 
 def target_of(folder, process):
     """The id of the target's process, once it flies."""
     part = folder / "linux.mcap.part"
-    found = []
+    running = []
 
     def flies():
-        found[:] = [pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin")]
-        return found and part.exists() and part.stat().st_size > 100_000
+        running[:] = [pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin")]
+        return running and part.exists() and part.stat().st_size > 100_000
     wait_for(flies, process)
-    return found[0]
+    return running[0]
 
 
 def nothing_is_left(folder):

@@ -77,19 +77,19 @@ def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
     sim.scenarios["requests"]()
     desktop = [packet.packet for packet in given.take_packets()]
     for name in on:
-        assert [one.packet for one in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
+        assert [timed.packet for timed in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
         with Archive(out / f"{name}.mcap") as record:
             assert [happening for happening in happenings(record)] == [
                 happening for happening in happenings(sim.activity) if happening.process == "flight"], name
     assert Job(str(mission), "requests", folder=out).parts[0].reports(on[0]) == given.reports
     done = [(report.t / 1e9, report.rule, report.stored_on, report.reason) for report in given.reports
             if report.code == Code.MODE and report.executed]
-    refused = [one[:3] for one in done if one[3] == Reason.GUARDED]
+    refused = [report[:3] for report in done if report[3] == Reason.GUARDED]
     assert refused == [(0.0, None, None), (5.1, None, None), (5.1, None, None), (10.1, None, 1), (10.3, 0, None),
                        (29.1, None, None), (39.1, None, 1), (69.1, None, 1)]
     assert len(done) == 21 and given.counters.reasons[Reason.GUARDED] == len(refused)
-    told = [decoded(given.dictionary, packet) for packet in desktop]
-    assert [str(one.content) for one in told if one.path == "events"] == [
+    telemetry = [decoded(given.dictionary, packet) for packet in desktop]
+    assert [str(message.content) for message in telemetry if message.path == "events"] == [
         "flight.stored: STARTED list 1", "flight.protection: GUARDED rule 0, mode 2", "flight.stored: ENDED list 1"]
     happened = [(happening.t, happening.kind, happening.name, happening.text.endswith("; its mode was refused"))
                 for happening in happenings(sim.activity) if happening.kind in ("event", "mode")]
@@ -102,11 +102,11 @@ def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
 
 def test_the_ground_knows_when_a_mode_is_entered(mission):
     sim = fledge.load(mission)
-    found = dictionary(export.read(sim))
-    assert found.guards == sim.flight.commands.dictionary.guards == {"point": NEAR, "rest": "after point"}
-    assert json.loads(found.text())["guards"] == found.guards
-    assert Dictionary.read(found.text(), "").guards == found.guards
-    about = next(command for command in commands(export.read(sim), found) if command.path == "flight.mode").about
+    facts = dictionary(export.read(sim))
+    assert facts.guards == sim.flight.commands.dictionary.guards == {"point": NEAR, "rest": "after point"}
+    assert json.loads(facts.text())["guards"] == facts.guards
+    assert Dictionary.read(facts.text(), "").guards == facts.guards
+    about = next(command for command in commands(export.read(sim), facts) if command.path == "flight.mode").about
     assert about.endswith(f"; point is entered only {NEAR}; rest is entered only after point")
     assert "rest: no task of its own; only after point" in repr(sim.flight)
 

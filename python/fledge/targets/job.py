@@ -45,9 +45,9 @@ class Part:
         self.built: dict[Target, Path] = {}     # what each target has built of it
         self.script: list[Timed] = []   # its commands, once the scenario has been rehearsed
         self.by_radio: bool = any(flight == mission.process for _, flight in job.start.kernel.carriers)
-        if fed := [one for one in mission.inputs if one.fed]:
-            raise Failure("\n".join(f"{one.path} is fed {one.fed}, and no program does that for a target: wire it to a "
-                                    "model of the world" for one in fed))
+        if fed := [port for port in mission.inputs if port.fed]:
+            raise Failure("\n".join(f"{port.path} is fed {port.fed}, and no program does that for a target: wire it "
+                                    "to a model of the world" for port in fed))
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
         self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
                       | export.emit_host(mission))
@@ -66,7 +66,7 @@ class Part:
 
     def take_script(self) -> None:
         """Take its commands from the job's. Raises Failure if its boards carry none."""
-        self.script = [Timed(one.after, one.packet) for one in self.job.script if one.process == self.process]
+        self.script = [Timed(after, packet) for after, process, packet in self.job.script if process == self.process]
         if self.script and self.boards and not any(lane.carries == "commands" for board in self.described()
                                                    for lane in board.lanes):
             raise Failure(f"the scenario {self.job.scenario} changes {self.process} between its runs, by commands, "
@@ -90,7 +90,7 @@ class Part:
     def write_script(self) -> Path:
         """The file of its commands, for the node of the board."""
         frames = self.frames
-        units = [Timed(one.t, frames.command(one.packet)) for one in self.script] if frames else self.script
+        units = [Timed(command.t, frames.command(command.packet)) for command in self.script] if frames else self.script
         return export.write_files({"script.txt": script(units)}, self.folder)[0]
 
     def telemetry(self, target: str) -> Path:
@@ -102,13 +102,14 @@ class Part:
         carry none."""
         if not self.telemetry(target).exists():
             return ""
-        sent = [self._sent(one) for one in ("desktop", target)]
-        found = export.dictionary(self.mission)
-        if sent[0] != sent[1] and not found.frames:
-            sent = [[packet for packet in packets if decoded(found, packet.packet).path != "texts"] for packets in sent]
+        sent = [self._sent(place) for place in ("desktop", target)]
+        dictionary = export.dictionary(self.mission)
+        if sent[0] != sent[1] and not dictionary.frames:
+            sent = [[timed for timed in packets if decoded(dictionary, timed.packet).path != "texts"]
+                    for packets in sent]
         for here, there in itertools.zip_longest(*sent):
             if here != there:
-                first = min(one.t for one in (here, there) if one)
+                first = min(command.t for command in (here, there) if command)
                 return f"telemetry differs from t = {first / 1e9:.9g} s on"
         return ""
 
@@ -123,9 +124,9 @@ class Part:
         """(which command was refused, when and why; whether flight refused it in the scenario on the desktop, too) of
         those of the reports that are refusals."""
         # PDUs are counted apart, and what flight has itself not at all.
-        sent = {(sequence_of(one.packet), *one.packet[6:7], False): one.packet for one in self.script}
-        found = export.dictionary(self.mission)
-        return [(found.refusal(report, sent.get((report.sequence, report.code, report.own))),
+        sent = {(sequence_of(command.packet), *command.packet[6:7], False): command.packet for command in self.script}
+        dictionary = export.dictionary(self.mission)
+        return [(dictionary.refusal(report, sent.get((report.sequence, report.code, report.own))),
                  (self.process, report.sequence) in self.job.in_vain) for report in reports if not report.good]
 
     def failures(self, target: str) -> list[str]:
@@ -135,11 +136,12 @@ class Part:
 
     def _contents(self, target: str, path: str) -> list[Any]:
         """Those of the packets of a kind."""
-        found = export.dictionary(self.mission)
+        dictionary = export.dictionary(self.mission)
         packets = self._sent(target) if self.telemetry(target).exists() else []
-        if found.frames:
-            packets = list(unframed(found.frames, packets))
-        return [one.content for one in (decoded(found, packet.packet) for packet in packets) if one.path == path]
+        if dictionary.frames:
+            packets = list(unframed(dictionary.frames, packets))
+        decodings = (decoded(dictionary, timed.packet) for timed in packets)
+        return [telemetry.content for telemetry in decodings if telemetry.path == path]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:
         """(field, how much it may differ from the desktop's, [s] from when on, "file:line") by the files of the
@@ -197,10 +199,10 @@ class Part:
 
         if self.instants is not None:
             return np.isin(t, self.instants)
-        found = np.zeros(len(t), bool)
+        instants = np.zeros(len(t), bool)
         for task in self.mission.tasks:
-            found |= (t >= task.offset) & ((t - task.offset) % task.period == 0)
-        return found
+            instants |= (t >= task.offset) & ((t - task.offset) % task.period == 0)
+        return instants
 
     def step(self) -> int:
         """[ns] The widest grid that has all of its instants."""
@@ -225,7 +227,7 @@ class Job:
                  boards: Mapping[str, Sequence[Path | str]] | None = None, folder: Path | str | None = None,
                  free: bool = False, parameters: dict[str, Any] | None = None, roots: Sequence[Path] = (),
                  before: Callable[[Job], None] = lambda job: None, judged: bool = False) -> None:
-        self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
+        self.source, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
         self.roots = list(roots)
 
         def begin(play: Rehearsal) -> None:
@@ -260,12 +262,12 @@ class Job:
     @cached_property
     def fresh(self) -> Any:
         """The simulation as the files make it that a target can run: without preset.py and the scenario."""
-        return without_preset(self.asked, **self.parameters)
+        return without_preset(self.source, **self.parameters)
 
     @cached_property
     def own(self) -> dict[str, Mission]:
         """Its flight processes by name."""
-        return {one.process: one for one in export.read_all(self.fresh)}
+        return {mission.process: mission for mission in export.read_all(self.fresh)}
 
     def unknown(self, process: str, known: Sequence[str]) -> str:
         return f"{self.title} has no flight process '{process}'; it has {', '.join(known)}"

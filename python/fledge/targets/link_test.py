@@ -101,9 +101,9 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
                if packet[:2] == b"\x08\x81"]
     assert reports == [(0, 0), (0, 0), (0, 1), (1, 0), (1, 0)]  # executed, reason: the third has a wrong length
     record = Archive(place / f"runs/link/flight/{target}.mcap")
-    said = [(happening.kind, happening.name.partition(",")[0], happening.text)
-            for happening in happenings(record) if happening.kind != "event"]
-    assert ("mode", "rest", "") in said and [one for one in said if one[0] == "command"] == [
+    events = [(happening.kind, happening.name.partition(",")[0], happening.text)
+              for happening in happenings(record) if happening.kind != "event"]
+    assert ("mode", "rest", "") in events and [event for event in events if event[0] == "command"] == [
         ("command", "mode", "accepted"), ("command", "noop", "accepted"),
         ("command", "function 101", "refused at its arrival: length"),
         ("command", "mode", "executed"), ("command", "noop", "executed")]
@@ -158,9 +158,9 @@ def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(tar
     (place / "script.py").write_text(SCRIPT)
     (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
     assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
-    said = (place / "runs/link/log/script.log").read_text().splitlines()
+    log = (place / "runs/link/log/script.log").read_text().splitlines()
     desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
-    assert len(said) == 8 and said == desktop.splitlines()
+    assert len(log) == 8 and log == desktop.splitlines()
 
 
 CARRYING = FLIGHT + """
@@ -231,14 +231,14 @@ def test_files_go_to_targets_over_a_link_with_losses_as_to_the_desktop(place, ca
     on = [name for name in ("linux", "leon3") if not TARGETS[name].missing()]
     (place / "plays/flight.py").write_text(CARRYING)
     (place / "script.py").write_text(CARRIES)
-    said = []
+    log = []
     for target in on:
         (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
         assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
-        said.append((place / "runs/link/log/script.log").read_text().splitlines())
-    assert said == said[:1] * len(on)
+        log.append((place / "runs/link/log/script.log").read_text().splitlines())
+    assert log == log[:1] * len(on)
     desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
-    for lines in (said[0], desktop.splitlines()):
+    for lines in (log[0], desktop.splitlines()):
         assert [line.rpartition(" ")[0] for line in lines[:-1]] == [
             "<send plan as plan: complete>", "paused", "<fetch plan: complete> True", "100 True", "['plan']",
             "fetch none: the file store refused it on board"]
@@ -313,12 +313,12 @@ def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(targe
     (place / "lossy.toml").write_text(lossy.replace('simulation = "link"', 'simulation = "lossy"'))
     for name in ("node", "lossy"):
         assert cli.main(["up", f"{name}.toml"]) == 0, capfd.readouterr()
-    said = (place / "runs/link/log/script.log").read_text().splitlines()
+    log = (place / "runs/link/log/script.log").read_text().splitlines()
     desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
-    assert len(said) == 8 and said == desktop.splitlines()
-    said = (place / "runs/lossy/log/lossy.log").read_text()
+    assert len(log) == 8 and log == desktop.splitlines()
+    log = (place / "runs/lossy/log/lossy.log").read_text()
     desktop = subprocess.run([sys.executable, "lossy.py"], text=True, capture_output=True, check=True).stdout
-    assert said == desktop == "32 0 31 True\n"
+    assert log == desktop == "32 0 31 True\n"
 
 
 BRIDGE = """
@@ -376,9 +376,9 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
                         "19 bytes were no packet\n", log)
     assert carried and int(carried[1]) >= 4, log
     record = Archive(place / "runs/link/flight/linux.mcap")
-    said = [(happening.name.partition(",")[0], happening.text)
-            for happening in happenings(record) if happening.kind == "command"]
-    assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
+    events = [(happening.name.partition(",")[0], happening.text)
+              for happening in happenings(record) if happening.kind == "command"]
+    assert ("mode", "executed") in events and ("noop", "executed") == events[-1]
     assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
 
 
@@ -418,16 +418,16 @@ class Station:
             return None
         self.seen.append(packet)
         paths = self.reader.decode(packet, "flight_packet")[1]
-        return {name: paths[Reader.alias(one)] for name, one in self.reader.parameters.items()
-                if Reader.alias(one) in paths}
+        return {name: paths[Reader.alias(parameter)] for name, parameter in self.reader.parameters.items()
+                if Reader.alias(parameter) in paths}
 
     def command(self, name, within=PATIENCE, **arguments):
         """Send a command; the tags of its verifiers up to one that ends it, or those that came in time [s]."""
         sequence, self.sequence = self.sequence, self.sequence + 1
         self.seen.append(self.reader.encode(name, sequence, **arguments))
         self.socket.sendto(self.seen[-1], self.there)
-        verifiers = next(one for one in reversed([each.find("VerifierSet") for each in self.reader.chain(name)])
-                         if one is not None)
+        sets = [meta.find("VerifierSet") for meta in self.reader.chain(name)]
+        verifiers = next(verifiers for verifiers in reversed(sets) if verifiers is not None)
         end, tags = time.monotonic() + within, []
         while time.monotonic() < end and tags[-1:] not in (["CompleteVerifier"], ["FailedVerifier"]):
             if values := self.packet(1):
@@ -438,9 +438,9 @@ class Station:
     def holds(verifier, values, sequence):
         for condition in verifier.iter("Condition"):
             left = values.get(condition.find("ParameterInstanceRef").get("parameterRef"))
-            right = [sequence for one in condition.iterfind("ParameterInstanceRef")
-                     if one.get("parameterRef") == "/yamcs/cmdHist/ccsds-seqcount"]
-            right += [int(one.text) for one in condition.iterfind("Value")]
+            right = [sequence for reference in condition.iterfind("ParameterInstanceRef")
+                     if reference.get("parameterRef") == "/yamcs/cmdHist/ccsds-seqcount"]
+            right += [int(value.text) for value in condition.iterfind("Value")]
             if left is None or (left == right[0]) != (condition.find("ComparisonOperator").text == "=="):
                 return False
         return True
@@ -463,7 +463,7 @@ def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulat
     assert cli.main(["export", "xtce", "./plays", "--yamcs", "--out", "out"]) == 0, capfd.readouterr()
     ports = {10015: free_port(), 10025: free_port()}
     file = place / "out/yamcs/etc/yamcs.plays.yaml"
-    file.write_text(re.sub("10015|10025", lambda found: str(ports[int(found[0])]), file.read_text()))
+    file.write_text(re.sub("10015|10025", lambda match: str(ports[int(match[0])]), file.read_text()))
     station = Station(place / "out/yamcs", "plays")
     (place / "station.toml").write_text(STATION.format(telemetry=ports[10015], commands=ports[10025])
                                         + steered(place))
@@ -488,7 +488,7 @@ def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulat
         station.socket.close()
     assert run.returncode == 0, text
     shown = shown_by_wireshark(station.seen, tmp_path / "seen.pcap")
-    assert len(shown) == len(station.seen) and {tuple(one[:2]) for one in shown} == {(0, 1), (1, 1)}
+    assert len(shown) == len(station.seen) and {tuple(row[:2]) for row in shown} == {(0, 1), (1, 1)}
     assert all(flags == 3 and length + 7 == len(packet) for (_, _, _, flags, _, length), packet in zip(
         shown, station.seen))
     sent = [number for kind, _, _, _, number, _ in shown if kind == 1]

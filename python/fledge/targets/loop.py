@@ -52,7 +52,7 @@ def meeting(job: Job) -> list[Any]:
 
 def python_node(job: Job, process: str, options: list[Any]) -> list[Any]:
     """The command of a process that flies on the desktop's code."""
-    return [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, process,
+    return [sys.executable, "-P", "-m", "fledge.cli", "node", job.source, process,
             *(["--free"] if job.scenario == "free" else [job.scenario, "--scripted"]), "--name", process, *options,
             *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))]
 
@@ -95,7 +95,7 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
             if how_far:
                 bar.reaches(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
-            for line in (line for program in programs.values() for line in program.told()):
+            for line in (line for program in programs.values() for line in program.line_problems()):
                 print(f"  {line}", file=sys.stderr)
             if None not in results.values():
                 break
@@ -123,11 +123,11 @@ def _what_failed(results: dict[str, int | None], log: Path, title: str) -> str:
 
 def environment() -> dict[str, str]:
     """The environment for programs that start in another folder: the same module path, and absolute paths of keys."""
-    found = {**os.environ, "PYTHONUNBUFFERED": "1",
-             "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
-    if found.get("FLEDGE_KEYS"):
-        found["FLEDGE_KEYS"] = os.path.abspath(found["FLEDGE_KEYS"])
-    return found
+    variables = {**os.environ, "PYTHONUNBUFFERED": "1",
+                 "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in sys.path if path)}
+    if variables.get("FLEDGE_KEYS"):
+        variables["FLEDGE_KEYS"] = os.path.abspath(variables["FLEDGE_KEYS"])
+    return variables
 
 
 class HowFar:
@@ -160,7 +160,7 @@ class Program:
                  descriptors: Sequence[int] = ()) -> None:
         self.name = name
         self.device = _device(command)
-        self.shown = 0              # [bytes] of its output, by told()
+        self.shown = 0              # [bytes] of its output, by line_problems()
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
         self.log = log
@@ -191,8 +191,8 @@ class Program:
     def poll(self) -> int | None:
         return self.process.poll()
 
-    def told(self) -> list[str]:
-        """What it has said since the last call about its board's serial line: "/dev/ttyACM0: ..."."""
+    def line_problems(self) -> list[str]:
+        """Its messages about its board's serial line since the last call: "/dev/ttyACM0: ..."."""
         if not self.device:
             return []
         text = os.pread(self.out.fileno(), 1 << 20, self.shown)     # its own place in the file stays

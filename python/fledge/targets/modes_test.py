@@ -12,7 +12,7 @@ __all__ = ["here"]
 
 def test_a_target_records_the_same(here):
     assert cli.main(["fly", "modal", "--on", "linux"]) == 0
-    desktop, linux = (fledge.Archive(here / "runs" / "modal" / "fly" / f"{one}.mcap") for one in ("desktop", "linux"))
+    desktop, linux = (fledge.Archive(here / "runs" / "modal" / "fly" / f"{name}.mcap") for name in ("desktop", "linux"))
     assert compare(desktop, linux) == [] and modes(linux) == {"flight": [(0.0, "coast"), (61.0, "point")]}
     assert [happening for happening in happenings(linux)] == [happening for happening in happenings(desktop)
                                                               if happening.process == "flight"]

@@ -123,9 +123,9 @@ def test_packets_with_descriptors_in_queues_carry_numbers_to_the_bit(tmp_path, c
     desktop = Archive(tmp_path / "out/desktop.mcap")
     flown = [Archive(tmp_path / f"out/{name}.mcap") for name in on.split(",")]
     outputs = [t for t in desktop.topics if t.startswith("/flight/")]
-    for one in flown:
-        assert compare(desktop, one, outputs, ignore=["sequence"]) == []
-        assert compare(flown[0], one, outputs) == []
+    for flight in flown:
+        assert compare(desktop, flight, outputs, ignore=["sequence"]) == []
+        assert compare(flown[0], flight, outputs) == []
     page = (tmp_path / "out/c/bus.md").read_text()
     assert "| 35..58, 2 | rate | 3 x f64, little-endian, - | |  |" in page
     header = (tmp_path / "out/c/bus.h").read_text()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge import export, objects
 from fledge.errors import Failure
@@ -26,17 +26,17 @@ def stand_in(sim: Simulation, records: dict[str, Archive], exchange: Archive | N
     """
     for name, record in records.items():
         process, core = sim.process(name), sim.kernel.process(name)
-        said = [_messages(record, f"/{name}/{topic}") for topic in ("mode", "activity")]
-        if process.modes and not said[0][0]:
+        topics = [_messages(record, f"/{name}/{topic}") for topic in ("mode", "activity")]
+        if process.modes and not topics[0][0]:
             raise Failure(f"{record.path}: it has no /{name}/mode, so {name} cannot be judged by it")
-        core.play_executive(*said)
+        core.play_executive(*topics)
         if packets and name in packets:
             process.commands.play(packets[name])
-        for fromkey in dict.fromkeys(one for task in process.tasks for one in task.run):
-            instance = process.instances[fromkey]
+        for module in dict.fromkeys(module for task in process.tasks for module in task.run):
+            instance = process.instances[module]
             for field in objects.struct(instance).fields:
                 if field.group == "out":
-                    topic = export.host.topic(f"{name}.{fromkey}.{field.name}")
+                    topic = export.host.topic(f"{name}.{module}.{field.name}")
                     if topic not in record.topics:
                         raise Failure(f"{record.path}: it has no {topic}, so {name} cannot be judged by it")
                     for source, sent in ((record, False), (exchange, True)):

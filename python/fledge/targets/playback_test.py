@@ -23,7 +23,7 @@ NADIR_SPIN = build.ROOT / "missions/nadir_spin"
 
 
 def every_output(sim, process="flight"):
-    names = [one for task in sim.process(process).tasks for one in task.run]
+    names = [module for task in sim.process(process).tasks for module in task.run]
     return [port for name in names for port in (sim.process(process).instances[name],)]
 
 
@@ -67,7 +67,7 @@ def test_modes_parameters_and_events_change_nothing_in_a_flight_that_stands_in(t
 
     def both(times):    # the playback has the instants of all modes
         return np.isin(times, record.time_ns("control.torque"))
-    assert not [one for one in compare(record, Archive(tmp_path / "again.mcap"), times=both) if one.count]
+    assert not [d for d in compare(record, Archive(tmp_path / "again.mcap"), times=both) if d.count]
     assert again.mode == elsewhere.mode == "rest"
     with pytest.raises(fledge.SetupError, match="has run until 360 s"):
         stand_in(again, {"flight": record})
@@ -107,7 +107,7 @@ def test_its_modes_and_what_happened_are_those_of_the_record(tmp_path):
     assert snapshot.flight.active_mode == here.flight.active_mode
 
     lacking = Altered(Archive(record), "", "")
-    lacking.topics = {name: one for name, one in lacking.topics.items() if name != "/flight/mode"}
+    lacking.topics = {name: topic for name, topic in lacking.topics.items() if name != "/flight/mode"}
     with pytest.raises(Failure, match="it has no /flight/mode, so flight cannot be judged by it"):
         stand_in(fledge.load(str(mission)), {"flight": lacking})
 
@@ -138,7 +138,7 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     assert "passed" in page and "spin, on linux" in page and "./fledge fly nadir_spin --on linux --out" in page
     assert (tmp_path / "linux_run/nadir_spin.png").is_file()
     assert cli.main(["run", "nadir_spin", "--out", str(tmp_path / "run"), "--no-plots"]) == 0
-    assert compare(*(Archive(tmp_path / one / "run.mcap") for one in ("run", "linux_run"))) == []
+    assert compare(*(Archive(tmp_path / name / "run.mcap") for name in ("run", "linux_run"))) == []
 
     sim = fledge.load("nadir_spin")
     sim.plots = False
@@ -149,17 +149,17 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     # Only the boresight is of the world's truth; the other checks look at flight's own outputs, which are the same.
 
     lacking = Altered(altered.archive, "", "")
-    lacking.topics = {name: one for name, one in lacking.topics.items() if name != "/flight/motor/command"}
+    lacking.topics = {name: topic for name, topic in lacking.topics.items() if name != "/flight/motor/command"}
     with pytest.raises(Failure, match=r"linux.mcap: it has no /flight/motor/command, so flight cannot be judged"):
         stand_in(fledge.load("nadir_spin"), {"flight": lacking})
 
-    sim, packets, heard = fledge.load("nadir_spin"), [Timed(-1, b"first"), Timed(2 * 10**9, b"second")], []
+    sim, packets, received = fledge.load("nadir_spin"), [Timed(-1, b"first"), Timed(2 * 10**9, b"second")], []
     stand_in(sim, {"flight": altered.archive}, packets={"flight": packets})
     sim.flight.commands.noop()                          # whose reports no ground gets: they are not the flight's
     for end in (1.5, 2.0, 3.0):
         sim.run(until=end)
-        heard.append(sim.flight.commands.take_packets())
-    assert heard == [packets[:1], packets[1:], []]
+        received.append(sim.flight.commands.take_packets())
+    assert received == [packets[:1], packets[1:], []]
 
 
 @pytest.mark.long("builds a target with another gain")
@@ -180,10 +180,12 @@ def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypa
 
     monkeypatch.setattr(Linux, "build", spoiled)
     assert cli.main(["fly", str(mission), "--on", "linux", "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr()
-    assert "fledge: nadir_spin, spin on linux: failed: " in said.err and "the attitude did not settle" in said.err
-    assert said.out.endswith("  failed   desktop: violates RATE-1; linux: differs from the desktop, violates RATE-1, "
-                             "the scenario's checks do not hold\n")
+    captured = capsys.readouterr()
+    assert "fledge: nadir_spin, spin on linux: failed: " in captured.err
+    assert "the attitude did not settle" in captured.err
+    assert captured.out.endswith(
+        "  failed   desktop: violates RATE-1; linux: differs from the desktop, violates RATE-1, "
+        "the scenario's checks do not hold\n")
 
 
 @pytest.mark.long("flies another part on a target")

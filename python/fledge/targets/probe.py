@@ -71,8 +71,8 @@ class Board:
             self._fits(program.path, segment.begin, segment.size, self.memory)
 
     def _fits(self, path: Path, begin: int, size: int, areas: Sequence[Memory]) -> None:
-        area = next((one for one in areas if one.holds(begin)), None)
-        known = ", ".join(f"{one.name} at {one.begin:#010x}, {one.size // 1024} KiB" for one in areas)
+        area = next((area for area in areas if area.holds(begin)), None)
+        known = ", ".join(f"{area.name} at {area.begin:#010x}, {area.size // 1024} KiB" for area in areas)
         if area is None:
             raise Failure(f"{path} has {size} bytes at {begin:#010x}, where {self.name} has no memory for them; link "
                           f"it for {known}")
@@ -120,7 +120,7 @@ def _board(name: str, path: Path) -> Board:
 
     def words(key: str) -> list[str]:
         value = take.value(data, (), key, (list,), "a list of texts", []) or []
-        if not all(isinstance(one, str) for one in value):
+        if not all(isinstance(entry, str) for entry in value):
             take.refuse((key,), f"`{key}` is a list of texts", "another value is in it", "put quotes around each")
             return []
         return value
@@ -134,18 +134,18 @@ def _board(name: str, path: Path) -> Board:
         take.keys(table, where, ("name", "begin", "size", "loads"))
         memory.append(Memory(take.text(table, where, "name", ...), take.integer(table, where, "begin", 0, 2**64) or 0,
                              take.integer(table, where, "size", 1, 2**64) or 0, flag(table, where, "loads")))
-    made = Board(name, take.text(data, (), "about", ""), take.choice(data, (), "processor", sorted(
+    board = Board(name, take.text(data, (), "about", ""), take.choice(data, (), "processor", sorted(
         {*elf.MACHINES.values()})) or "", take.choice(data, (), "bits", (32, 64)) or 0, flag(data, (), "big_endian"),
         flag(data, (), "doubles"), [str(beside) if (beside := path.parent / word).is_file() else word
                                     for word in words("scripts")], words("commands"), words("load"), memory)
-    if not made.load:
+    if not board.load:
         take.refuse(("load",), "`load` has the commands that load a program", "it has none",
                     'write load = ["program {file} verify reset exit"]')
-    if not any(one.loads for one in memory):
+    if not any(area.loads for area in memory):
         take.refuse(("memory",), "openocd writes into some [[memory]]", "none has loads = true", "add one")
     if take.problems:
         raise Failure(take.complaints())
-    return made
+    return board
 
 
 def run(command: list[str], name: str) -> None:

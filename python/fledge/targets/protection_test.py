@@ -4,7 +4,7 @@ over a reset of the computer, on the desktop and on targets."""
 import pytest
 
 import fledge
-from fledge import cli, export
+from fledge import cli
 from fledge.commands import Code, Reason, decoded, read_script
 from fledge.errors import SetupError
 from fledge.targets import TARGETS
@@ -133,20 +133,21 @@ def test_a_pair_takes_over_and_safe_mode_follows_the_last_one_on_every_target(mi
     commands = sim.flight.commands
     assert commands.take_packets() == []
     sim.scenarios["fails"]()
-    desktop = [one.packet for one in commands.take_packets()]
+    desktop = [command.packet for command in commands.take_packets()]
     for name in on:
-        assert [one.packet for one in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
+        assert [timed.packet for timed in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
     assert Job(str(mission), "fails", folder=out).parts[0].reports(on[0]) == commands.reports
-    told = {}
+    values = {}
     for packet in desktop:
-        one = decoded(commands.dictionary, packet)
-        told.setdefault(one.path, []).append(one.content)
-    check_tables(told["flight.protection.table"])
-    assert [(event.name, event.severity) for event in told["events"] if event.output == "flight.protection.event"] == [
+        telemetry = decoded(commands.dictionary, packet)
+        values.setdefault(telemetry.path, []).append(telemetry.content)
+    check_tables(values["flight.protection.table"])
+    events = [event for event in values["events"] if event.output == "flight.protection.event"]
+    assert [(event.name, event.severity) for event in events] == [
         ("SET", "info"), ("SET", "info"), ("FIRED", "medium"), ("FIRED", "medium"), ("RESTORED", "info"),
         ("LOST", "high"), ("FIRED", "medium"), ("SET", "info"), ("SET", "info"), ("SET", "info"), ("FIRED", "medium"),
         ("LOST", "high")]
-    assert "FIRED rule 0, value 5.1, unit 0, successor 1" in str(told["events"][2])
+    assert "FIRED rule 0, value 5.1, unit 0, successor 1" in str(values["events"][2])
     own = [(report.rule, report.stored_on, report.code, report.reason)
            for report in commands.reports if report.own and report.executed]
     assert own == [(31, None, Code.MODE, Reason.OK), (31, None, Code.CONTROL, Reason.OK),
@@ -198,4 +199,4 @@ def test_what_is_no_rule_is_refused(mission):
     sim.run(1 * s)
     with pytest.raises(SetupError, match="before the first run"):
         sim.flight.commands.preset(packets.rule(0, on=False))
-    assert [one.reason for one in sim.flight.commands.unit(40, "off")] == [Reason.PLACE]
+    assert [report.reason for report in sim.flight.commands.unit(40, "off")] == [Reason.PLACE]

@@ -50,7 +50,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
     play.name, function = chosen(sim, scenario)
     required = Requirements(sim).for_scenario(play.name) if judged else []
     play.checked = has_checks(function) or bool(required)
-    watch = Requirements(sim).watch([one.id for one in required]) if required else None
+    watch = Requirements(sim).watch([requirement.id for requirement in required]) if required else None
     sim.plots, sim.run = False, play.run
     sim.step = sim.reset = sim.restore = play.refused
     try:
@@ -98,9 +98,9 @@ class Rehearsal:
         self.sequence = {flight.name: 0 for flight in self.sim.flights}      # of the next packet in the script
         for flight in self.sim.flights:
             packets = flight.commands.packets
-            asked = [packets.mode(flight.requested_mode)] if flight.requested_mode != flight.active_mode else []
+            wanted = [packets.mode(flight.requested_mode)] if flight.requested_mode != flight.active_mode else []
             armed = [packets.arm(e, e.armed) for e in flight.events.values() if e.armed != e.starts_armed]
-            self.add(-1, flight, [*armed, *asked])
+            self.add(-1, flight, [*armed, *wanted])
         self.start = self.sim.clone()
         self.ready = False
         self.before_runs(self)
@@ -125,16 +125,16 @@ class Rehearsal:
         self.sent[flight.name] += len(sent)
         # Those that come first were made last: on the link from the ground, sequences follow the order of sending.
         packets, end = list(packets), flight.commands.packets.sequence
-        made = end - len(packets) - self.sequence[flight.name]
+        sent_before = end - len(packets) - self.sequence[flight.name]
         self.sequence[flight.name] = end
-        self.script += [Command(now, flight.name, moved(one, -made)) for one in packets]
-        for t, one in sent:
-            if one[6:7] == bytes([Code.PDU]):       # counted apart
-                self.script.append(Command(t, flight.name, one))
+        self.script += [Command(now, flight.name, moved(packet, -sent_before)) for packet in packets]
+        for t, entry in sent:
+            if entry[6:7] == bytes([Code.PDU]):       # counted apart
+                self.script.append(Command(t, flight.name, entry))
                 continue
-            packet = moved(one, len(packets))
+            packet = moved(entry, len(packets))
             self.script.append(Command(t, flight.name, packet))
-            self.sent_as[flight.name, sequence_of(one)] = sequence_of(packet)
+            self.sent_as[flight.name, sequence_of(entry)] = sequence_of(packet)
 
     def run(self, duration: Any = None, *, until: Any = None, **_: Any) -> None:
         """In place of the simulation's run()."""
@@ -149,7 +149,7 @@ class Rehearsal:
         if limit is not None and end > limit:
             raise _Ends
         type(sim).run(sim, until=end / 1e9)
-        self.before = _memory(sim), _asked(sim)
+        self.before = _memory(sim), _requests(sim)
 
     def flies(self, path: str) -> bool:
         """Whether an instance is of a flight process."""
@@ -157,8 +157,8 @@ class Rehearsal:
 
     def compare(self, now: int) -> None:
         """Add the changes of the scenario since the last run to the script."""
-        sim, (before, asked) = self.sim, self.before
-        after, now_asked = _memory(sim), _asked(sim)
+        sim, (before, requested) = self.sim, self.before
+        after, requested_now = _memory(sim), _requests(sim)
         changed = [path for path, memory in after.items() if memory != before[path]]
         for path in changed:
             memory, (owner, name) = after[path], path.split(".")
@@ -170,19 +170,19 @@ class Rehearsal:
                               "takes only parameters of flight")
         for process in sim.processes:
             if not self.flies(f"{process.name}."):
-                if asked[process.name] != now_asked[process.name]:
+                if requested[process.name] != requested_now[process.name]:
                     raise Failure(f"the scenario {self.name} asks for a mode or arms an event of {process.name} "
                                   "between its runs; a target takes only those of flight")
                 continue
             packets = process.commands.packets
-            found: list[bytes] = []
+            changes: list[bytes] = []
             for path in changed:
                 if path.startswith(f"{process.name}."):
-                    one = process.instances[path.partition(".")[2]]
-                    found += packets.change(path, block_bytes(one, before[path]), block_bytes(one))
-            (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
-            found += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]
-            self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
+                    module = process.instances[path.partition(".")[2]]
+                    changes += packets.change(path, block_bytes(module, before[path]), block_bytes(module))
+            (mode, armed), (now_mode, now_armed) = requested[process.name], requested_now[process.name]
+            changes += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]
+            self.add(now, process, changes if mode == now_mode else [*changes, packets.mode(now_mode)])
 
     def refused(self, *_: object, **__: object) -> NoReturn:
         raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
@@ -193,15 +193,15 @@ class Rehearsal:
             self.duration = self.sim.time
         self.in_vain = {(flight.name, self.sent_as.get((flight.name, report.sequence), report.sequence))
                         for flight in self.sim.flights for report in flight.commands.reports if not report.good}
-        self.script.sort(key=lambda one: one.after)
+        self.script.sort(key=lambda command: command.after)
 
 
 def _memory(sim: Any) -> dict[str, bytes]:
     """Path -> bytes of every instance."""
-    return {f"{process.name}.{name}": objects.memory(one) for process in sim.processes
-            for name, one in process.instances.items()}
+    return {f"{process.name}.{name}": objects.memory(module) for process in sim.processes
+            for name, module in process.instances.items()}
 
 
-def _asked(sim: Any) -> dict[str, tuple[str, dict[str, int]]]:
+def _requests(sim: Any) -> dict[str, tuple[str, dict[str, int]]]:
     """Process -> (the mode that it is in or shall enter, {event: whether and how it is armed})."""
-    return {p.name: (p.requested_mode, {name: one.arming for name, one in p.events.items()}) for p in sim.processes}
+    return {p.name: (p.requested_mode, {name: event.arming for name, event in p.events.items()}) for p in sim.processes}

@@ -22,10 +22,10 @@ def machine(host: str, ssh: str) -> str:
 
 def target_for(host: str, ssh: str) -> str:
     """The name of the target whose programs run on a host."""
-    found = machine(host, ssh)
-    name = MACHINES.get(found) or ("linux" if found == os.uname().machine else "")
+    board = machine(host, ssh)
+    name = MACHINES.get(board) or ("linux" if board == os.uname().machine else "")
     if not name:
-        raise Failure(f"load: {host} has {found}, and programs for {' and '.join(dict.fromkeys(MACHINES.values()))} or "
+        raise Failure(f"load: {host} has {board}, and programs for {' and '.join(dict.fromkeys(MACHINES.values()))} or "
                       f"{os.uname().machine} can be built here; a Raspberry Pi has aarch64 under a Linux of 64 bits")
     return name
 
@@ -35,10 +35,10 @@ def copy(program: Path, host: str, ssh: str, folder: str, name: str = "") -> str
     once it is whole, so that one which flies stays as it is."""
     place = f"{folder.rstrip('/')}/{name or program.name}"
     part = shlex.quote(place + ".part")
-    said = _there(host, ssh, f"umask 022 && mkdir -p -- {shlex.quote(folder)} && cat > {part} && chmod 755 {part} && "
-                  f"cksum < {part} && mv -f -- {part} {shlex.quote(place)}", program)
+    digest = _there(host, ssh, f"umask 022 && mkdir -p -- {shlex.quote(folder)} && cat > {part} && chmod 755 {part} && "
+                    f"cksum < {part} && mv -f -- {part} {shlex.quote(place)}", program)
     here = subprocess.run(["cksum"], stdin=program.open("rb"), capture_output=True, text=True, check=True).stdout
-    if said.split() != here.split():
+    if digest.split() != here.split():
         raise Failure(f"load: {host} has got other bytes of {program.name}; look at its disk, and load again", 1)
     return place
 

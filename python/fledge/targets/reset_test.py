@@ -61,7 +61,7 @@ def expected(at, down, end):
         period, offset = RATES[name]
         return t >= offset and (t - offset) % period == 0
 
-    found = {name: {} for name in RATES}
+    outputs = {name: {} for name in RATES}
     ran, seen, until, since = dict.fromkeys(RATES, 0), 0, None, None
     for t in range(end + 1):
         due = [name for name in RATES if on_grid(t, name)]
@@ -78,10 +78,10 @@ def expected(at, down, end):
         for name in due:
             if name != "spin.reference" or since is not None and t > since:
                 ran[name] += 1
-                found[name][t] = ran[name]
+                outputs[name][t] = ran[name]
         if ran["rest.reference"] == 8 and since is None and "rest.reference" in due:
             since = t      # the event asks for the mode, which begins at the next instant
-    return found
+    return outputs
 
 
 CASES = [([10.05], 3.0), ([10.05, 30.0], 0.0), ([0.2, 7.3, 8.0], 2.35),
@@ -177,10 +177,10 @@ def test_a_board_in_python_is_reset_as_the_desktop_is(on_board):
     for _ in range(2):      # the second time from within the outage
         for sim in (on_board.sim, desktop):
             sim.run(until=70 * s)
-        for one in ("tracking.error", "boot.boot", "time.time", "drive.drive"):
-            ours, theirs = (objects.memory(getattr(getattr(sim.flight, one.split(".")[0]), one.split(".")[1]))
+        for name in ("tracking.error", "boot.boot", "time.time", "drive.drive"):
+            ours, theirs = (objects.memory(getattr(getattr(sim.flight, name.split(".")[0]), name.split(".")[1]))
                             for sim in (on_board.sim, desktop))
-            assert ours == theirs, one
+            assert ours == theirs, name
         assert on_board.flight.boot.boot.boots == 2 and on_board.core.resets == 1
         assert on_board.core.watchdog_resets == 0 and on_board.missed == 0
         on_board.restore(saved)

@@ -131,14 +131,14 @@ def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys,
     take = commands.take_packets
 
     def taken():
-        found = take()
-        desktop.extend(one.packet for one in found)
-        return found
+        flown = take()
+        desktop.extend(timed.packet for timed in flown)
+        return flown
 
     monkeypatch.setattr(commands, "take_packets", taken)
     sim.scenarios["insertion"]()
     for name in on:
-        assert [one.packet for one in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
+        assert [timed.packet for timed in read_script((out / f"{name}.telemetry.txt").read_text())] == desktop, name
 
     # Each command of the sequence once, the one that came due while the computer was down late.
     done = [(report.t / 1e9, report.reason) for report in commands.reports if report.stored_on == 0 and report.executed]
@@ -150,10 +150,10 @@ def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys,
     assert f.memory.kept.phase.name == "COMPLETE" and abs(f.memory.kept.gained - 20) < 0.2
     assert 0 < gained - 20 < 1, gained
     assert f.outages == [(40 * 10**9, 43 * 10**9)] and f.files.state.tables == 2
-    events = [one.content for one in (decoded(commands.dictionary, packet) for packet in desktop)
-              if one.path == "events"]
-    said = [(event.output.split(".")[1], event.name) for event in events]
-    assert said.count(("files", "REFUSED")) == 1 and said.count(("files", "LOADED")) == 2
-    assert [name for module, name in said if module == "memory"] == [
+    events = [telemetry.content for telemetry in (decoded(commands.dictionary, packet) for packet in desktop)
+              if telemetry.path == "events"]
+    events_ = [(event.output.split(".")[1], event.name) for event in events]
+    assert events_.count(("files", "REFUSED")) == 1 and events_.count(("files", "LOADED")) == 2
+    assert [name for module, name in events_ if module == "memory"] == [
         "BEGUN", "CUT", "RESUMED", "ENDED"]
-    assert ("stored", "OVER") in said
+    assert ("stored", "OVER") in events_

@@ -49,7 +49,7 @@ class Serial(Target):
             self._check_program(part, self.elf)
         if not os.path.exists(self.device):
             raise Failure(f"there is no device {self.device}: is the board connected, and switched on? There "
-                          f"{'are ' + ', '.join(found) if (found := devices()) else 'is no serial device'}")
+                          f"{'are ' + ', '.join(names) if (names := devices()) else 'is no serial device'}")
 
     def _check_program(self, part: Any, file: Path) -> None:
         from fledge import elf
@@ -80,17 +80,17 @@ class Serial(Target):
 
     def reason(self, log: str) -> str:
         """What its node says of the line or the board."""
-        found = re.findall(rf"^{re.escape(self.process)}: fledge_board_node: (.*{re.escape(self.device)}\b.*)$", log,
+        lines = re.findall(rf"^{re.escape(self.process)}: fledge_board_node: (.*{re.escape(self.device)}\b.*)$", log,
                            re.MULTILINE)
-        return found[-1] if found else ""
+        return lines[-1] if lines else ""
 
     def flown(self, built: Path, record: Path, figures: dict[str, str]) -> Flown:
-        found = super().flown(built, record, figures)
-        found.code, found.memory = (int(figures[key]) if key in figures else None
-                                    for key in ("program_bytes", "data_bytes"))
-        found.line = {key.removeprefix("line_"): int(text) for key, text in figures.items()
-                      if key.startswith("line_")}
-        return found
+        flight = super().flown(built, record, figures)
+        flight.code, flight.memory = (int(figures[key]) if key in figures else None
+                                      for key in ("program_bytes", "data_bytes"))
+        flight.line = {key.removeprefix("line_"): int(text) for key, text in figures.items()
+                       if key.startswith("line_")}
+        return flight
 
 
 def summary(line: Mapping[str, int], ticks: int) -> str:
@@ -104,8 +104,8 @@ def summary(line: Mapping[str, int], ticks: int) -> str:
 
 def lateness(line: Mapping[str, int]) -> list[tuple[str, int]]:
     """(by how much, how many answers) of a paced flight, the earliest first; none of one that was not."""
-    found = [re.fullmatch(r"late_(under|over)_(\d+)_ms", key) for key in line]
-    bins = sorted(((int(one[2]), one[1] == "over", line[one[0]]) for one in found if one))
+    matches = [re.fullmatch(r"late_(under|over)_(\d+)_ms", key) for key in line]
+    bins = sorted(((int(match[2]), match[1] == "over", line[match[0]]) for match in matches if match))
     return [(f"{'over' if over else 'under'} {ms} ms", n) for ms, over, n in bins]
 
 

@@ -17,7 +17,6 @@ import pytest
 from fledge import cli, elf
 from fledge.archive import Archive
 from fledge.archive.compare import compare, digest
-from fledge.errors import Failure
 from fledge.serial_line import name_of
 from fledge.targets import TARGETS, Job
 from tests.board_process import Process
@@ -70,15 +69,15 @@ class Cable:
 @pytest.fixture
 def cables():
     """cables(program) makes one, to a program of Process, or by a function as Cable has it."""
-    made = []
+    devices = []
 
     def make(board=None):
-        made.append(Cable((lambda fd: [board, str(fd)]) if isinstance(board, os.PathLike) else board))
-        return made[-1]
+        devices.append(Cable((lambda fd: [board, str(fd)]) if isinstance(board, os.PathLike) else board))
+        return devices[-1]
 
     yield make
-    for one in made:
-        one.close()
+    for device in devices:
+        device.close()
 
 
 @pytest.fixture(scope="module")
@@ -93,22 +92,22 @@ def built(mission, folder, process=None):
 
 
 def fly(capfd, *words):
-    """(exit code, what it said)."""
+    """(exit code, output)."""
     code = cli.main(["fly", *map(str, words)])
-    said = capfd.readouterr()
-    return code, said.out + said.err
+    captured = capfd.readouterr()
+    return code, captured.out + captured.err
 
 
 def test_a_board_at_a_line_flies_the_desktops_bits(board, cables, tmp_path, capfd):
     cable = cables(board)
-    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", board, "--for", "20s", "--out",
-                     tmp_path)
+    code, output = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", board, "--for", "20s", "--out",
+                       tmp_path)
     name = name_of(f"serial:{cable.device}")
-    assert code == 0 and f"passed   desktop, {name}" in said, said
+    assert code == 0 and f"passed   desktop, {name}" in output, output
     with Archive(tmp_path / "desktop.mcap") as desktop, Archive(tmp_path / f"{name}.mcap") as flown:
         topics = [topic for topic in desktop.topics if topic in flown.topics]
         assert topics and not compare(desktop, flown, topics) and digest(desktop, topics) == digest(flown, topics)
-    assert f"line     {name}: " in said and " bytes a step to the board" in said and "late " not in said
+    assert f"line     {name}: " in output and " bytes a step to the board" in output and "late " not in output
     assert cable.process.wait() == 0        # flight has ended with the run
 
 
@@ -123,19 +122,20 @@ def test_the_program_of_a_bare_board_flies_at_a_line(cables, tmp_path, capfd):
         return [words[0], "-chardev", f"socket,id=line,fd={fd}", *words[1:]]
 
     cable = cables(emulator)
-    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", program, "--for", "5s", "--out",
-                     tmp_path / "fly")
-    assert code == 0 and f"build {elf.read(program).build_id}" in said, said
+    code, output = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", program, "--for", "5s", "--out",
+                       tmp_path / "fly")
+    assert code == 0 and f"build {elf.read(program).build_id}" in output, output
 
 
 def test_by_the_clock_each_step_is_in_the_histogram_of_lateness(board, cables, tmp_path, capfd):
     cable = cables(board)
-    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}?baud=115200", "--for", "10s", "--pace", "20",
-                     "--out", tmp_path)
-    assert code == 0, said
-    bins = [line.split() for line in said.splitlines() if line.split()[:1] in (["under"], ["over"])]
-    assert [one[:3] for one in bins[:2]] == [["under", "1", "ms"], ["under", "2", "ms"]]
-    assert sum(int(one[3]) for one in bins) == 21 and "of 21 steps were answered when the next was due" in said
+    line = f"serial:{cable.device}?baud=115200"
+    code, output = fly(capfd, "nadir_spin", "--on", line, "--for", "10s", "--pace", "20",
+                       "--out", tmp_path)
+    assert code == 0, output
+    bins = [line.split() for line in output.splitlines() if line.split()[:1] in (["under"], ["over"])]
+    assert [bin[:3] for bin in bins[:2]] == [["under", "1", "ms"], ["under", "2", "ms"]]
+    assert sum(int(bin[3]) for bin in bins) == 21 and "of 21 steps were answered when the next was due" in output
     assert (tmp_path / f"{name_of('serial:' + cable.device)}_late.png").stat().st_size > 0
 
 
@@ -143,9 +143,9 @@ def test_by_the_clock_each_step_is_in_the_histogram_of_lateness(board, cables, t
 
 def refused(capfd, tmp_path, *words):
     """Why a board did not fly: the line about it."""
-    code, said = fly(capfd, "nadir_spin", *words, "--for", "2s", "--out", tmp_path)
-    lines = [line for line in said.splitlines() if re.match(r"  serial-\S*: |fledge: ", line)]
-    assert code in (1, 2) and len(lines) == 1, said
+    code, output = fly(capfd, "nadir_spin", *words, "--for", "2s", "--out", tmp_path)
+    lines = [line for line in output.splitlines() if re.match(r"  serial-\S*: |fledge: ", line)]
+    assert code in (1, 2) and len(lines) == 1, output
     return lines[0]
 
 
@@ -168,8 +168,8 @@ def test_an_elf_that_is_not_the_boards_program_is_refused_before_the_line_is_ope
 def test_a_board_with_another_program_than_the_elf_is_refused(board, cables, tmp_path, capfd):
     own = bytes.fromhex(elf.read(board).build_id)
     (tmp_path / "newer.elf").write_bytes(board.read_bytes().replace(own, own[::-1]))
-    said = refused(capfd, tmp_path, "--on", f"serial:{cables(board).device}", "--elf", tmp_path / "newer.elf")
-    assert f"its build is {own.hex()}, not {own[::-1].hex()}; load it again" in said
+    error = refused(capfd, tmp_path, "--on", f"serial:{cables(board).device}", "--elf", tmp_path / "newer.elf")
+    assert f"its build is {own.hex()}, not {own[::-1].hex()}; load it again" in error
 
 
 def test_a_board_with_another_mission_is_refused(cables, tmp_path, capfd):
@@ -197,8 +197,8 @@ def test_wrong_words_are_refused(words, reason, tmp_path, capfd):
 def test_a_device_that_another_program_holds_is_named_with_the_program(board, cables, tmp_path, capfd):
     cable = cables(board)
     with open(cable.device, "rb", buffering=0):
-        said = refused(capfd, tmp_path, "--on", f"serial:{cable.device}")
-    assert f"{cable.device} is held by " in said and f"(process {os.getpid()}): end that program first" in said
+        error = refused(capfd, tmp_path, "--on", f"serial:{cable.device}")
+    assert f"{cable.device} is held by " in error and f"(process {os.getpid()}): end that program first" in error
 
 
 def test_a_board_that_is_reset_ends_the_run_and_is_named(board, cables, tmp_path, capfd):
@@ -210,26 +210,26 @@ def test_a_board_that_is_reset_ends_the_run_and_is_named(board, cables, tmp_path
 
     thread = threading.Thread(target=reset)
     thread.start()
-    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}?reset=end", "--out", tmp_path)
+    code, output = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}?reset=end", "--out", tmp_path)
     thread.join()
     assert code == 1 and re.search(r"^  serial-\S*: /dev/\S*: the board was reset in the tick at .* s, which ends the "
-                                   r"run \(reset=end\)", said, re.MULTILINE), said
+                                   r"run \(reset=end\)", output, re.MULTILINE), output
 
 
 def test_two_boards_fly_two_processes_of_one_run(cables, tmp_path, capfd):
-    programs = {one: built("formation", tmp_path / one, one) for one in ("chief", "deputy")}
+    programs = {process: built("formation", tmp_path / process, process) for process in ("chief", "deputy")}
     lines = {program: cables(programs[program]) for program in programs}
     on = ",".join(f"{line}=serial:{lines[line].device}" for line in lines)
     elves = [word for program in programs for word in ("--elf", f"{program}={programs[program]}")]
-    code, said = fly(capfd, "formation", "--on", on, *elves, "--for", "5s", "--out", tmp_path / "fly")
-    assert code == 0 and all(f"line     {line} on serial-" in said for line in lines), said
+    code, output = fly(capfd, "formation", "--on", on, *elves, "--for", "5s", "--out", tmp_path / "fly")
+    assert code == 0 and all(f"line     {line} on serial-" in output for line in lines), output
     # The program of the other process is another one.
     for line in lines:
         lines[line] = cables(programs[line])
     on = ",".join(f"{line}=serial:{lines[line].device}" for line in lines)
     swapped = ["--elf", f"chief={programs['deputy']}", "--elf", f"deputy={programs['chief']}"]
-    code, said = fly(capfd, "formation", "--on", on, *swapped, "--for", "5s", "--out", tmp_path / "fly")
-    assert code == 1 and "the board's program of formation is not the given one: its build is " in said, said
+    code, output = fly(capfd, "formation", "--on", on, *swapped, "--for", "5s", "--out", tmp_path / "fly")
+    assert code == 1 and "the board's program of formation is not the given one: its build is " in output, output
 
 
 # --- several programs ------------------------------------------------------------------------------
@@ -255,8 +255,8 @@ def test_a_node_of_a_run_is_a_board_at_a_line(board, cables, tmp_path, capfd):
     cable = cables(board)
     file = up_file(tmp_path, f"serial://{cable.device}?baud=921600&reset=go-on&cut=60", f'elf = "{board}"')
     code = cli.main(["up", str(file), "--pace", "10", "--out", str(tmp_path / "run")])
-    said = capfd.readouterr()
-    assert code == 0, said
+    captured = capfd.readouterr()
+    assert code == 0, captured
     log = (tmp_path / "run/log/flight.log").read_text()
     assert " bytes a step to the board" in log and "of 21 steps were answered when the next was due" in log, log
     with Archive(tmp_path / f"run/flight/{name_of('serial:' + cable.device)}.mcap") as flown:
@@ -270,15 +270,15 @@ def test_a_run_goes_on_after_a_cut_as_its_file_says(board, cables, tmp_path, cap
     file.write_text(file.read_text().replace("until = 10", "until = 400"))
     log = tmp_path / "run/log/flight.log"
 
-    def told(text):
+    def reported(text):
         return log.exists() and text in log.read_text()
 
     def hurt():
         wait_for(lambda: cable.carried > 50_000)
         cable.cut = True
-        wait_for(lambda: told("has been silent for 1 s in the tick at "))
+        wait_for(lambda: reported("has been silent for 1 s in the tick at "))
         cable.cut = False
-        wait_for(lambda: told("is heard again"))
+        wait_for(lambda: reported("is heard again"))
         if resets:
             cable.process.send_signal(signal.SIGUSR1)
 
@@ -286,11 +286,11 @@ def test_a_run_goes_on_after_a_cut_as_its_file_says(board, cables, tmp_path, cap
     thread.start()
     code = cli.main(["up", str(file), "--out", str(tmp_path / "run")])
     thread.join()
-    said = log.read_text()
+    output = log.read_text()
     # The reset hits flight or its record, whose loss is reported.
-    whole = not resets or "the record failed: the board was reset while it was sent" not in said
-    assert code == (0 if whole else 1) and told("begins flight there") == bool(resets), said
-    assert not whole or re.search(rf"[1-9]\d* cuts, {resets} resets", said), said
+    whole = not resets or "the record failed: the board was reset while it was sent" not in output
+    assert code == (0 if whole else 1) and reported("begins flight there") == bool(resets), output
+    assert not whole or re.search(rf"[1-9]\d* cuts, {resets} resets", output), output
 
 
 @pytest.mark.parametrize("target, more, complaints", [

@@ -4,8 +4,7 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.commands import (ALL, Action, Code, Reason, Stage, checked, decoded, read_script, read_table, stored,
-                             storing, table)
+from fledge.commands import ALL, Action, Code, Reason, Stage, checked, decoded, read_script, read_table, storing, table
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
@@ -34,8 +33,8 @@ def passes(sim):
     sim.run(1 * s)
     block = p.store_sequence(1, [(0, p.mode("point")), (1_500_000_000, p.write("flight.switch", rates=[0, 0, 0.01])[0]),
                            (1_500_000_000, p.arm("off", False)), (4_000_000_000, p.read("flight.control", "K")[0])])
-    for one in block:
-        c.send(one)
+    for command in block:
+        c.send(command)
     c.send(p.control(Action.START, 1, storing(block)[1:]))      # it is another one
     sim.run(1 * s)
     c.sequence(2, [(0, p.write("flight.control", K=-3)[0]), (1 * s, p.mode("point")), (2 * s, p.mode("wait"))])
@@ -142,23 +141,24 @@ def test_services_are_the_same_on_every_target(served, tmp_path, capsys):
     assert links == links[:1] * len(on)
     job = Job(str(served), "services", folder=out)
     assert job.parts[0].reports(on[0]) == expected
-    found = export.dictionary(job.parts[0].mission)
+    dictionary = export.dictionary(job.parts[0].mission)
     for _, packet in sim.flight.commands.sent:
-        if packet[6] == Code.WRITE and int.from_bytes(packet[10:12], "big") == found.block("flight.chosen")[0]:
-            found.learn(packet[16:])
-    told = {}
+        if packet[6] == Code.WRITE and int.from_bytes(packet[10:12], "big") == dictionary.block("flight.chosen")[0]:
+            dictionary.learn(packet[16:])
+    values = {}
     for each in read_script(links[0]):
-        one = decoded(found, each.packet)
-        told.setdefault(one.path, []).append(one.content)
-    check_stored(sim, expected, told["flight.stored.state"])
-    check_monitors(expected, told)
-    check_events(told["events"])
-    check_selected(told["selected"])
+        telemetry = decoded(dictionary, each.packet)
+        values.setdefault(telemetry.path, []).append(telemetry.content)
+    check_stored(sim, expected, values["flight.stored.state"])
+    check_monitors(expected, values)
+    check_events(values["events"])
+    check_selected(values["selected"])
 
 
 def check_stored(sim, reports, states):
-    kept = [report for report in reports if report.stored_on is not None]
-    assert [(one.stored_on, one.code, one.reason) for one in kept if one.executed or not one.good][:12] == [
+    stored = [report for report in reports if report.stored_on is not None]
+    ended = [report for report in stored if report.executed or not report.good]
+    assert [(report.stored_on, report.code, report.reason) for report in ended][:12] == [
         (1, Code.MODE, Reason.OK), (1, Code.WRITE, Reason.OK), (1, Code.ARM, Reason.OK),
         (0, Code.MODE, Reason.OK), (0, Code.WRITE, Reason.OK), (1, Code.READ, Reason.OK),
         (0, Code.CONTROL, Reason.OK), (2, Code.WRITE, Reason.RULE), (2, Code.MODE, Reason.OK),
@@ -174,21 +174,21 @@ def check_stored(sim, reports, states):
     assert {state["running"] for state in states} == {0, 2, 4} and {state["held"] for state in states} == {0, 1, 2}
 
 
-def check_monitors(reports, told):
+def check_monitors(reports, values):
     started = [(report.monitor, report.reason) for report in reports if report.monitor is not None and report.executed]
     assert started == [(0, Reason.OK), (1, Reason.OK), (2, Reason.PLACE)]       # list 3 has nothing
-    states = told["flight.monitors.state"]
+    states = values["flight.monitors.state"]
     assert states[-1]["on"] & 1 == 0 and states[-1]["bad"] == 0
-    assert {one["id"] for one in told["flight.monitors.event"]} == {0, 1, 2}     # 0: none yet
+    assert {event["id"] for event in values["flight.monitors.event"]} == {0, 1, 2}     # 0: none yet
 
 
 def check_events(events):
     """Those that are grave enough, all of the monitors, and twice all again: what a reset keeps, counts on."""
-    said = [(str(event).partition(",")[0].split(": ")[1], event.number, event.before) for event in events]
+    events_ = [(str(event).partition(",")[0].split(": ")[1], event.number, event.before) for event in events]
     stored = [("INHIBITED list 2", 1, 1), ("LATE list 0", 2, 0)]
     monitors = [("FIRED monitor 0", 3, 0), ("FIRED monitor 1", 4, 0), ("FIRED monitor 2", 5, 0),
                 ("RIGHT monitor 2", 6, 0), ("RIGHT monitor 1", 7, 0)]
-    assert said == stored + stored + monitors + stored + monitors
+    assert events_ == stored + stored + monitors + stored + monitors
     assert events[2:4] == events[:2] and events[-7:] == events[:2] + events[4:9]
     assert (events[0].severity, events[0].output, events[0].t) == ("low", "flight.stored.event", 21 * 10**9)
     assert events[1].arguments["late"] == pytest.approx(1.4)
@@ -212,8 +212,8 @@ def test_what_is_stored_is_a_parameter_that_flies_from_the_start(mission):
     """A store that was made with the mission, a snapshot of one that runs, and a clone."""
     sim = fledge.load(mission)
     packets = sim.flight.commands.packets
-    for one in packets.store_sequence(1, [(1_000_000_000, packets.mode("rest"))]):
-        sim.flight.commands.send(one)
+    for packet in packets.store_sequence(1, [(1_000_000_000, packets.mode("rest"))]):
+        sim.flight.commands.send(packet)
     sim.flight.commands.control(Action.START, 1)
     sim.run(0.5 * s)
     clone, before = sim.clone(), sim.snapshot()
@@ -248,26 +248,26 @@ def test_the_ground_refuses_what_cannot_be_stored(mission):
     with pytest.raises(SetupError, match="a stored command has 8 to 112 bytes; found 120"):
         packets.store(1, 0, 0, bytes(120))
     first, second = (packets.store(1, step, round(t * 1e9), packets.noop()) for step, t in ((0, 2.0), (1, 1.0)))
-    assert [(one.step, one.size, one.code) for one in storing([first, second])] == [(1, 8, 0), (0, 8, 0)]
+    assert [(report.step, report.size, report.code) for report in storing([first, second])] == [(1, 8, 0), (0, 8, 0)]
     assert packets.control(Action.HOLD)[10:16] == b"\xFF\xFF\0\2\0\0"
 
 
 def test_a_monitor_names_a_number_of_an_output(served):
     sim = fledge.load(served)
-    found, packets = sim.flight.commands.dictionary, sim.flight.commands.packets
-    places = {o.path: i for i, o in enumerate(found.outputs)}
+    dictionary, packets = sim.flight.commands.dictionary, sim.flight.commands.packets
+    places = {o.path: i for i, o in enumerate(dictionary.outputs)}
     for path, measure, output, offset, n in (
             ("flight.tracking.error.sigma_BR[2]", "", "flight.tracking.error", 32, 1),
             ("flight.tracking.error.sigma_BR", "norm", "flight.tracking.error", 16, 3),
             ("flight.stored.state.head.t", "", "flight.stored.state", 0, 1),
             ("flight.vehicle.vehicle.I_B[1][2]", "", "flight.vehicle.vehicle", 16 + 8 * 5, 1)):
-        place, _, at, many = found.number(path, measure)
+        place, _, at, many = dictionary.number(path, measure)
         assert (place, at, many) == (places[output], offset, n), path
     for path, measure in (("flight.tracking.error.sigma_BR", ""), ("flight.tracking.error.sigma_BR[3]", ""),
                           ("flight.tracking.error.sigma_BR[0]", "norm"), ("flight.tracking.error", ""),
                           ("flight.tracking.error.sigma_BR", "sum"), ("sigma_BR[0]", "")):
         with pytest.raises(SetupError, match="is no number of an output of flight: give one, as in"):
-            found.number(path, measure)
+            dictionary.number(path, measure)
     with pytest.raises(SetupError, match="flight.monitors has the monitors 0 to 15; found 16"):
         packets.monitor(16, on=False)
     for both in ({"equals": 1, "low": 0}, {"bits": 1, "equals": 1}, {"bits": 1, "change": True}):
@@ -328,7 +328,7 @@ def carries(sim):
     c.send(p.send_file("dump", "got"))
     sim.run(1 * s)
     c.reset()
-    number = next(one.detail for one in c.reports if one.stage == Stage.STARTED)
+    number = next(report.detail for report in c.reports if report.stage == Stage.STARTED)
     say(0x28, b"\x08" + bytes(4) + b"\0\0\0\x40" + bytes(8) + b"\0\0\0\x10\0\0\0\x40", number, True)    # a NAK
     sim.run(2 * s)
     say(0x28, b"\6\x40\1", number, True)                # EOF is acknowledged
@@ -357,10 +357,10 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
     commands = sim.flight.commands
     commands.take_packets()
     sim.scenarios["carries"]()
-    said = [(report.code, report.stage, report.reason) for report in commands.reports
-            if report.code >= Code.FILE_SEND and report.stage != Stage.ACCEPTED]
+    reports = [(report.code, report.stage, report.reason) for report in commands.reports
+               if report.code >= Code.FILE_SEND and report.stage != Stage.ACCEPTED]
     number = next(report.detail for report in commands.reports if report.stage == Stage.STARTED)
-    assert [one for one in said if one[1] != Stage.UNDER_WAY] == [
+    assert [report for report in reports if report[1] != Stage.UNDER_WAY] == [
         (Code.TABLE_LOAD, Stage.DONE, Reason.RULE), (Code.TABLE_LOAD, Stage.DONE, Reason.OK),
         (Code.TABLE_LOAD, Stage.DONE, Reason.PLACE), (Code.CHECK, Stage.DONE, Reason.OK),
         (Code.TABLE_DUMP, Stage.DONE, Reason.OK), (Code.FILE_SEND, Stage.STARTED, Reason.OK),
@@ -372,11 +372,11 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
     desktop = [(decoded(commands.dictionary, packet.packet).path, packet) for packet in commands.take_packets()]
     links = [read_script((out / f"{name}.telemetry.txt").read_text()) for name in on]
     assert links == links[:1] * len(on)
-    sent = [(one.t, one.packet[16:]) for path, one in desktop if path == "files"]
+    sent = [(timed.t, timed.packet[16:]) for path, timed in desktop if path == "files"]
     job = Job(str(folder), "carries", folder=out)
-    found = export.dictionary(job.parts[0].mission)
+    dictionary = export.dictionary(job.parts[0].mission)
     assert job.parts[0].reports(on[0]) == commands.reports
-    assert [(link.t, link.packet[16:]) for link in links[0] if decoded(found, link.packet).path == "files"] == sent
+    assert [(link.t, link.packet[16:]) for link in links[0] if decoded(dictionary, link.packet).path == "files"] == sent
 
     down = {}
     for _, pdu in sent:                                 # data of the first file that came down
@@ -441,16 +441,16 @@ def test_the_same_flight_gives_the_same_packets_on_every_target(tmp_path, capsys
     take = commands.take_packets
 
     def taken():
-        found = take()
-        desktop.extend(found)
-        return found
+        flown = take()
+        desktop.extend(flown)
+        return flown
 
     monkeypatch.setattr(commands, "take_packets", taken)
     sim.scenarios["meets"]()
     for name in on:
         flown = read_script((out / f"{name}.telemetry.txt").read_text())
-        assert [one.packet for one in flown] == [one.packet for one in desktop], name
-    paths = [decoded(commands.dictionary, one.packet).path for one in desktop]
+        assert [timed.packet for timed in flown] == [timed.packet for timed in desktop], name
+    paths = [decoded(commands.dictionary, timed.packet).path for timed in desktop]
     assert {path: paths.count(path) for path in ("files", "reports", "flight.files.event")} == {
         "files": 14, "reports": 20, "flight.files.event": 3}
     own = [(report.monitor, report.stored_on, report.code, report.reason) for report in commands.reports
@@ -472,17 +472,17 @@ def test_files_on_board_have_names(tmp_path):
 def test_a_table_is_whole(tmp_path):
     sim = fledge.load(written(tmp_path / "carries", CARRYING, CARRIES))
     commands = sim.flight.commands
-    found = commands.dictionary
+    dictionary = commands.dictionary
     whole = commands.table(sim.flight.control, K=4)
-    path, values = read_table(found, whole)
+    path, values = read_table(dictionary, whole)
     assert (path, values["K"], values["P"][1]) == ("flight.control", 4.0, [0.0, 45.0, 0.0])
-    assert table(found, path, **{name: value for name, value in values.items() if name != "spare"}) == whole
+    assert table(dictionary, path, **{name: value for name, value in values.items() if name != "spare"}) == whole
     for wrong in (b"", whole[:-1], b"X" + whole[1:], whole[:-1] + bytes([whole[-1] ^ 1])):
         with pytest.raises(SetupError, match="bytes are no table, or not a whole one"):
-            read_table(found, wrong)
+            read_table(dictionary, wrong)
     with pytest.raises(SetupError, match="the table is for version 0x0000 of a dictionary; that of flight is"):
-        read_table(found, whole[:4] + b"\0\0" + whole[6:])
+        read_table(dictionary, whole[:4] + b"\0\0" + whole[6:])
     with pytest.raises(SetupError, match="a table has all parameters of flight.control: give"):
-        table(found, "flight.control", K=1)
+        table(dictionary, "flight.control", K=1)
     with pytest.raises(SetupError, match="bytes of parameters; found 1"):
-        table(found, "flight.control", b"1")
+        table(dictionary, "flight.control", b"1")

@@ -29,27 +29,27 @@ def lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
 
 def scripts(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
     """Lines about the scripts of targets that have one: the heap, and the updates in Python."""
-    found = []
+    lines = []
     for name, flown, _, _ in rows:
         if flown and flown.heap:
             start, end, most = flown.heap
-            found.append(f"heap     {name}: {size(start)} after the start, at most {size(most)}; "
+            lines.append(f"heap     {name}: {size(start)} after the start, at most {size(most)}; "
                          + (f"flat for {flown.steps} steps" if start == end else f"IT GREW to {size(end)}"))
-        found += [f"script   {name}: {line}" for line in (flown.script if flown else ())]
-    return found
+        lines += [f"script   {name}: {line}" for line in (flown.script if flown else ())]
+    return lines
 
 
 def serial_lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
     """Lines about the serial lines to boards, and a histogram of how late flight answered by the clock."""
-    found = []
+    lines = []
     for name, flown, _, _ in rows:
         if flown and flown.line:
-            found.append(f"line     {name}: {serial.summary(flown.line, flown.steps)}")
+            lines.append(f"line     {name}: {serial.summary(flown.line, flown.steps)}")
             if late := serial.lateness(flown.line):
-                found.append(f"late     {name}: {flown.line.get('missed', 0)} of {sum(n for _, n in late)} steps were "
+                lines.append(f"late     {name}: {flown.line.get('missed', 0)} of {sum(n for _, n in late)} steps were "
                              "answered when the next was due")
-                found += [f"         {line}" for line in serial.late_lines(late)]
-    return found
+                lines += [f"         {line}" for line in serial.late_lines(late)]
+    return lines
 
 
 def cpu(seconds: float | None) -> str:

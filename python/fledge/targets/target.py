@@ -42,11 +42,11 @@ class Target:
 
     def with_used(self) -> list[Target]:
         """Itself and all targets that it uses."""
-        return list(dict.fromkeys([self, *(one for used in self.used for one in used.with_used())]))
+        return list(dict.fromkeys([self, *(target for used in self.used for target in used.with_used())]))
 
     def missing(self) -> list[str]:
         """The programs that are not installed."""
-        programs = dict.fromkeys(program for one in self.with_used() for program in one.needs)
+        programs = dict.fromkeys(program for target in self.with_used() for program in target.needs)
         if programs:
             programs["ninja"] = None    # which builds for all of them
         return [program for program in programs if not shutil.which(program)]
@@ -63,8 +63,8 @@ class Target:
         if part.frames and part.frames.secured and not self.secures:
             raise Failure(f"{self.name}: there is no BearSSL for it, which has the cipher of a secured link; fly "
                           f"{part.mission.title} with secured=0 there")
-        for one in self.used:
-            one.check(part)
+        for target in self.used:
+            target.check(part)
 
     def build(self, part: Part) -> Path:
         """Build a flight process for this target, in part.folder / name; only what changed. Returns what `command`

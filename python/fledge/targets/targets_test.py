@@ -18,36 +18,36 @@ OWN = "from fledge.targets.linux import Linux\n\n\nclass Own(Linux):\n    "
 @pytest.fixture
 def project(tmp_path, monkeypatch):
     """project(name, text) -> the targets with that of a project's folder, targets/NAME."""
-    def made(name, text):
+    def folder_with(name, text):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text(text)
         monkeypatch.setattr(targets, "__path__", [*targets.__path__, str(tmp_path)])
         monkeypatch.delitem(sys.modules, f"fledge.targets.{name}", raising=False)
         return Targets([*PLACES, tmp_path])
-    return made
+    return folder_with
 
 
 def test_each_folder_is_a_target_with_its_name():
     folders = {path.parent.name.replace("_", "-") for path in ROOT.glob("targets/*/__init__.py")}
     assert {*TARGETS} == folders and next(iter(TARGETS)) == "desktop"
-    assert all(one.name == name and one.about for name, one in TARGETS.items())
+    assert all(target.name == name and target.about for name, target in TARGETS.items())
 
 
 def test_a_target_of_a_project_stands_beside_those_of_fledge(project):
-    found = project("vax_780", OWN + "needs = ('gcc-vax',)\n")
-    assert {*found} == {*TARGETS, "vax-780"} and found["vax-780"].name == "vax-780"
+    targets = project("vax_780", OWN + "needs = ('gcc-vax',)\n")
+    assert {*targets} == {*TARGETS, "vax-780"} and targets["vax-780"].name == "vax-780"
     with pytest.raises(Failure, match="fly: vax-780 needs gcc-vax, not installed here"):
-        found.ready(["vax-780"], "fly")
+        targets.ready(["vax-780"], "fly")
 
 
 def test_a_target_needs_what_those_that_it_uses_need(project):
-    found = project("vax", OWN + "uses, needs = ('leon3-micropython', 'linux'), ('gcc-vax',)\n")
-    names = [one.name for one in found["vax"].with_used()]
+    targets = project("vax", OWN + "uses, needs = ('leon3-micropython', 'linux'), ('gcc-vax',)\n")
+    names = [target.name for target in targets["vax"].with_used()]
     assert names == ["vax", "leon3-micropython", "leon3", "micropython", "linux"]
-    assert found["vax"].missing()[0] == "gcc-vax"
+    assert targets["vax"].missing()[0] == "gcc-vax"
 
 
-@pytest.mark.parametrize("name, text, said", [
+@pytest.mark.parametrize("name, text, message", [
     ("vax", "import no_such_module\n", "vax/__init__.py: ModuleNotFoundError: No module named 'no_such_module'"),
     ("vax", "x = \n", "vax/__init__.py: SyntaxError: invalid syntax"),
     ("vax", "from fledge.targets.linux import Linux\n", "has no class that derives from fledge.targets.Target"),
@@ -55,12 +55,12 @@ def test_a_target_needs_what_those_that_it_uses_need(project):
     ("loop", OWN + "pass\n", "loop: Fledge has .*/loop.py by this name; give the folder another one"),
     ("linux", OWN + "pass\n", "linux: Fledge has .*/linux/__init__.py by this name"),
 ])
-def test_a_folder_that_is_no_target_is_refused(project, name, text, said):
-    found = project(name, text)
-    assert name in found        # its name is known, and nothing else is disturbed
-    with pytest.raises(Failure, match=said):
-        found.ready([name], "fly")
-    assert found["cfs"].name == "cfs"
+def test_a_folder_that_is_no_target_is_refused(project, name, text, message):
+    targets = project(name, text)
+    assert name in targets        # its name is known, and nothing else is disturbed
+    with pytest.raises(Failure, match=message):
+        targets.ready([name], "fly")
+    assert targets["cfs"].name == "cfs"
 
 
 def test_the_classes_need_nothing_that_is_built():

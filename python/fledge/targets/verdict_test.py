@@ -23,8 +23,8 @@ def folder(tmp_path_factory):
 
 
 def last(capsys):
-    said = capsys.readouterr()
-    return said.out.splitlines()[-1], said
+    captured = capsys.readouterr()
+    return captured.out.splitlines()[-1], captured
 
 
 # --- targets that do not fly -----------------------------------------------------------------------
@@ -33,10 +33,10 @@ def last(capsys):
 def test_a_target_that_is_not_installed_is_in_the_last_line_and_the_others_fly(folder, capsys, monkeypatch):
     monkeypatch.setattr(TARGETS["aarch64"], "needs", ("no-such-compiler",))
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "aarch64,linux", "--out", str(folder / "nadir")]) == 1
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   aarch64: did not fly (passed: desktop, linux)"
-    assert "  aarch64: fly: aarch64 needs no-such-compiler, not installed here; as root, run: apt-get " in said.err
-    assert re.search(r"\n  linux +11 ", said.out) and Archive(folder / "nadir/linux.mcap").complete
+    assert "  aarch64: fly: aarch64 needs no-such-compiler, not installed here; as root, run: apt-get " in output.err
+    assert re.search(r"\n  linux +11 ", output.out) and Archive(folder / "nadir/linux.mcap").complete
     for alone in (["--build"], ["--join"]):
         assert cli.main(["fly", "nadir_spin", "--on", "aarch64", *alone, "--out", str(folder / "nadir")]) == 2
         assert "aarch64 needs no-such-compiler" in capsys.readouterr().err
@@ -49,9 +49,9 @@ def test_a_target_that_refuses_the_mission_is_in_the_last_line(folder, capsys, m
     monkeypatch.setattr(type(TARGETS["sparc64"]), "build", refuses)
     monkeypatch.setattr(TARGETS["sparc64"], "needs", ())
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "sparc64,linux", "--out", str(folder / "nadir")]) == 1
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   sparc64: did not fly (passed: desktop, linux)"
-    assert "  sparc64: this board has no sensor\n" in said.err
+    assert "  sparc64: this board has no sensor\n" in output.err
 
 
 def test_scripts_are_refused_before_anything_flies(mission, tmp_path, capsys, monkeypatch):
@@ -65,20 +65,20 @@ def test_scripts_are_refused_before_anything_flies(mission, tmp_path, capsys, mo
     begun = tmp_path / "begun"
     (mission / "scenarios.py").write_text(
         f"def long(sim):\n    sim.run(1)\n    open({str(begun)!r}, 'w').close()\n    sim.run(1)\n")
-    real, told = MicroPython.check, []
+    real, checks = MicroPython.check, []
 
     def check(self, part):
         try:
             real(self, part)
         except fledge.SetupError as failure:
-            told.append((begun.exists(), str(failure)))
+            checks.append((begun.exists(), str(failure)))
             raise
 
     monkeypatch.setattr(MicroPython, "check", check)
     assert cli.main(["fly", str(mission), "--on", "micropython", "--out", str(tmp_path / "out")]) == 1
-    assert begun.exists() and told == [(False, f"{mission}/two.py, line "
-                                        f"{len((mission / 'two.py').read_text().splitlines())}: numpy is not on the "
-                                        "target: lists with units are arrays there, and math has the functions")]
+    assert begun.exists() and checks == [(False, f"{mission}/two.py, line "
+                                          f"{len((mission / 'two.py').read_text().splitlines())}: numpy is not on the "
+                                          "target: lists with units are arrays there, and math has the functions")]
     assert last(capsys)[0] == "  failed   micropython: did not fly (passed: desktop)"
 
 
@@ -104,9 +104,9 @@ def test_a_flight_that_stops_early_is_no_pass(folder, capsys, monkeypatch):
 def test_a_scenario_that_fails_on_the_desktop_is_flown_nowhere(mission, tmp_path, capsys):
     (mission / "scenarios.py").write_text("def bad(sim):\n    sim.run(1)\n    assert sim.mode == 'point'\n")
     assert cli.main(["fly", str(mission), "--on", "linux", "--out", str(tmp_path / "out")]) == 1
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   desktop: the scenario's checks do not hold; linux: did not fly"
-    assert "fledge: the scenario bad fails on the desktop: " in said.err
+    assert "fledge: the scenario bad fails on the desktop: " in output.err
 
 
 REQUIREMENT = '''
@@ -131,7 +131,7 @@ def test_a_violated_requirement_has_one_verdict_in_all_commands(mission, tmp_pat
     number, = re.findall(r"\n           RATE-1 violated, by (.*), at (.*) s, norm", violated[0])
     both = ["desktop", "linux"][:1 + (targets == "linux")]
     assert f"\n  required {', '.join(both)}: 1 violated\n           RATE-1 violated, by {number[0]}" in violated[1]
-    assert violated[1].endswith(f"  failed   {'; '.join(f'{one}: violates RATE-1' for one in both)}\n")
+    assert violated[1].endswith(f"  failed   {'; '.join(f'{name}: violates RATE-1' for name in both)}\n")
     assert re.search(rf"RATE-1 +violated +-{re.escape(number[0])} +turns on {targets}, t = {number[1]} s", violated[2])
 
 
@@ -144,9 +144,9 @@ def test_ctrl_c_keeps_what_other_targets_flew(folder, capsys, monkeypatch):
     monkeypatch.setattr(TARGETS["sparc64"], "needs", ())
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "linux,sparc64,aarch64", "--out",
                      str(folder / "nadir")]) == 130
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   sparc64: did not fly; aarch64: did not fly (passed: desktop, linux)"
-    assert re.search(r"\n  linux +11 .* none ", said.out)
+    assert re.search(r"\n  linux +11 .* none ", output.out)
 
 
 # --- commands that were refused --------------------------------------------------------------------
@@ -178,11 +178,11 @@ def memory(sim):
 
 @pytest.fixture
 def mission(tmp_path):
-    made = tmp_path / "modes"
-    made.mkdir()
+    modes = tmp_path / "modes"
+    modes.mkdir()
     for name, text in (("flight.py", FLIGHT), ("world.py", WORLD), ("scenarios.py", COMMANDS)):
-        (made / name).write_text(text)
-    return made
+        (modes / name).write_text(text)
+    return modes
 
 
 @pytest.mark.long("builds and flies on a target")
@@ -190,12 +190,12 @@ def test_a_refused_command_is_reported_in_words(mission, tmp_path, capsys):
     """One that the scenario itself sends in vain, on the desktop too, is no failure."""
     assert cli.main(["fly", str(mission), "vain", "--on", "linux", "--out", str(tmp_path / "out")]) == 0, (
         capsys.readouterr().err)
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  passed   desktop, linux"
     for name in ("desktop", "linux"):
         assert re.search(rf"\n  refused  {name}: write flight.control.K, at 3.* s: the parameters would break a rule: "
-                         r"flight.control.K must be .*> 0 N m\n", said.out), said.out
-        assert f"\n  refused  {name}: evaluate, " in said.out
+                         r"flight.control.K must be .*> 0 N m\n", output.out), output.out
+        assert f"\n  refused  {name}: evaluate, " in output.out
 
 
 @pytest.mark.long("builds and flies on a target")
@@ -209,10 +209,10 @@ def test_a_command_that_only_flight_refuses_fails_it(mission, tmp_path, capsys, 
 
     monkeypatch.setattr(Part, "reports", refuses)
     assert cli.main(["fly", str(mission), "changed", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   linux: a command was refused (passed: desktop)"
     assert ("\n  refused  linux: write flight.control.K, at 3 s: the commands that wait for the next instant leave no "
-            "room\n" in said.out)
+            "room\n" in output.out)
 
 
 def test_every_reason_has_words(mission):
@@ -229,10 +229,10 @@ def test_every_reason_has_words(mission):
 @pytest.mark.long("builds and flies on a target")
 def test_a_check_of_memory_is_refused_on_a_target_and_names_the_output(mission, tmp_path, capsys):
     assert cli.main(["fly", str(mission), "memory", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
-    line, said = last(capsys)
+    line, output = last(capsys)
     assert line == "  failed   linux: the scenario's checks cannot be judged by its record (passed: desktop)"
     assert ("flight.switch.running is memory of a module, which the record of a target does not have. A check reads "
-            "outputs: flight.switch.reference has sigma_RN, " in said.err)
+            "outputs: flight.switch.reference has sigma_RN, " in output.err)
 
     sim = fledge.load(str(mission))
     stand_in(sim, {"flight": Archive(tmp_path / "out/linux.mcap")})

@@ -71,12 +71,12 @@ class App:
         given = {f"{m.name.upper()}_IN": self.wires[m.path] for m in mission.inputs if m.path in self.wires}
         if self.wakeup is not None:
             given["WAKEUP"] = self.wakeup
-        found = {}
+        topics = {}
         for macro, topic in self.topics(mission).items():
             name = macro.removeprefix(f"{self.prefix}_MISSION_").removesuffix("_TOPICID")
             base = CMD if name in ("CMD", "SEND_HK", "WAKEUP") else TLM
-            found[f"{self.prefix}_{name}_MID"] = given.get(name, base + topic)
-        return found
+            topics[f"{self.prefix}_{name}_MID"] = given.get(name, base + topic)
+        return topics
 
     def check_topics(self, mission: Mission) -> None:
         last = max(self.topics(mission).values())

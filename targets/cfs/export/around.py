@@ -60,7 +60,7 @@ def targets(app: App) -> str:
 
 def version(app: App, config: Mapping[str, str]) -> str:
     """A number that changes with the app's packets and tables."""
-    number = zlib.crc32("".join(config[one] for one in ("msgids", "fcncodes", "msgdefs", "tblstruct")).encode())
+    number = zlib.crc32("".join(config[name] for name in ("msgids", "fcncodes", "msgdefs", "tblstruct")).encode())
     return guarded(app, "version", f"The version of {app.prefix}'s packets and tables, as no operation tells it.",
                    [f'#define {app.prefix}_VERSION "{number:08X}"', ""])
 
@@ -78,8 +78,8 @@ def configured(app: App, scope: str, headers: Sequence[str]) -> str:
 
 def wrappers(app: App) -> dict[str, str]:
     """The same headers for a build without cFS's CMake: name -> text."""
-    return {f"{app.name}_{one}.h": f'#include "config/default_{app.name}_{one}.h"\n'
-            for one in (*MISSION, *PLATFORM)}
+    return {f"{app.name}_{name}.h": f'#include "config/default_{app.name}_{name}.h"\n'
+            for name in (*MISSION, *PLATFORM)}
 
 
 # The ticks per second of sch_lab, as each version comes.
@@ -108,11 +108,11 @@ def schedule(mission: Mission, app: App, version: str) -> str:
 
 def downlink(mission: Mission, app: App) -> str:
     """Entries for to_lab's table."""
-    ids = [one for one in app.ids(mission) if one.endswith("_TLM_MID")]
+    ids = [id for id in app.ids(mission) if id.endswith("_TLM_MID")]
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
                       f"/* For fsw/tables/to_lab_sub.c: what of {app.prefix} goes to the ground; its table has room "
                       "for few.", " * Above:", " *", f' *     #include "{app.name}_msgids.h"', " */",
-                      *(f"{{CFE_SB_MSGID_WRAP_VALUE({one}), {{0, 0}}, 4}}," for one in ids), ""])
+                      *(f"{{CFE_SB_MSGID_WRAP_VALUE({id}), {{0, 0}}, 4}}," for id in ids), ""])
 
 
 def pocket_sources() -> list[Path]:
@@ -130,11 +130,11 @@ def app_list(apps: Sequence[App]) -> str:
                       "    {0, 0},", "};", f"const uint32 fledge_apps_n = {len(apps)};", ""])
 
 
-def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
+def readme(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     prefix, name = app.prefix, app.name
     ids = app.ids(mission)
     tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "
-                       f"`{t.file}` |" for t in found)
+                       f"`{t.file}` |" for t in tables)
 
     def packets(messages: Sequence[Any], end: str) -> str:
         return "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_{end}_MID']:#06x} | {m.path} | {m.struct.name} | "
@@ -145,7 +145,7 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
 They are in `/cf/{name}`, which the app makes (`{prefix}_FILES_FOLDER`).
 
 """
-    command, request, wakeup = (ids[f"{prefix}_{one}_MID"] for one in ("CMD", "SEND_HK", "WAKEUP"))
+    command, request, wakeup = (ids[f"{prefix}_{name}_MID"] for name in ("CMD", "SEND_HK", "WAKEUP"))
     period = f"every {joint.step(mission) / 1e9:g} s"
     waking = (f"A child task wakes the app, {period}, by the message {wakeup:#06x}." if app.timer else
               f"The message {wakeup:#06x} wakes the app, {period}.")

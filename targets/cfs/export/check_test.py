@@ -21,10 +21,10 @@ from fledge.export.testing import ROOT, STRICT
 APP = cfs.App("nav")
 
 
-def compiled(found, folder):
+def compiled(tables, folder):
     """Table name -> function(bytes) -> the name of the field that breaks its rule, or None."""
     lines = ['#include "flight/command/rules.h"', ""]
-    for table in found:
+    for table in tables:
         lines += [f"static const CommandRule Rules{table.name}[] = {{",
                   *rules(list(rules_of(table.fields, table.start))), "};", ""]
         lines += [f"const char *check_{table.name}(const void *block);",
@@ -42,7 +42,7 @@ def compiled(found, folder):
         check.restype = ctypes.c_char_p
         return lambda raw: (check(raw) or b"").decode() or None
 
-    return {table.name: function(table.name) for table in found}
+    return {table.name: function(table.name) for table in tables}
 
 
 def edges(field):
@@ -64,18 +64,18 @@ def inertias(draw):
 @pytest.mark.parametrize("name", ["triple_spiral", "nadir_spin"])
 def test_tables_are_held_against_the_desktops_rules(name, tmp_path):
     sim = fledge.load(name)
-    found = tables.tables(export.read(sim), APP)
-    check = compiled(found, tmp_path)
+    tables_ = tables.tables(export.read(sim), APP)
+    check = compiled(tables_, tmp_path)
     draw = random.Random(5)
     verdicts = {True: 0, False: 0}
-    for table in found:
+    for table in tables_:
         live = getattr(sim.flight, table.module.path[7:])
         assert check[table.name](table.content) is None
         for field in table.fields:
             if field.spare or field.type != "f64" or not field.shape:
                 continue                                # an array has a view, which no setter looks at
             view = getattr(live, field.name)
-            kept = numpy.array(view)
+            copy = numpy.array(view)
             if not view.size:
                 continue                                # no row counts
             for trial in range(40):
@@ -92,16 +92,16 @@ def test_tables_are_held_against_the_desktops_rules(name, tmp_path):
                     assert refused, error
                 assert (check[table.name](raw) == field.name) == refused, (field.name, numpy.array(view))
                 verdicts[refused] += 1
-                view[...] = kept
+                view[...] = copy
     assert min(verdicts.values()) > 100
 
 
 def test_scalars_and_whole_numbers_have_their_ranges(tmp_path):
-    found = tables.tables(export.read(fledge.load("nadir_spin")), APP)
-    check = compiled(found, tmp_path)
+    tables_ = tables.tables(export.read(fledge.load("nadir_spin")), APP)
+    check = compiled(tables_, tmp_path)
 
     def with_(name, field, value):
-        table = next(t for t in found if t.name == name)
+        table = next(t for t in tables_ if t.name == name)
         at = next(f.offset for f in table.fields if f.name == field) - table.start
         raw = bytearray(table.content)
         raw[at:at + len(value)] = value
@@ -114,7 +114,7 @@ def test_scalars_and_whole_numbers_have_their_ranges(tmp_path):
     assert with_("Control", "K_I", numpy.float64(-5e-324).tobytes()) == "K_I"
     assert with_("Motor", "n_axes", bytes([4, 0, 0, 0])) == "n_axes"
     # Rows that do not count are not looked at.
-    wheels = next(t for t in found if t.name == "Wheels")
+    wheels = next(t for t in tables_ if t.name == "Wheels")
     at = next(f.offset for f in wheels.fields if f.name == "J") - wheels.start
     raw = bytearray(wheels.content)
     raw[at + 32:at + 40] = numpy.float64(-1).tobytes()

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.long("builds apps with cFE's interface, flies each")
 
 CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
 FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
-REASONS = [one.name.lower() for one in commands.Reason]
+REASONS = [reason.name.lower() for reason in commands.Reason]
 HOUSEKEEPING = ("time command_counter command_errors spare mode accepted executed refused", " ".join(REASONS),
                 "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt "
                 "io_saturated inputs inputs_refused inputs_missing wakeups_early "
@@ -62,12 +62,12 @@ def housekeeping(core, first=None):
     if first:
         core.until(first)
     raw = core.telemetry(core.app.ids(core.mission)["NAV_HK_TLM_MID"])
-    found = dict(zip(HOUSEKEEPING, struct.unpack(f"<qBBH{len(HOUSEKEEPING) - 4}I", raw[16:]), strict=True))
-    assert found["command_counter"] == found["accepted"] % 256
-    assert found["command_errors"] == (found["refused"] + found["request_errors"]) % 256
-    assert found["refused"] == sum(found[reason] for reason in REASONS)
+    values = dict(zip(HOUSEKEEPING, struct.unpack(f"<qBBH{len(HOUSEKEEPING) - 4}I", raw[16:]), strict=True))
+    assert values["command_counter"] == values["accepted"] % 256
+    assert values["command_errors"] == (values["refused"] + values["request_errors"]) % 256
+    assert values["refused"] == sum(values[reason] for reason in REASONS)
     assert 1_000_000 <= int.from_bytes(raw[6:10], "big") < 1_001_000     # spacecraft time, as cFE counts by default
-    return found
+    return values
 
 
 def flown(core, code, *arguments, sequence=0):
@@ -113,16 +113,16 @@ def test_noop_and_reset_of_the_counters(core):
     assert report(core) == (-1, 7, 0, 0, "ok", 0, b"")      # accepted, and done at the next instant
     core.send(command(CMD, 9))
     assert report(core) == (-1, 0, 9, 0, "length", 0, b"")
-    core.told("NAV 3: Command 9 (read), sequence 0, is refused: length")
+    core.reports("NAV 3: Command 9 (read), sequence 0, is refused: length")
     core.outside.tick(0)
     assert report(core) == (0, 7, 0, 1, "ok", 0, b"")
-    core.told("NAV 2: Command 0 (no operation), sequence 7, is done; NAV ")
-    found = housekeeping(core)
-    assert (found["accepted"], found["executed"], found["refused"], found["length"]) == (1, 1, 1, 1)
+    core.reports("NAV 2: Command 0 (no operation), sequence 7, is done; NAV ")
+    counters = housekeeping(core)
+    assert (counters["accepted"], counters["executed"], counters["refused"], counters["length"]) == (1, 1, 1, 1)
     core.send(command(CMD, 1))
     report(core)
     core.outside.tick(100_000_000)
-    core.told("NAV 2: Command 1 (reset counters), sequence 0, is done")
+    core.reports("NAV 2: Command 1 (reset counters), sequence 0, is done")
     assert {k: v for k, v in housekeeping(core).items() if v} == {
         "time": 100_000_000, "ticks": 2, "inputs_missing": 3}
 
@@ -148,9 +148,9 @@ REFUSED = [
 def test_what_is_refused_is_an_event_a_report_and_a_counter(core, packet, reason):
     core.send(packet(core) if callable(packet) else packet)
     assert report(core)[3:5] == (0, reason)
-    core.told(f"is refused: {WORDS.get(reason, reason)}")
-    found = housekeeping(core)
-    assert found["accepted"] == 0 and found["refused"] == 1 and found[reason] == 1
+    core.reports(f"is refused: {WORDS.get(reason, reason)}")
+    counters = housekeeping(core)
+    assert counters["accepted"] == 0 and counters["refused"] == 1 and counters[reason] == 1
 
 
 @pytest.mark.parametrize("packet", [command(SEND_HK, 0, b"xx"), command(WAKEUP, 0, b"xx")])
@@ -189,8 +189,8 @@ def test_a_mode_is_entered_at_the_next_tick(core):
     assert housekeeping(core)["mode"] == 0
     core.outside.tick(100_000_000)
     assert report(core) == (100_000_000, 5, 2, 1, "ok", 0, b"")
-    found = housekeeping(core)
-    assert found["mode"] == 1 and found["ticks"] == 2 and found["time"] == 100_000_000
+    counters = housekeeping(core)
+    assert counters["mode"] == 1 and counters["ticks"] == 2 and counters["time"] == 100_000_000
 
 
 def inertia(core):
@@ -226,9 +226,9 @@ def test_parameters_come_by_command_and_by_table_and_the_table_shows_both(core, 
     ("Vehicle", {"I_B": [-1.0]}, "NAV 32: Vehicle.I_B, number 0, must be 0 or of size 1e-100 to 1e100, inertia"),
 ])
 def test_parameters_that_break_a_rule_stay_out(core, built, table, change, says):
-    found = upload(core, table, table_file(built, table, **change))
+    result = upload(core, table, table_file(built, table, **change))
     assert any(says in line for line in core.seen)
-    assert found["table_refusals"] == 1 and found["table_updates"] == 0
+    assert result["table_refusals"] == 1 and result["table_updates"] == 0
 
 
 def test_without_its_tables_it_flies_with_those_it_was_exported_with(built):
@@ -249,7 +249,7 @@ def test_without_its_tables_it_flies_with_those_it_was_exported_with(built):
             file.write_bytes(raw)
 
 
-def test_outputs_go_out_as_packets_at_the_rate_that_is_asked_for(core):
+def test_outputs_go_out_as_packets_at_the_commanded_rate(core):
     mission = core.mission
     core.outside.tick(-1)
     place = [m.path for m in mission.outputs].index("flight.wheels.wheels")
@@ -288,11 +288,11 @@ def test_an_app_that_is_started_again_in_place_flies_on_from_nothing(core):
         core.write("restart NAV")
         core.until("CFE_ES_ExitApp: NAV ends with status 5")
         core.until("NAV flies modes")
-        found = housekeeping(core)
-        assert (found["ticks"], found["accepted"], found["time"]) == (0, 0, -1)
+        counters = housekeeping(core)
+        assert (counters["ticks"], counters["accepted"], counters["time"]) == (0, 0, -1)
         core.outside.tick(200_000_000)              # it still has the registers, and the time is theirs
-        found = housekeeping(core)
-        assert (found["ticks"], found["time"]) == (1, 200_000_000)
+        counters = housekeeping(core)
+        assert (counters["ticks"], counters["time"]) == (1, 200_000_000)
         assert core.outside.take("flight.wheels.wheels", 0)[12:16] == struct.pack("<I", 1)
 
 
@@ -403,5 +403,5 @@ def test_a_table_that_is_cut_is_refused(core, built):
     raw[72:76] = struct.pack(">I", 8 + 24)              # as long as the header says
     path.write_bytes(raw[:116 + 8 + 24])
     assert upload(core, "Vehicle", file)["table_refusals"] == 1
-    core.told("NAV 37: Vehicle is cut or damaged: its bytes do not fit its check 0x0001")
+    core.reports("NAV 37: Vehicle is cut or damaged: its bytes do not fit its check 0x0001")
     assert inertia(core) == 700.0

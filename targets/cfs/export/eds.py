@@ -60,14 +60,14 @@ class Types:
 
     def number(self, element: str) -> str:
         """A number of a command: big-endian, whatever the mission's byte order."""
-        one = ELEMENTS[element]
-        bits, order = 8 * one.size, 'byteOrder="bigEndian"'
-        if one.is_float:
+        element_ = ELEMENTS[element]
+        bits, order = 8 * element_.size, 'byteOrder="bigEndian"'
+        if element_.is_float:
             precision = "double" if bits == 64 else "single"
-            return self.add("FloatDataType", f"{one.ctype}_be", "", [
+            return self.add("FloatDataType", f"{element_.ctype}_be", "", [
                 f'<FloatDataEncoding encodingAndPrecision="IEEE754_2008_{precision}" {order} sizeInBits="{bits}" />',
                 f"<Range><PrecisionRange>{precision}</PrecisionRange></Range>"])
-        signed = one.code.islower() and element != "char"
+        signed = element_.code.islower() and element != "char"
         low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
         encoding = "twosComplement" if signed else "unsigned"
         return self.add("IntegerDataType", f"{'' if signed else 'u'}int{bits}_be", "", [
@@ -80,7 +80,7 @@ class Types:
         body = ["<ConstraintSet>", *(f'  <ValueConstraint entry="{path}" value="{value}" />' for path, value in where),
                 "</ConstraintSet>"] if where else []
         if entries:
-            rows = [f'  <Entry name="{one}" type="{type_}"{described(doc)} />' for one, type_, doc in entries]
+            rows = [f'  <Entry name="{name}" type="{type_}"{described(doc)} />' for name, type_, doc in entries]
             body += ["<EntryList>", *rows, "</EntryList>"]
         return self.add("ContainerDataType", name, (f' baseType="{parent}"' if parent else "") + described(about), body)
 
@@ -129,7 +129,7 @@ def numbers(fields: Sequence[Any], start: int, prefix: str = "") -> Iterator[tup
             yield name, field.type, field.offset - start + first * size, many, about
 
 
-def commands(types: Types, command: str, found: Sequence[Table], mission: Mission) -> None:
+def commands(types: Types, command: str, tables: Sequence[Table], mission: Mission) -> None:
     """All commands but those without arguments, and the one that stores another, of any length."""
     for code, sizes in arguments(mission).items():
         if code == Code.STORE:
@@ -140,7 +140,7 @@ def commands(types: Types, command: str, found: Sequence[Table], mission: Missio
         packet = types.container(f"{title(code)}Cmd", [("Payload", payload, "")], command,
                                  where=[("Sec.FunctionCode", int(code))])
         if "Bytes" in sizes:
-            for i, table in enumerate(found):
+            for i, table in enumerate(tables):
                 for name, element, offset, n, about in numbers(table.fields, table.start):
                     of = types.number(element)
                     types.container(f"{title(code)}{table.name}_{name}Cmd",
@@ -148,10 +148,10 @@ def commands(types: Types, command: str, found: Sequence[Table], mission: Missio
                                     where=[("Payload.Module", i), ("Payload.Offset", offset)])
 
 
-def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
+def sheet(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     """eds/NAME.xml"""
     types = Types()
-    for table in found:             # first, so that a table has the name that it has in C
+    for table in tables:             # first, so that a table has the name that it has in C
         types.container(table.name, [("Layout", base("u32"), ""), ("Check", base("u32"), ""), *(
             (f.name, types.field(table.name, f), f.doc + (f" [{f.unit}]" if f.unit else "")) for f in table.fields)],
             about=f"{table.module.path}: {table.module.type}")
@@ -159,7 +159,7 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
     request = types.container("RequestCmd", [], "CFE_HDR/CommandHeader")
     for plain in (Code.NOOP, Code.RESET_COUNTERS):
         types.container(f"{title(plain)}Cmd", [], command, where=[("Sec.FunctionCode", int(plain))])
-    commands(types, command, found, mission)
+    commands(types, command, tables, mission)
     prefix = app.prefix
     interfaces = [("CMD", "Telecommand", command), ("SEND_HK", "Telecommand", request)]
     interfaces += [("WAKEUP", "Telecommand", request)] if app.wakeup is None else []
@@ -195,7 +195,7 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
              "        <RequiredInterfaceSet>"]
     for name, kind, packet in interfaces:
         lines += interface(name, f"CFE_SB/{kind}", kind, packet)
-    for table in found:
+    for table in tables:
         lines += interface(table.name, "CFE_TBL/Table", "Table", table.name)
     lines += ["        </RequiredInterfaceSet>", "        <Implementation>", "          <VariableSet>"]
     for name, kind, _ in interfaces:
@@ -212,14 +212,14 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
 def of_model(packet: model.Packet) -> list[tuple[str, str, str]]:
     """(name, type, meaning) of a packet's numbers; bytes at its end are in a packet of their own."""
     renamed = {"t": "Time", "n": "Count"}
-    found = []
+    lines = []
     for item in packet.items:
         labels = ", ".join(f"{value} {label}" for label, value in item.enumerators.items())
         if not item.count:
-            found.append((renamed.get(item.name) or names.camel(item.name.replace(".", "_")),
+            lines.append((renamed.get(item.name) or names.camel(item.name.replace(".", "_")),
                           base(item.type).rpartition("/")[2], ": ".join(filter(None, (item.meaning, labels)))
                           + (f" [{item.unit}]" if item.unit else "")))
-    return found
+    return lines
 
 
 def interface(name: str, type_: str, kind: str, content: str) -> list[str]:

@@ -22,7 +22,7 @@ class Bus(Link):
 
     def __init__(self, core, ids):
         self.core, self.now = core, 0
-        self.wakeup, self.request = (command(ids[f"NAV_{one}_MID"], 0) for one in ("WAKEUP", "SEND_HK"))
+        self.wakeup, self.request = (command(ids[f"NAV_{name}_MID"], 0) for name in ("WAKEUP", "SEND_HK"))
         self.housekeeping = f"TLM {ids['NAV_HK_TLM_MID']:04x}"
 
     @property
@@ -33,16 +33,16 @@ class Bus(Link):
         self.core.send(packet)
 
     def receive(self, until):
-        found = []
-        while self.now < until and not found:
+        lines = []
+        while self.now < until and not lines:
             self.now += STEP
             begin = len(self.core.seen)
             self.core.send(self.wakeup)
             self.core.send(self.request)            # whose answer comes behind what the wake-up brings
             self.core.until(self.housekeeping)
-            found = [Timed(self.now, bytes.fromhex(line[4:])) for line in self.core.seen[begin:-1]
+            lines = [Timed(self.now, bytes.fromhex(line[4:])) for line in self.core.seen[begin:-1]
                      if line.startswith("TLM ")]
-        return found
+        return lines
 
 
 @pytest.fixture

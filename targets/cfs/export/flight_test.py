@@ -32,7 +32,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
     recorded = Recorded(sim, [*inputs, *outputs], sim.flight.tasks[0].period / NS)
     sim.run(duration)
     input_log = {p: recorded.samples(p) for p in inputs}
-    said = {p: recorded.samples(p) for p in outputs}
+    recordings = {p: recorded.samples(p) for p in outputs}
     outside = Outside(mission, folder / "outside")
     core = Core(program, outside, runner=runner, app="FSW")
     try:
@@ -41,7 +41,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
             for path, samples in input_log.items():
                 outside.put(path, samples[i])
             outside.tick(t, 0)
-            for path, samples in said.items():
+            for path, samples in recordings.items():
                 if outside.take(path, t) != samples[i]:
                     return i, (t, path), None
         outside.stop()
@@ -117,8 +117,8 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     done = subprocess.run([tmp_path / "bare"], input=input_log, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
     assert done.stdout == b"".join(samples[p][i] for i in range(len(times)) for p in outputs)
-    said = done.stderr.decode()
-    assert said.count("keeps its defaults") == 6 and "The run has ended after 241 ticks" in said
+    error = done.stderr.decode()
+    assert error.count("keeps its defaults") == 6 and "The run has ended after 241 ticks" in error
 
 
 def test_on_the_bus_alone_it_puts_out_the_same_bits(tmp_path):
@@ -195,12 +195,12 @@ def on_bus(tmp_path_factory):
     """(mission, app, program) of two apps: one waits for wake-ups, the other wakes itself."""
     mission = export.read(fledge.load("nadir_spin"))
     folder = tmp_path_factory.mktemp("bus")
-    found = []
+    values = []
     for app in (cfs.App("fsw"), cfs.App("own", 0xE0, timer=True)):
         cfs.write(mission, app, folder / app.name)
-        found.append((mission, app, linked.build([(app, folder / app.name)], folder / f"run_{app.name}",
-                                                 options=["-O1"])))
-    return found
+        values.append((mission, app, linked.build([(app, folder / app.name)], folder / f"run_{app.name}",
+                                                  options=["-O1"])))
+    return values
 
 
 class Bus(Core):
@@ -226,17 +226,17 @@ def test_wakeups_that_are_missing_or_too_many_are_reported_and_counted(on_bus):
     core = Bus(*on_bus[0])
     try:
         core.wake(met=10)
-        found = core.housekeeping()
-        assert (found["time"], found["ticks"], found["wakeups_missing"]) == (10 * NS, 1, 0)     # it began at 10 s
+        counters = core.housekeeping()
+        assert (counters["time"], counters["ticks"], counters["wakeups_missing"]) == (10 * NS, 1, 0)    # since 10 s
         for _ in range(4):
             core.wake(met=10)
         core.until("FSW 27: Wake-ups come too often: 1 within a step of 500 ms")
         core.until("FSW 27: Wake-ups come too often: 4 within")         # at the 1st, 2nd, 4th, 8th
         core.wake(met=20)
         core.until("FSW 28: 19 wake-ups are missing before 20 s of mission elapsed time, gap 1")
-        found = core.housekeeping()
-        assert (found["time"], found["ticks"]) == (20 * NS, 2)
-        assert (found["wakeups_early"], found["wakeups_ignored"], found["wakeups_missing"]) == (4, 4, 19)
+        counters = core.housekeeping()
+        assert (counters["time"], counters["ticks"]) == (20 * NS, 2)
+        assert (counters["wakeups_early"], counters["wakeups_ignored"], counters["wakeups_missing"]) == (4, 4, 19)
     finally:
         core.kill()
 
@@ -251,11 +251,11 @@ def test_wakeups_halfway_between_steps_are_regular(tmp_path):
     try:
         for i, met in enumerate((15, 25, 34, 45, 54, 65)):      # some nearer to the step before
             core.wake(met=met)
-            found = core.housekeeping()
-            assert (found["time"], found["ticks"], found["wakeups_early"]) == ((20 + 10 * i) * NS, i + 1, 0)
+            counters = core.housekeeping()
+            assert (counters["time"], counters["ticks"], counters["wakeups_early"]) == ((20 + 10 * i) * NS, i + 1, 0)
         core.wake(met=73)                                       # too early to be the next
-        found = core.housekeeping()
-        assert (found["ticks"], found["wakeups_early"], found["wakeups_missing"]) == (6, 1, 0)
+        counters = core.housekeeping()
+        assert (counters["ticks"], counters["wakeups_early"], counters["wakeups_missing"]) == (6, 1, 0)
     finally:
         core.kill()
 
@@ -270,11 +270,11 @@ def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
         core.until("FSW 29: The mission elapsed time went back from 5000 s to 100 s: flight begins anew")
         assert core.housekeeping()["time"] == 100 * NS
         core.wake(met=101)
-        found = core.housekeeping()
-        assert (found["time"], found["ticks"], found["time_sets"], found["wakeups_missing"]) == (101 * NS, 3, 1, 1)
+        counters = core.housekeeping()
+        assert [counters[name] for name in ("time", "ticks", "time_sets", "wakeups_missing")] == [101 * NS, 3, 1, 1]
         core.wake(met=100)                              # as at cFE's first tones
-        found = core.housekeeping()
-        assert (found["ticks"], found["wakeups_early"], found["time_sets"]) == (3, 1, 1)
+        counters = core.housekeeping()
+        assert (counters["ticks"], counters["wakeups_early"], counters["time_sets"]) == (3, 1, 1)
     finally:
         core.kill()
 
@@ -305,14 +305,14 @@ def test_inputs_that_never_came_are_reported_and_configuration_comes_again(on_bu
         core.wake(met=10)
         core.telemetry(vehicle)
         assert core.housekeeping()["inputs_missing"] == 3
-        core.told("FSW 26: 3 inputs never came, the first is world.nav.attitude")
+        core.reports("FSW 26: 3 inputs never came, the first is world.nav.attitude")
         core.send(telemetry(core.ids["FSW_NAV_ATTITUDE_IN_MID"], struct.pack("<qiI", 1, 3, 1) + bytes(48)))
         core.wake(met=11)                               # nothing new of the vehicle
         assert core.housekeeping()["inputs_missing"] == 2
-        seen = len(core.told_all(vehicle))
+        seen = len(core.all_of(vehicle))
         core.wake(met=12)                               # it was not sent between two requests
         core.telemetry(vehicle)
-        assert (seen, len(core.told_all(vehicle))) == (1, 2)
+        assert (seen, len(core.all_of(vehicle))) == (1, 2)
     finally:
         core.kill()
 
@@ -347,13 +347,13 @@ def test_an_input_that_stops_coming_is_reported_once_and_counted_until_it_comes(
 def test_an_app_wakes_itself(on_bus):
     core = Bus(*on_bus[1])
     try:
-        first = found = core.housekeeping()
-        while found["ticks"] < first["ticks"] + 4:
-            assert found["time"] % (NS // 2) == 0 or found["time"] == -1
-            found = core.housekeeping()
-        ticks = found["ticks"] - first["ticks"]
-        assert first["time"] < 0 or found["time"] - first["time"] >= ticks * NS // 2
-        assert found["wakeups_early"] == 0
+        first = counters = core.housekeeping()
+        while counters["ticks"] < first["ticks"] + 4:
+            assert counters["time"] % (NS // 2) == 0 or counters["time"] == -1
+            counters = core.housekeeping()
+        ticks = counters["ticks"] - first["ticks"]
+        assert first["time"] < 0 or counters["time"] - first["time"] >= ticks * NS // 2
+        assert counters["wakeups_early"] == 0
         core.stop()
         assert core.process.returncode == 0
     finally:

@@ -27,7 +27,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     export.emit_board; None: there are none. roots: folders of modules that are not Fledge's own. simulated: the
     registers are in a file that a simulation maps too. watched: with a record of its own, for `fledge fly`."""
     app.check_topics(mission)
-    found = tables.tables(mission, app)
+    tables_ = tables.tables(mission, app)
     registers = simulated or files is not None
     flown, boards = flown_by(mission, files or (), outputs) if registers else (c_source.emit(mission), [])
     of_bus = emit_commands(mission, CMD + app.topic, TLM + app.topic, app.order)
@@ -57,10 +57,10 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
             sheets = sources.renamed(app, filled(template))
             continue
         (inc if what == "eventids.h" else src)[f"{name}_{what}"] = filled(template)
-    headers = packets.config(mission, app, found, simulated)
-    config = {f"{name}_{one}.h": text for one, text in headers.items()}
-    src |= {f"{name}_mission.h": joint.header(mission, app, found, boards, watched),
-            f"{name}_mission.c": joint.source(mission, app, found),
+    headers = packets.config(mission, app, tables_, simulated)
+    config = {f"{name}_{part}.h": text for part, text in headers.items()}
+    src |= {f"{name}_mission.h": joint.header(mission, app, tables_, boards, watched),
+            f"{name}_mission.c": joint.source(mission, app, tables_),
             f"{name}_version.h": around.version(app, headers)}
     for file in src.keys() & flown.keys():
         raise ExportError(f"--app {name}: {mission.title} or one of its boards has a file {file} of its own; choose "
@@ -77,15 +77,16 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {f"config/default_{file}": text for file, text in config.items()}
     out |= {f"fsw/src/{file}": text for file, text in src.items()}
     out[f"fsw/eds/{name}_eds.c"] = sheets
-    out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
-    out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
+    out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in tables_}
+    out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in tables_}
     out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
     out[f"ground/{mission.name}.xml"] = packets.database(mission, app)
     out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
-    out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
+    out |= {"CMakeLists.txt": around.cmake(app, sorted(code), tables_),
+            "README.md": around.readme(mission, app, tables_),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
             "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
-            f"eds/{name}.xml": eds.sheet(mission, app, found),
+            f"eds/{name}.xml": eds.sheet(mission, app, tables_),
             "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
             f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),

@@ -27,7 +27,7 @@ def step(mission: Mission) -> int:
 
 def kept(mission: Mission, app: App) -> list[tuple[str, str, str]]:
     """(member, offset, size) of what outlives the app, as C: of a module its parameters and its memory."""
-    found = []
+    ranges = []
     for what in app.keep:
         if what != "parameters" and what not in [m.path for m in mission.modules]:
             raise ExportError(f"--keep {what}: {mission.title} has no such module; keep parameters, or any of "
@@ -36,14 +36,14 @@ def kept(mission: Mission, app: App) -> list[tuple[str, str, str]]:
         for group in ("par", "mem"):
             if module.fields(group) and (module.path in app.keep or group == "par" and "parameters" in app.keep):
                 member = f"{module.name}.{group}"
-                found.append((member, f"offsetof({mission.struct()}, {member})",
+                ranges.append((member, f"offsetof({mission.struct()}, {member})",
                               f"sizeof((({mission.struct()} *)0)->{member})"))
-    return found
+    return ranges
 
 
-def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
+def header(mission: Mission, app: App, tables: Sequence[Table], boards: Sequence[Board], watched: bool = False) -> str:
     prefix, upper = app.prefix, mission.name.upper()
-    longest_table = HEAD_SIZE + max((len(t.content) for t in found), default=0)
+    longest_table = HEAD_SIZE + max((len(t.content) for t in tables), default=0)
     return guarded(app, "mission", f"What {prefix} flies: {mission.title}.", [
         '#include "cfe.h"', "", f'#include "{mission.name}.h"',
         *([f'#include "{mission.name}_io.h"'] if boards else []), f'#include "{mission.name}_commands.h"', "",
@@ -56,7 +56,7 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         f"#define {prefix}_TIMER {int(app.timer)} /* 1: the app wakes itself */",
         f"#define {prefix}_FILES {int(has_files(mission) and not watched)} /* 1: files are in cFE's file system */",
         *keeping(mission, app),
-        f"#define {prefix}_TABLES {len(found)}",
+        f"#define {prefix}_TABLES {len(tables)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",
         f"#define {prefix}_LONGEST_TABLE {longest_table} /* [bytes] */", "",
         "/** The parameters of a module as a table. */", f"typedef struct {prefix}_Table {{",
@@ -77,7 +77,7 @@ def keeping(mission: Mission, app: App) -> list[str]:
     lines = [f"#define {prefix}_KEPT {len(ranges)}"]
     if ranges:
         layout = [(m.path, described(m.fields(group))) for m in mission.modules for group in ("par", "mem")
-                  if f"{m.name}.{group}" in [one for one, _, _ in ranges]]
+                  if f"{m.name}.{group}" in [name for name, _, _ in ranges]]
         lines += [f"#define {prefix}_KEPT_LAYOUT 0x{zlib.crc32(repr(layout).encode()):08X}u",
                   f"#define {prefix}_KEPT_BYTES ( \\", *(f"    {size} + \\" for _, _, size in ranges), "    0)",
                   "", "/** A part of flight's memory that is kept. */", f"typedef struct {prefix}_Range {{",
@@ -86,7 +86,7 @@ def keeping(mission: Mission, app: App) -> list[str]:
     return lines
 
 
-def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
+def source(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     prefix = app.prefix
     lines = ["/* SPDX-License-Identifier: Apache-2.0 */",
              *comment(f"What is {mission.title}'s own in {prefix}: its tables and message ids."),
@@ -94,12 +94,12 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
              "#include <stddef.h>", "",
              "/* A table is the bytes of its module's parameters: a compiler refuses another layout. */",
              "#define SAME(a, b, name) typedef char same_##name[(a) == (b) ? 1 : -1]",
-             *layout_checks(app, found), ""]
-    for i, table in enumerate(found):
+             *layout_checks(app, tables), ""]
+    for i, table in enumerate(tables):
         lines += [f"static int32 Validate{table.name}(void *Content)", "{",
                   f"    return {prefix}_ValidateTable({i}, Content);", "}", ""]
     lines += [f"const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1] = {{"]
-    for table in found:
+    for table in tables:
         lines += row(f'"{table.name}"', f'"{table.file}"', f"{prefix}_{table.name.upper()}_LAYOUT",
                      f"Validate{table.name}")
     lines += ["    {NULL, NULL, 0, NULL},", "};", ""]
@@ -112,7 +112,7 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     lines += [f"CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
               f"CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[{len(telemetry)}];", "",
               "/* Data sheets make ids of topics while the core runs. */", f"void {prefix}_FindIds(void)", "{",
-              *(f"    {prefix}_InputIds[{i}] = {prefix}_{one}_MID;" for i, one in enumerate(inputs)),
-              *(f"    {prefix}_TelemetryIds[{i}] = {prefix}_{one}_TLM_MID;" for i, one in enumerate(telemetry)),
+              *(f"    {prefix}_InputIds[{i}] = {prefix}_{name}_MID;" for i, name in enumerate(inputs)),
+              *(f"    {prefix}_TelemetryIds[{i}] = {prefix}_{name}_TLM_MID;" for i, name in enumerate(telemetry)),
               "}", ""]
     return "\n".join(lines)

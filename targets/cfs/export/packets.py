@@ -11,7 +11,7 @@ from fledge.commands.protocol import SERVICE_OF, argument_type
 from fledge.elements import ELEMENTS
 from fledge.export import dictionary, ground, names
 from fledge.export import packets as ground_packets
-from fledge.export.c_text import comment, doc, plain, with_notes, wrap
+from fledge.export.c_text import comment, doc, plain, with_notes
 from fledge.export.packets import Packet, number
 from fledge.export.xtce import xtce
 from fledge.targets.cfs.export.app import CMD, TLM, has_files
@@ -88,7 +88,7 @@ def sizes(code: Code) -> dict[str, int]:
             for name in ARGUMENTS[code] if name not in ("version", "bytes")} | last
 
 
-def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
+def config(mission: Mission, app: App, tables: Sequence[Any], simulated: bool = False) -> dict[str, str]:
     """The headers that a mission may replace by its own: name -> text, of all in MISSION and PLATFORM."""
     prefix, name = app.prefix, app.name
     topics = app.topics(mission)
@@ -96,25 +96,26 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
 
     def defines(values: dict[str, Any]) -> list[str]:
         width = max(map(len, values), default=0)
-        return [f"#define {one.ljust(width)} {value}" for one, value in values.items()] + [""]
+        return [f"#define {name.ljust(width)} {value}" for name, value in values.items()] + [""]
 
     headers = {
         "topicids": (f"The topics of {prefix}: of commands and requests, of telemetry, and of the packets that are its "
-                     "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
+                     "inputs.", defines({name: f"0x{value:02X}" for name, value in topics.items()})),
         "fcncodes": (f"The function codes of {prefix}'s commands.",
                      defines({f"{prefix}_{code.name}_CC": str(int(code))
                               for code in (Code.NOOP, Code.RESET_COUNTERS, *arguments(mission))})),
         "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
-                          defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
+                          defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in tables})),
         "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",
                         [f'#include "{name}_interface_cfg.h"', ""]),
         "msgdefs": (f"The payloads of {prefix}'s packets.", payloads(mission, app)),
         "msgstruct": (f"The packets of {prefix}.", packets(mission, app)),
         "msg": (f"The packets of {prefix}, with their codes and payloads.",
-                [f'#include "{name}_{one}.h"' for one in ("interface_cfg", "fcncodes", "msgdefs", "msgstruct")] + [""]),
+                [*(f'#include "{name}_{kind}.h"'
+                   for kind in ("interface_cfg", "fcncodes", "msgdefs", "msgstruct")), ""]),
         "tbldefs": (f"The types in {prefix}'s tables.",
                     ['#include "common_types.h"', f'#include "{name}_mission_cfg.h"', ""]),
-        "tblstruct": (f"The tables of {prefix}: the parameters of its modules.", structs(app, found)),
+        "tblstruct": (f"The tables of {prefix}: the parameters of its modules.", structs(app, tables)),
         "tbl": (f"The tables of {prefix}.", [f'#include "{name}_tbldefs.h"', f'#include "{name}_tblstruct.h"', ""]),
         "msgids": (f"The message ids of {prefix}, from its topics.", msgids(mission, app)),
         "internal_cfg": (f"How {prefix} works inside.", [
@@ -137,7 +138,7 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
               if has_files(mission) else [])]),
         "perfids": (f"The marks of {prefix} in performance logs.",
                     [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
-    return {one: guarded(app, one, *headers[one]) for one in (*MISSION, *PLATFORM)}
+    return {name: guarded(app, name, *headers[name]) for name in (*MISSION, *PLATFORM)}
 
 
 def msgids(mission: Mission, app: App) -> list[str]:
@@ -163,10 +164,10 @@ def msgids(mission: Mission, app: App) -> list[str]:
     return [*lines, ""]
 
 
-def structs(app: App, found: Sequence[Table]) -> list[str]:
+def structs(app: App, tables: Sequence[Table]) -> list[str]:
     """The structs of all tables, as lines."""
     parts = [f'#include "{app.name}_tbldefs.h"', ""]
-    for table in found:
+    for table in tables:
         name = f"{app.prefix}_{table.name}"
         parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
                   struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
@@ -194,7 +195,7 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
             ("Mode", "uint32", ", ".join(modes)), ("Accepted", "uint32", "commands"),
             ("Executed", "uint32", ""), ("Refused", "uint32", "at acceptance or execution"),
             ("Reasons", f"uint32[{len(Reason)}]", "of the refusals: " + ", ".join(
-                f"{int(one)} {one.name.lower()}" for one in Reason)),
+                f"{int(reason)} {reason.name.lower()}" for reason in Reason)),
             ("RequestErrors", "uint32", "other messages that were not as expected"),
             ("TableUpdates", "uint32", "parameters that were taken over since the start"),
             ("TableRefusals", "uint32", "parameters that break their rules"), ("Ticks", "uint32", "of flight"),
@@ -218,9 +219,9 @@ def database(mission: Mission, app: App) -> str:
         of, _, n = type_.removesuffix("]").partition("[")
         items += [number(f"{name}[{i}]" if n else name, of[0] + of.removeprefix("u").removeprefix("int"), about)
                   for i in range(int(n or 1))]
-    found = dictionary(mission, CMD + app.topic, TLM + app.topic, app.order)
-    last = Packet(f"{mission.process}.app", f"housekeeping of the app {app.name}", found.texts, items)
-    databases = [ground_packets.database(mission, found, last)]
+    commands = dictionary(mission, CMD + app.topic, TLM + app.topic, app.order)
+    last = Packet(f"{mission.process}.app", f"housekeeping of the app {app.name}", commands.texts, items)
+    databases = [ground_packets.database(mission, commands, last)]
     return xtce(mission.name, databases, ground.read(mission.place, databases))
 
 

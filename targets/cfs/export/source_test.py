@@ -53,14 +53,14 @@ def test_it_compiles_under_the_flags_and_headers_of_every_version(written, versi
 
 
 def test_an_app_for_flight_has_no_call_of_a_simulation(nadir, written, tmp_path):
-    asked = re.compile(r"\b(getenv|setenv|mmap|futex|open|fopen|clock_gettime) *\(")
+    calls = re.compile(r"\b(getenv|setenv|mmap|futex|open|fopen|clock_gettime) *\(")
     texts = {file: file.read_text() for file in written.rglob("*.[ch]")}
-    assert [file for file, text in texts.items() if asked.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
+    assert [file for file, text in texts.items() if calls.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
     assert not [file for file in texts if "registers" in str(file.relative_to(written))]
     cfs.write(nadir, cfs.App("nadir"), tmp_path / "board", ())          # with registers in memory: none as well
     texts = {file: file.read_text() for file in (tmp_path / "board").rglob("*.c")}
     assert any(file.name == "nadir_attach.c" for file in texts)
-    assert [file for file, text in texts.items() if asked.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
+    assert [file for file, text in texts.items() if calls.search(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))] == []
 
 
 def test_the_build_names_every_file_and_no_other(written):
@@ -79,27 +79,27 @@ def test_the_build_names_every_file_and_no_other(written):
 def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written):
     ns = {"s": "http://www.ccsds.org/schema/sois/seds"}
     package = ElementTree.parse(written / "eds/nadir.xml").getroot().find("s:Package", ns)
-    types = {one.get("name"): one for one in package.find("s:DataTypeSet", ns)}
+    types = {type_.get("name"): type_ for type_ in package.find("s:DataTypeSet", ns)}
     sizes = {"CFE_HDR/TelemetryHeader": 16, "CFE_HDR/CommandHeader": 8, "BASE_TYPES/double": 8, "BASE_TYPES/float": 4}
     sizes |= {f"BASE_TYPES/{sign}int{bits}": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
-    labels = {one.get("label"): one.get("value") for one in types["Head_quality"].iter(f"{{{ns['s']}}}Enumeration")}
+    labels = {e.get("label"): e.get("value") for e in types["Head_quality"].iter(f"{{{ns['s']}}}Enumeration")}
     assert labels == {"QUALITY_NONE": "0", "QUALITY_STALE": "1", "QUALITY_DEGRADED": "2", "QUALITY_GOOD": "3"}
 
     def size(name):
         if name in sizes:
             return sizes[name]
-        one = types[name]
-        if one.tag.endswith("ArrayDataType"):
+        type_ = types[name]
+        if type_.tag.endswith("ArrayDataType"):
             n = 1
-            for dimension in one.iter(f"{{{ns['s']}}}Dimension"):
+            for dimension in type_.iter(f"{{{ns['s']}}}Dimension"):
                 n *= int(dimension.get("size"))
-            return n * size(one.get("dataTypeRef"))
-        encoding = [part for part in one if part.tag.endswith("DataEncoding")]
+            return n * size(type_.get("dataTypeRef"))
+        encoding = [part for part in type_ if part.tag.endswith("DataEncoding")]
         if encoding:
             return int(encoding[0].get("sizeInBits")) // 8
-        return (size(one.get("baseType")) if one.get("baseType") else 0) + sum(
-            size(entry.get("type")) for entry in one.iter(f"{{{ns['s']}}}Entry"))
+        return (size(type_.get("baseType")) if type_.get("baseType") else 0) + sum(
+            size(entry.get("type")) for entry in type_.iter(f"{{{ns['s']}}}Entry"))
 
     app = cfs.App("nadir")
     component = package.find("s:ComponentSet/s:Component", ns)
@@ -107,16 +107,16 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     packets = {interface.get("name"): interface.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type")
                for interface in interfaces}
     kinds = {interface.get("name"): interface.get("type").partition("/")[2].upper() for interface in interfaces}
-    found = tables.tables(nadir, app)
-    for table in found:
+    tables_ = tables.tables(nadir, app)
+    for table in tables_:
         assert kinds.pop(table.name) == "TABLE" and size(packets[table.name]) == 8 + len(table.content)
     assert {f"NADIR_MISSION_{name}_TOPICID" for name in kinds} == set(app.topics(nadir))
-    numbers = {one.get("name"): one.get("initialValue") for one in component.iter(f"{{{ns['s']}}}Variable")}
+    numbers = {v.get("name"): v.get("initialValue") for v in component.iter(f"{{{ns['s']}}}Variable")}
     assert len(set(numbers.values())) == len(kinds)     # of commands and of telemetry in one list
-    for one in component.iter(f"{{{ns['s']}}}ParameterMap"):
-        name = one.get("interface")
+    for map_ in component.iter(f"{{{ns['s']}}}ParameterMap"):
+        name = map_.get("interface")
         topic = app.topics(nadir)[f"NADIR_MISSION_{name}_TOPICID"]
-        assert numbers[one.get("variableRef")] == f"${{CFE_MISSION/{kinds[name]}_BASE_TOPICID}} + {topic}"
+        assert numbers[map_.get("variableRef")] == f"${{CFE_MISSION/{kinds[name]}_BASE_TOPICID}} + {topic}"
     for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
         for message in messages:
             assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
@@ -125,10 +125,10 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
         104 + reasons + reasons % 8, 48 + reasons, 40)
     assert size("ReadReportTlm") == 40 + 512 and size("ArmCmd") == 14
     for command in ("Write", "Stage"):                  # a command for each parameter, and none for another byte
-        written_to = {(i, at) for i, table in enumerate(found) for at in range(len(table.content))}
+        written_to = {(i, at) for i, table in enumerate(tables_) for at in range(len(table.content))}
         for name in (name for name in types if types[name].get("baseType") == f"{command}Cmd"):
-            module, offset = (int(one.get("value")) for one in types[name].iter(f"{{{ns['s']}}}ValueConstraint"))
-            assert name.startswith(f"{command}{found[module].name}_")
+            module, offset = (int(value.get("value")) for value in types[name].iter(f"{{{ns['s']}}}ValueConstraint"))
+            assert name.startswith(f"{command}{tables_[module].name}_")
             part = {(module, at) for at in range(offset, offset + size(name) - 16)}
             assert part and part <= written_to
             written_to -= part
@@ -144,7 +144,7 @@ def test_a_sheet_leaves_to_others_what_is_theirs(nadir, tmp_path):
 
 def test_a_sheet_has_no_type_for_two_things():
     types = eds.Types()
-    assert [types.container("Same", [("A", one, "")]) for one in ("x", "y", "x", "z", "y")] == [
+    assert [types.container("Same", [("A", type_, "")]) for type_ in ("x", "y", "x", "z", "y")] == [
         "Same", "Same_2", "Same", "Same_3", "Same_2"]
     assert "\n".join(types.lines).count("<ContainerDataType") == 3
 
@@ -235,10 +235,10 @@ def test_source_that_a_users_module_wraps_comes_along(tmp_path):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    found = sources.collect(Stub("flight/own/mod.c"), [tmp_path, ROOT], {})
-    assert {name for name in found if (tmp_path / name).is_file()} == set(files) - {
+    collected = sources.collect(Stub("flight/own/mod.c"), [tmp_path, ROOT], {})
+    assert {name for name in collected if (tmp_path / name).is_file()} == set(files) - {
         "flight/own/mod_test.c", "flight/legacy/unused.c"}
-    assert "flight/msg/head.h" in found
+    assert "flight/msg/head.h" in collected
     with pytest.raises(export.ExportError, match="stub needs flight/none.c, which is in none of"):
         sources.collect(Stub("flight/none.c"), [tmp_path, ROOT], {})
     (tmp_path / "flight/legacy/part.h").write_text('#include "absent.h"\n')

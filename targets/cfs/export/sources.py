@@ -31,16 +31,16 @@ def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], 
                                                                                                                   str]:
     """Path -> text of the C files and headers that the mission's modules, the registers and `generated` (name ->
     text) include and call, from the folders `roots`."""
-    found = {}
+    files = {}
 
     def take(path: str, by: str) -> None:
-        if path in found or path in generated:
+        if path in files or path in generated:
             return
         file = next((root / path for root in roots if (root / path).is_file()), None)
         if file is None:
             raise ExportError(f"{by} needs {path}, which is in none of {', '.join(map(str, roots))}")
-        found[path] = file.read_text(encoding="utf-8")
-        for other in INCLUDE.findall(found[path]):
+        files[path] = file.read_text(encoding="utf-8")
+        for other in INCLUDE.findall(files[path]):
             take(relative(other, path, roots), path)
 
     for name, text in generated.items():
@@ -49,15 +49,15 @@ def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], 
                 take(other, name)
     for path in [*mission.sources(roots), *ALWAYS, *more]:
         take(path, mission.title)
-    if "targets/mission_packets.h" in found:    # a board has numbers in packets
+    if "targets/mission_packets.h" in files:    # a board has numbers in packets
         take("targets/mission_packets.c", mission.title)
     # Functions that are called and not defined yet: take the C files beside the headers that define them.
-    beside = candidates(found, roots)
+    beside = candidates(files, roots)
     while True:
-        words = set(WORD.findall("\n".join(found.values())))
-        more = [path for path, names in beside.items() if path not in found and names & words]
+        words = set(WORD.findall("\n".join(files.values())))
+        more = [path for path, names in beside.items() if path not in files and names & words]
         if not more:
-            return dict(sorted(found.items()))
+            return dict(sorted(files.items()))
         for path in more:
             take(path, mission.title)
 
@@ -68,9 +68,9 @@ def relative(include: str, path: str, roots: Sequence[Path]) -> str:
     return beside if any((root / beside).is_file() for root in roots) else include
 
 
-def candidates(found: Iterable[str], roots: Sequence[Path]) -> dict[str, set[str]]:
+def candidates(files: Iterable[str], roots: Sequence[Path]) -> dict[str, set[str]]:
     """Path -> what it defines, of the C files in the folders of those found, without tests and tools."""
-    folders = {Path(path).parent for path in found}
+    folders = {Path(path).parent for path in files}
     result = {}
     for folder in sorted(folders):
         for root in roots:

@@ -56,7 +56,7 @@ def described(fields: Sequence[Any], start: int = 0) -> list[tuple]:
 
 def tables(mission: Mission, app: App) -> list[Table]:
     """Those of all modules with parameters, in the order of the mission's list of parameters."""
-    found: list[Table] = []
+    built: list[Table] = []
     taken_names: set[str] = set()
     taken_stems: set[str] = set()
     for module in mission.modules:
@@ -65,8 +65,8 @@ def tables(mission: Mission, app: App) -> list[Table]:
             start, end = fields[0].offset, fields[-1].offset + fields[-1].size
             name = shortened(names.camel(names.identifier(module.name)), NAME_MAX, taken_names)
             stem = shortened(f"{app.name}_{module.name.lower()}", FILE_MAX - len(".tbl"), taken_stems)
-            found.append(Table(module, name, stem, fields, module.memory[start:end], start))
-    return found
+            built.append(Table(module, name, stem, fields, module.memory[start:end], start))
+    return built
 
 
 def shortened(text: str, longest: int, taken: set[str]) -> str:
@@ -124,13 +124,13 @@ def nested(field: Any, raw: bytes, shape: list[int]) -> str:
     return literal(field, raw)
 
 
-def layout_checks(app: App, found: Sequence[Table]) -> list[str]:
+def layout_checks(app: App, tables: Sequence[Table]) -> list[str]:
     """Lines that a compiler refuses where a table is not its module's parameters."""
     lines = []
-    for table in found:
+    for table in tables:
         name, module = f"{app.prefix}_{table.name}_t", table.module
         lines.append(f"SAME(sizeof({name}), {HEAD_SIZE} + sizeof((({module.type} *)0)->par), {table.name});")
         for f in table.fields:
             lines.append(f"SAME(offsetof({name}, {f.name}), {HEAD_SIZE} + offsetof({module.type}, par.{f.name}) - "
                          f"offsetof({module.type}, par), {table.name}_{f.name});")
-    return [one for line in lines for one in wrap(line.split(" "), "", "     ")]
+    return [row for line in lines for row in wrap(line.split(" "), "", "     ")]

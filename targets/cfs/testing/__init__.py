@@ -108,7 +108,7 @@ class Core:
             if wanted(line) if callable(wanted) else wanted in line:
                 return line
 
-    def told(self, wanted):
+    def reports(self, wanted):
         """A line that has this text in it, now or before: lines of several tasks may change places."""
         return next((line for line in self.seen if wanted in line), None) or self.until(wanted)
 
@@ -116,7 +116,7 @@ class Core:
         """The next packet of an id, as bytes."""
         return bytes.fromhex(self.until(lambda line: line.startswith(f"TLM {mid:04x}"))[4:])
 
-    def told_all(self, mid):
+    def all_of(self, mid):
         """All packets of an id so far, as bytes."""
         return [bytes.fromhex(line[4:]) for line in self.seen if line.startswith(f"TLM {mid:04x}")]
 
@@ -131,9 +131,9 @@ class Core:
         while (line := self.lines.get()) is not None:
             self.seen.append(line)
         self.process.wait()
-        said = {words[0]: float(words[1]) for words in map(str.split, self.seen) if len(words) == 2 and
-                words[1].replace(".", "").isdigit()}
-        return said | {"exit": self.process.returncode}
+        values = {words[0]: float(words[1]) for words in map(str.split, self.seen) if len(words) == 2 and
+                  words[1].replace(".", "").isdigit()}
+        return values | {"exit": self.process.returncode}
 
     def kill(self):
         self.process.kill()

@@ -24,11 +24,11 @@ def build(apps, folder, compiler="gcc", options=("-O2",), loaded=False):
     (folder / "ram").mkdir(exist_ok=True)
     linked = []
     for app, source in apps:
-        made = compiled(app, source, objects / app.name, compiler, [*options, *(["-fPIC"] if loaded else [])])
+        compilation = compiled(app, source, objects / app.name, compiler, [*options, *(["-fPIC"] if loaded else [])])
         if loaded:
-            run(compiler, *options, "-shared", *made, "-lm", "-o", folder / f"cf/{app.name}.so")
+            run(compiler, *options, "-shared", *compilation, "-lm", "-o", folder / f"cf/{app.name}.so")
         else:
-            linked += made
+            linked += compilation
         for table in sorted(Path(source, "cf").glob("*.tbl")):
             (folder / "cf" / table.name).write_bytes(table.read_bytes())
     (folder / "cf/cfe_es_startup.scr").write_text("".join(startup(app) for app, _ in apps) + "!\n")
@@ -45,11 +45,9 @@ def compiled(app, source, objects, compiler="gcc", options=("-O2",)):
     """The object files of an app, by the flags that a cFS tree imposes."""
     objects.mkdir(parents=True, exist_ok=True)
     files = sorted(Path(source, "fsw/src").rglob("*.c"))
-    made = []
-    for file in files:
-        made.append(objects / (str(file.relative_to(Path(source, "fsw/src"))).replace("/", "_") + ".o"))
-    in_folder(files, made, compiler, [*FLAGS, *EXACT, *options, *included(), *own(app, source, objects)])
-    return made
+    paths = [objects / (str(file.relative_to(Path(source, "fsw/src"))).replace("/", "_") + ".o") for file in files]
+    in_folder(files, paths, compiler, [*FLAGS, *EXACT, *options, *included(), *own(app, source, objects)])
+    return paths
 
 
 def own(app, source, folder):
@@ -58,11 +56,11 @@ def own(app, source, folder):
     return ["-I", source, "-I", folder / "inc", "-I", Path(source, "fsw/inc"), "-I", Path(source, "fsw/src")]
 
 
-def in_folder(files, made, compiler, options):
+def in_folder(files, objects, compiler, options):
     """Compile many files by two compilers side by side."""
     jobs: list[subprocess.Popen] = []
     try:
-        for file, to in zip(files, made):
+        for file, to in zip(files, objects):
             if len(jobs) == 2:
                 finish(jobs.pop(0))
             jobs.append(subprocess.Popen(list(map(str, [compiler, *options, "-c", file, "-o", to])),
@@ -76,9 +74,9 @@ def in_folder(files, made, compiler, options):
 
 
 def finish(job):
-    said, _ = job.communicate()
+    output, _ = job.communicate()
     if job.returncode:
-        raise subprocess.CalledProcessError(job.returncode, job.args, said)
+        raise subprocess.CalledProcessError(job.returncode, job.args, output)
 
 
 def run(*command):
@@ -93,11 +91,11 @@ def included():
 def pocket(compiler="gcc", options=("-O2",)):
     """The objects of the pocket cFE and its host, compiled once."""
     folder = tempfile.TemporaryDirectory()
-    kept.append(folder)
+    alive.append(folder)
     files = pocket_sources()
-    made = [Path(folder.name, file.stem + ".o") for file in files]
-    in_folder(files, made, compiler, [*FLAGS, *options, *included()])
-    return made
+    objects = [Path(folder.name, file.stem + ".o") for file in files]
+    in_folder(files, objects, compiler, [*FLAGS, *options, *included()])
+    return objects
 
 
-kept: list = []
+alive: list = []

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.export.board import emit_board
 from fledge.export.c_source import emit as emit_c
@@ -42,9 +42,9 @@ def compose(sim: Simulation, mission: Mission, own: Mission | None = None, board
 
     own: the mission as its scripts compose it, where `mission` is what a scenario has changed of it since.
     """
-    if fed := [one for one in mission.inputs if one.fed]:
-        raise ExportError("\n".join(f"{one.path} is fed {one.fed}, which the script cannot do on a target: wire it to "
-                                    "a model of the world" for one in fed))
+    if fed := [port for port in mission.inputs if port.fed]:
+        raise ExportError("\n".join(f"{port.path} is fed {port.fed}, which the script cannot do on a target: wire it "
+                                    "to a model of the world" for port in fed))
     own = replace(own or mission, form="micropython")
     scripts = read_scripts(sim)
     left = {module.name: module.memory for module in own.modules}

@@ -32,8 +32,8 @@ LISTED = {"task": "the task", "runs": "in the task", "mode": "the mode", "activa
 def first_difference(mission: Mission, flight: Flight, lines: Iterable[str]) -> str:
     """How what the target describes differs from the desktop's process of that mission, which has not run; "" if it
     does not."""
-    found = list(lines)
-    return next(_differences(mission, flight, found), "")
+    rest = list(lines)
+    return next(_differences(mission, flight, rest), "")
 
 
 def _differences(mission: Mission, flight: Flight, lines: list[str]) -> Iterator[str]:
@@ -42,25 +42,25 @@ def _differences(mission: Mission, flight: Flight, lines: list[str]) -> Iterator
         kind, _, rest = line.partition(" ")
         theirs.setdefault(kind, []).append(rest)
 
-    modules = {f"{name} {objects.struct(one).name}": one for name, one in flight.instances.items()}
+    modules = {f"{name} {objects.struct(module).name}": module for name, module in flight.instances.items()}
     for name in modules.keys() - set(theirs.get("module", [])):
         yield f"the script there makes no {name.replace(' ', ', a ')}"
     for name in theirs.get("module", []):
         if name not in modules:
             yield f"the script there makes {name.replace(' ', ', a ')}, and here not"
     outside = [end for message in mission.inputs for end in message.ends]   # what comes there may be there already
-    memory = {name: bytearray(objects.struct(one).size) for name, one in flight.instances.items()}
+    memory = {name: bytearray(objects.struct(module).size) for name, module in flight.instances.items()}
     for line in theirs.get("bytes", []):
         name, offset, raw = line.split()
         at = int(offset)
         memory[name][at:at + len(raw) // 2] = bytes.fromhex(raw)
-    for name, one in flight.instances.items():
-        here, there = bytearray(objects.memory(one)), memory[name]
-        for field in objects.struct(one).fields:
+    for name, module in flight.instances.items():
+        here, there = bytearray(objects.memory(module)), memory[name]
+        for field in objects.struct(module).fields:
             if f"{flight.name}.{name}.{field.name}" in outside and field.group == "in":
                 for each in (here, there):
                     each[field.offset:field.offset + field.size] = bytes(field.size)
-        yield from _in_memory(f"{flight.name}.{name}", one, here, there)
+        yield from _in_memory(f"{flight.name}.{name}", module, here, there)
 
     ours = expected(mission, flight)
     for name in sorted(set(ours["python"]) ^ set(theirs.get("python", []))):
@@ -70,7 +70,7 @@ def _differences(mission: Mission, flight: Flight, lines: list[str]) -> Iterator
         yield (f"the wire {start} >> {end}" + (f", {' '.join(choice)}," if choice else "")
                + (f", stale after {int(age) / 1e9:g} s," if int(age) else "")
                + f" is only {'here' if line in ours['wire'] else 'there'}")
-    theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.rsplit(" ", 2))]
+    theirs["sets"] = [bytes_ for line in theirs.get("sets", []) for bytes_ in _bytewise(*line.rsplit(" ", 2))]
     for kind, what in LISTED.items():
         for ours_is, theirs_is in zip_longest(ours[kind], theirs.get(kind, [])):
             if ours_is != theirs_is:
@@ -99,8 +99,8 @@ def _in_memory(path: str, instance: Any, here: bytearray, there: bytearray) -> I
 
 def _count(shape: Iterable[int]) -> int:
     n = 1
-    for one in shape:
-        n *= one
+    for part in shape:
+        n *= part
     return n
 
 
@@ -129,8 +129,8 @@ def expected(mission: Mission, flight: Flight) -> dict[str, list[str]]:
             if not w.source.startswith("in."):
                 lines["wire"].append(f"{end(w.source)} {end(w.target)} {w.stale_after}"
                                      + (f" {w.choice} {before}" if w.choice else ""))
-    lines["python"] = [name for name, one in flight.instances.items() if script(one)]
-    for task in sorted(flight.tasks, key=lambda one: -one.priority):
+    lines["python"] = [name for name, module in flight.instances.items() if script(module)]
+    for task in sorted(flight.tasks, key=lambda task: -task.priority):
         lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority}")
         lines["runs"] += [f"{task.name} {name}" for name in task.run]
     for name, tasks in flight.modes:
@@ -165,9 +165,9 @@ def parts(steps: Iterable[Any]) -> Iterator[str]:
         yield step if isinstance(step, str) else " ".join((operand(step[0]), step[1], operand(step[2])))
 
 
-def operand(one: Any) -> str:
-    if one.constant is None:
-        return f"{one.path.partition('.')[2]}+{one.offset}:{one.measure}"
-    if isinstance(one.constant, int):
-        return str(one.constant)
-    return f"0x{packing.unpack('<Q', packing.pack('<d', one.constant))[0]:016x}"
+def operand(field: Any) -> str:
+    if field.constant is None:
+        return f"{field.path.partition('.')[2]}+{field.offset}:{field.measure}"
+    if isinstance(field.constant, int):
+        return str(field.constant)
+    return f"0x{packing.unpack('<Q', packing.pack('<d', field.constant))[0]:016x}"

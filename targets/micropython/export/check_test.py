@@ -26,11 +26,11 @@ def composed(tmp_path_factory):
     mission = export.read(sim)
     flight = sim.flight
     lines = []
-    for name, one in flight.instances.items():
-        raw = objects.memory(one)
-        lines.append(f"module {name} {objects.struct(one).name}")
+    for name, module in flight.instances.items():
+        raw = objects.memory(module)
+        lines.append(f"module {name} {objects.struct(module).name}")
         lines += [f"bytes {name} {at} {raw[at:at + 32].hex()}" for at in range(0, len(raw), 32) if any(raw[at:at + 32])]
-    lines += [f"{kind} {line}" for kind, found in expected(mission, flight).items() for line in found]
+    lines += [f"{kind} {line}" for kind, lines in expected(mission, flight).items() for line in lines]
     return sim, mission, flight, lines
 
 
@@ -55,20 +55,20 @@ def test_the_order_of_wires_and_the_splitting_of_settings_do_not_count(composed)
             module, _, offset = place.partition("+")
             start, so_far = joined.get((event, module), (offset, ""))
             joined[event, module] = start, so_far + raw
-        return [*sorted(rest, key=lambda one: one.startswith("wire "), reverse=True),
+        return [*sorted(rest, key=lambda line: line.startswith("wire "), reverse=True),
                 *(f"sets {event} {module}+{start} {raw}" for (event, module), (start, raw) in joined.items())]
 
     assert difference(composed, change) == ""
 
 
-@pytest.mark.parametrize("kind, old, new, said", [
+@pytest.mark.parametrize("kind, old, new, message", [
     ("bytes control", "", "ff", "flight.control.par.K has other bits: here "),
     ("module control", "MrpFeedback", "TrackingError", "the script there makes no control, a MrpFeedback"),
     ("task ", " 0", " 1", "the task "),
     ("event ", " 1 ", " 2 ", "the event "),
     ("when ", "0x", "0x0", "the condition of the event "),
 ])
-def test_each_difference_is_named(composed, kind, old, new, said):
+def test_each_difference_is_named(composed, kind, old, new, message):
     def change(lines):
         at = next(i for i, line in enumerate(lines) if line.startswith(kind) and old in line[len(kind):])
         if kind == "bytes control":
@@ -79,7 +79,7 @@ def test_each_difference_is_named(composed, kind, old, new, said):
             lines[at] = head + rest.replace(old, new, 1)
         return lines
 
-    assert said in difference(composed, change)
+    assert message in difference(composed, change)
 
 
 @pytest.mark.parametrize("kind", ["module", "wire", *(kind for kind in LISTED if kind != "reset")])

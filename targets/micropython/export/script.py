@@ -51,20 +51,20 @@ def read_scripts(sim: Any) -> Scripts:
         raise ExportError(f"{sim.name}: MicroPython flies a mission's folder; this one was made without files")
     package = mission.name if mission.name not in MODULES else f"{mission.name}_mission"
     entry = "mission" if mission.several else "flight"
-    found = Scripts(f"{package}.{entry}", mission.several)
-    _Reader(package, mission.roots, found.files).take(f"{package}/{entry}.py", mission.folder / f"{entry}.py")
-    given = _given(mission, found.files[f"{package}/{entry}.py"])
+    scripts = Scripts(f"{package}.{entry}", mission.several)
+    _Reader(package, mission.roots, scripts.files).take(f"{package}/{entry}.py", mission.folder / f"{entry}.py")
+    given = _given(mission, scripts.files[f"{package}/{entry}.py"])
     choices = [line for flight in sim.flights for line in _choices(flight, mission.several)]
     if given or choices:
-        found.module = f"{package}.given"
+        scripts.module = f"{package}.given"
         uses = ["from fledge import flight as fsw", "from fledge.units import ns"] if choices else []
-        found.files[f"{package}/given.py"] = "\n".join(
+        scripts.files[f"{package}/given.py"] = "\n".join(
             [f"from .{entry} import build as _build", *uses, "", "", "def build(it):",
              f"    _build({', '.join(filter(None, ('it', given)))})", *choices, ""])
-    files = {str(path) for path in found.files.values() if isinstance(path, Path)}
-    if results := [one for one in mission.computed if one.file in files]:
-        found.files[COMPUTED] = _computed(results)
-    return found
+    files = {str(path) for path in scripts.files.values() if isinstance(path, Path)}
+    if results := [path for path in mission.computed if path.file in files]:
+        scripts.files[COMPUTED] = _computed(results)
+    return scripts
 
 
 def _choices(flight: Any, several: bool) -> Iterator[str]:
@@ -92,15 +92,15 @@ def _computed(results: Sequence[Computed]) -> str:
 
 def _literal(value: Any) -> str:
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key!r}: {_literal(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key!r}: {_literal(item)}' for key, item in value.items())}}}"
     value = value.tolist() if hasattr(value, "tolist") else value
-    return f"({''.join(f'{_literal(one)}, ' for one in value)})" if isinstance(value, (list, tuple)) else repr(value)
+    return f"({''.join(f'{_literal(item)}, ' for item in value)})" if isinstance(value, (list, tuple)) else repr(value)
 
 
 def _given(mission: Any, file: Path | str) -> str:
     """The parameters that the user gave and that its build() takes, as arguments."""
     tree = ast.parse(Path(file).read_text(encoding="utf-8"))
-    arguments = next(one.args for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == "build")
+    arguments = next(node.args for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build")
     known = [argument.arg for argument in (*arguments.args[1:], *arguments.kwonlyargs)]
     for name, value in mission.parameters.items():
         if name in known and not isinstance(value, (bool, int, float, str)):
@@ -125,23 +125,23 @@ class _Reader:
         here = name.removesuffix(".py").split("/")[:-1]
         for node in imports(tree):
             if isinstance(node, ast.Import):
-                for one in node.names:
-                    self.absolute(one.name, [], path, node)
+                for alias in node.names:
+                    self.absolute(alias.name, [], path, node)
             elif node.level:
                 base = here[:len(here) - node.level + 1]
                 if not base:
                     raise refusal(path, node, "this import goes beyond the mission")
                 self.relative([*base, *(node.module.split(".") if node.module else [])],
-                              [one.name for one in node.names], path, node)
+                              [alias.name for alias in node.names], path, node)
             else:
-                self.absolute(node.module or "", [one.name for one in node.names], path, node)
+                self.absolute(node.module or "", [alias.name for alias in node.names], path, node)
 
     def relative(self, parts: list[str], names: list[str], path: Path, node: ast.stmt) -> None:
         """`from .a import b`, in the mission's package: parts are those of a."""
-        found = self.module(parts)
+        file = self.module(parts)
         for name in names:
-            found |= self.module([*parts, name])
-        if not found and len(parts) > 1:
+            file |= self.module([*parts, name])
+        if not file and len(parts) > 1:
             raise refusal(path, node, f"there is no {'/'.join(parts[1:])}.py in {' or '.join(map(str, self.roots))}")
 
     def module(self, parts: list[str]) -> bool:
@@ -168,7 +168,7 @@ class _Reader:
         elif top == "fledge":
             if "*" in names:
                 raise refusal(path, node, f"the target cannot import * from {name}: import names")
-            wrong = [one for one in names if one not in NAMES] if name == "fledge" else []
+            wrong = [name for name in names if name not in NAMES] if name == "fledge" else []
             if wrong or name not in {"fledge", *FLEDGE}:
                 raise refusal(path, node, f"fledge{f'.{wrong[0]}' if wrong else name[6:]} is not on the target, which "
                               f"has {listed(sorted(NAMES))} of fledge")
@@ -180,8 +180,8 @@ class _Reader:
 
     def own(self, name: str, names: list[str]) -> bool:
         """Whether it is the project's own Python; then it is taken."""
-        places = [one for one in (project.folder(), self.roots[0]) if one]
-        for dotted in (name, *(f"{name}.{one}" for one in names)):
+        places = [folder for folder in (project.folder(), self.roots[0]) if folder]
+        for dotted in (name, *(f"{name}.{part}" for part in names)):
             try:
                 spec = importlib.util.find_spec(dotted)
             except (ImportError, ValueError):
@@ -199,17 +199,16 @@ class _Reader:
 def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     """The imports that the target executes, wherever they stand: not those for type checkers, and not those whose
     failure the script handles."""
-    one: ast.AST
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             yield node
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            for one in node.orelse:
-                yield from imports(ast.Module([one], []))
+            for statement in node.orelse:
+                yield from imports(ast.Module([statement], []))
         elif isinstance(node, ast.Try) and any("ImportError" in ast.dump(handler.type) or "ModuleNotFound" in ast.dump(
                 handler.type) for handler in node.handlers if handler.type):
-            for one in (*node.handlers, *node.orelse, *node.finalbody):
-                yield from imports(one)
+            for branch in (*node.handlers, *node.orelse, *node.finalbody):
+                yield from imports(branch)
         else:
             yield from imports(node)
 

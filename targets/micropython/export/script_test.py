@@ -77,7 +77,7 @@ def test_own_python_of_the_mission_s_folder_flies_too(tmp_path, monkeypatch):
     assert names(folder) == ["small/flight.py", "gains_of_mine.py"]
 
 
-@pytest.mark.parametrize("text, line, said", [
+@pytest.mark.parametrize("text, line, message", [
     ("import numpy as np", 1, "numpy is not on the target: lists with units"),
     ("if True:\n    from os import path", 2, "os is not on the target: a flight computer has no files"),
     ("def f():\n    import dataclasses", 2, "dataclasses is not on the target: a dict"),
@@ -86,11 +86,11 @@ def test_own_python_of_the_mission_s_folder_flies_too(tmp_path, monkeypatch):
     ("from fledge.attitude import mrp_to_dcm", 1, "fledge.attitude is not on the target"),
     ("import itertools", 1, "itertools is not on the target: it has fledge"),
 ])
-def test_what_the_target_does_not_have_is_refused_with_its_line(text, line, said, tmp_path):
+def test_what_the_target_does_not_have_is_refused_with_its_line(text, line, message, tmp_path):
     folder = mission(tmp_path, f"{text}\n{FLIGHT}")
     with pytest.raises(export.ExportError) as refused:
         names(folder)
-    assert str(refused.value).startswith(f"{folder}/flight.py, line {line}: {said}")
+    assert str(refused.value).startswith(f"{folder}/flight.py, line {line}: {message}")
 
 
 def test_the_line_is_that_of_the_file_that_imports(tmp_path):

@@ -36,10 +36,10 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     name, struct = mission.name, mission.struct()
     types = types_of(mission)
     blocks: dict[str, int] = {}
-    for one in mission.modules:
-        if parameters(one.struct)[0]:
-            blocks[one.name] = len(blocks)
-    largest = max((one.struct.size for one in mission.modules), default=0)     # it is made in the heap, then moved
+    for m in mission.modules:
+        if parameters(m.struct)[0]:
+            blocks[m.name] = len(blocks)
+    largest = max((m.struct.size for m in mission.modules), default=0)      # it is made in the heap, then moved
     heap = HEAP + (largest if largest > LARGE else 0)
     lines = [*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"', "",
              f"{struct} {name}_memory;", f"static uint64_t heap[{heap // 8}];", "",
@@ -47,19 +47,19 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
 
     def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
         """The lines of a table, and what refers to it: "0" of an empty one."""
-        found = [line for items in rows for line in row(*map(str, items))]
-        if found:
-            lines.extend([f"static const {head}[] = {{", *found, "};", ""])
-        return head.split()[-1] if found else "0"
+        entries = [line for items in rows for line in row(*map(str, items))]
+        if entries:
+            lines.extend([f"static const {head}[] = {{", *entries, "};", ""])
+        return head.split()[-1] if entries else "0"
 
     places = table("ScriptPlace places", (
-        (quoted(script_name(one)), f"&{one.type}_type", f"offsetof({struct}, {one.name})",
-         f"{parameters(one.struct)[1]}u", blocks.get(one.name, -1), f"{parameters_crc(one):#06x}u")
-        for one in mission.modules))
+        (quoted(script_name(module)), f"&{module.type}_type", f"offsetof({struct}, {module.name})",
+         f"{parameters(module.struct)[1]}u", blocks.get(module.name, -1), f"{parameters_crc(module):#06x}u")
+        for module in mission.modules))
     inputs = table("ScriptInput inputs", (
         (f"{i}u", f"offsetof({struct}, {wire.source})", f"offsetof({struct}, {wire.target})",
          f"sizeof((({struct} *)0)->{wire.source})", wire.stale_after)
-        for i, one in enumerate(mission.modules) for wire in mission.wires[one.name] if wire.source.startswith("in.")))
+        for i, m in enumerate(mission.modules) for wire in mission.wires[m.name] if wire.source.startswith("in.")))
     constants = matrices()
     for constant, rows in constants.items():
         lines += [f"static const double constant_{constant}[] = {{",
@@ -68,8 +68,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
         (quoted(constant), f"constant_{constant}", f"{{{len(rows)}u, {len(rows[0])}u}}")
         for constant, rows in constants.items()))
     unit_names = table("ScriptUnitName unit_names", (
-        (quoted(unit), f"{{&script_quantity_type, SCRIPT_NUMBER({bits(one.value)}), {braced(one.dims)}}}")
-        for unit, one in ((unit, getattr(units, unit)) for unit in units.UNITS)))
+        (quoted(unit), f"{{&script_quantity_type, SCRIPT_NUMBER({bits(quantity.value)}), {braced(quantity.dims)}}}")
+        for unit, quantity in ((unit, getattr(units, unit)) for unit in units.UNITS)))
     unit_texts = table("ScriptUnit unit_texts", (
         (quoted(text), braced(dims)) for dims, text in units._NAMES.items()))
 
@@ -136,18 +136,18 @@ def matrices() -> dict[str, list[list[float]]]:
 
 def types_of(mission: Mission) -> dict[str, Any]:
     """The structs of the mission's modules, and of all that they hold, by name; what a struct holds comes before it."""
-    found: dict[str, Any] = {}
+    members: dict[str, Any] = {}
 
     def add(struct: _core.Struct) -> None:
-        if struct.name not in found:
+        if struct.name not in members:
             for f in struct.fields:
                 if f.type == "struct":
                     add(f.struct)
-            found[struct.name] = struct
+            members[struct.name] = struct
 
     for module in mission.modules:
         add(module.struct)
-    return found
+    return members
 
 
 def visible(struct: _core.Struct) -> list[Any]:
@@ -195,7 +195,7 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
         for f in members:
             of = places.index(f.struct.name) if f.type == "struct" else enum_places.index(f.ctype) if (
                 f.type == "enum") else 0
-            count = next((f"{i}u" for i, one in enumerate(members) if one.name == f.count), "SCRIPT_NO_FIELD")
+            count = next((f"{i}u" for i, member in enumerate(members) if member.name == f.count), "SCRIPT_NO_FIELD")
             line, = row(f"{f.offset}u", f"{names_at[f.name]}u", f"{of}u",
                         f"{{{', '.join(f'{n}u' for n in f.shape or (0,))}}}", f"FLEDGE_{f.type.upper()}",
                         f"SCRIPT_{GROUPS[f.group]}", "SCRIPT_REQUIRED" if f.required else "0u", f"{len(f.shape)}u",

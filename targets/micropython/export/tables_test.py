@@ -17,12 +17,12 @@ def struct(*shapes, names=None):
     return SimpleNamespace(name="Large", fields=fields)
 
 
-@pytest.mark.parametrize("one, said", [
+@pytest.mark.parametrize("old, message", [
     (struct((2, 2, 2, 2)), r"Large.x0 has shape \(2, 2, 2, 2\)"), (struct((), (65536,)), r"Large.x1 has shape"),
     (struct(*255 * [()]), "Large has 255 fields")])
-def test_what_the_tables_have_no_room_for_is_refused(one, said):
-    with pytest.raises(ExportError, match=said):
-        visible(one)
+def test_what_the_tables_have_no_room_for_is_refused(old, message):
+    with pytest.raises(ExportError, match=message):
+        visible(old)
     assert len(visible(struct(*254 * [(65535, 1, 1)]))) == 254
 
 

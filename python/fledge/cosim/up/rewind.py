@@ -68,38 +68,38 @@ def _records(run: Path, p: Program) -> list[Path]:
 
 def _can_go_on(run: Path, p: Program) -> bool:
     """Whether there is what a program needs besides its snapshot: flight on a board, its files."""
-    found = {path.name.removesuffix(".part") for path in _records(run, p)}
-    return not p.target or found == {f"{name_of(p.target)}.{file}" for file in ("mcap", "telemetry.txt")}
+    records = {path.name.removesuffix(".part") for path in _records(run, p)}
+    return not p.target or records == {f"{name_of(p.target)}.{file}" for file in ("mcap", "telemetry.txt")}
 
 
-def note(plan: Plan, folder: Path, past: Past | None) -> None:
+def write_note(plan: Plan, folder: Path, past: Past | None) -> None:
     """Write what the run starts, and from where."""
-    made: dict[str, Any] = {"fledge": _fledge(), "plan": asdict(plan),
-                            "files": {p.name: _files(p) for p in plan.programs if not p.asynchronous}}
+    content: dict[str, Any] = {"fledge": _fledge(), "plan": asdict(plan),
+                               "files": {p.name: _files(p) for p in plan.programs if not p.asynchronous}}
     if past:
-        made["from"] = {"run": str(past.run.resolve()), "t": past.t}
+        content["from"] = {"run": str(past.run.resolve()), "t": past.t}
     part = folder / f"{NOTE}.part"
-    part.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     part.rename(folder / NOTE)
 
 
-def noted(run: Path) -> tuple[Plan, dict[str, Any]]:
+def recorded(run: Path) -> tuple[Plan, dict[str, Any]]:
     """What was started in the folder of a run. Raises RewindError."""
     try:
-        found = json.loads((run / NOTE).read_text(encoding="utf-8"))
-        made: dict[str, Any] = {**found["plan"],
-                                "programs": [Program(**program) for program in found["plan"]["programs"]]}
-        return Plan(**made), found
+        note = json.loads((run / NOTE).read_text(encoding="utf-8"))
+        plan: dict[str, Any] = {**note["plan"],
+                                "programs": [Program(**program) for program in note["plan"]["programs"]]}
+        return Plan(**plan), note
     except FileNotFoundError:
         raise RewindError(f"{run} is no folder of a run: it has no {NOTE}, which fledge up writes") from None
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise RewindError(f"{run / NOTE} is damaged, or of another version of Fledge: {error}") from None
 
 
-def past_of(run: Path, plan: Plan, found: dict[str, Any], t: float, changed: bool) -> Past:
+def past_of(run: Path, plan: Plan, note: dict[str, Any], t: float, changed: bool) -> Past:
     """The past of a run until t [s], for the programs of a plan. Raises RewindError.
 
-    found: as noted() gives it. changed: let programs that have changed since then step from the start.
+    note: as recorded() returns it. changed: let programs that have changed since then step from the start.
     """
     try:
         exchange = Exchange(next((path for path in (run / "exchange.mcap", run / "exchange.mcap.part")
@@ -107,22 +107,23 @@ def past_of(run: Path, plan: Plan, found: dict[str, Any], t: float, changed: boo
     except (ArchiveError, OSError) as error:
         raise RewindError(f"{run} has no record of its messages, which it needs to go on from: fly it with keep_every "
                           f"({error})") from None
-    kept = sorted((int(path.stem), path) for path in (run / FOLDER).glob("*.snapshots") if path.stem.isdigit())
+    snapshot_files = sorted((int(path.stem), path) for path in (run / FOLDER).glob("*.snapshots")
+                            if path.stem.isdigit())
     at, known, why = round(t * 1e9), exchange.known, exchange.limited or "there it ended"
-    if kept and kept[-1][0] > known and not exchange.archive.complete:
-        known = min([kept[-1][0], *exchange.changes])   # the record has all messages up to each snapshot
+    if snapshot_files and snapshot_files[-1][0] > known and not exchange.archive.complete:
+        known = min([snapshot_files[-1][0], *exchange.changes])   # the record has all messages up to each snapshot
     if at > known:
         raise RewindError(f"{run} is known until {max(known, 0) / 1e9:g} s, because {why}; found --to {t:g} s; choose "
                           "an earlier time")
-    others = changed_since(plan, found)
+    others = changed_since(plan, note)
     if others and not changed:
         raise RewindError("since that run, these have changed: " + "; ".join(
             f"{name}, {what}" for name, what in others.items()) + "; restore them, or give --changed: they fly from "
             f"the start then, and must write the same until {t:g} s")
-    earlier = [path for when, path in kept if when <= at]
+    earlier = [path for when, path in snapshot_files if when <= at]
     snapshots = {} if "fledge" in others else _read(earlier[-1]) if earlier else {}
     here = {p.name: p for p in plan.nodes if p.joins is None and p.name not in others}
-    snapshots = {name: one for name, one in snapshots.items() if name in here and one[0] >= 0
+    snapshots = {name: snapshot for name, snapshot in snapshots.items() if name in here and snapshot[0] >= 0
                  and _can_go_on(run, here[name])}
     file, later = tempfile.TemporaryFile(), 0
     file.write(_FIRST + b"until %d\n" % at)
@@ -143,7 +144,7 @@ def past_of(run: Path, plan: Plan, found: dict[str, Any], t: float, changed: boo
 
 def _read(path: Path) -> dict[str, tuple[int, bytes]]:
     """The snapshots of a file: node -> (reached [ns], bytes)."""
-    found, problem = {}, ""
+    snapshots, problem = {}, ""
     with open(path, "rb") as file:
         if file.readline() != _FIRST:
             problem = "it does not begin as such a file"
@@ -155,27 +156,27 @@ def _read(path: Path) -> dict[str, tuple[int, bytes]]:
                     problem = "it is cut off"
                 elif zlib.crc32(data) != int(crc, 16):
                     problem = f"the checksum of {name} is {zlib.crc32(data):08x}, the file says {crc}"
-                found[name] = int(reached), data
+                snapshots[name] = int(reached), data
             except ValueError:
                 problem = "it is cut off"
     if problem:
         raise RewindError(f"{path} is damaged: {problem}; delete it, and the run goes on from the snapshots before")
-    return found
+    return snapshots
 
 
-def changed_since(plan: Plan, found: dict[str, Any]) -> dict[str, str]:
+def changed_since(plan: Plan, note: dict[str, Any]) -> dict[str, str]:
     """Nodes that are not what they were, and in what; "fledge" if it is Fledge itself."""
     others = {}
-    if (fledge := _fledge()) != found["fledge"]:
-        others["fledge"] = f"it was {found['fledge']} and is {fledge}"
-    before: dict[str, Any] = {program["name"]: program for program in found["plan"]["programs"]}
+    if (fledge := _fledge()) != note["fledge"]:
+        others["fledge"] = f"it was {note['fledge']} and is {fledge}"
+    before: dict[str, Any] = {program["name"]: program for program in note["plan"]["programs"]}
     for p in plan.nodes:
         was, now = before.get(p.name), json.loads(json.dumps(asdict(p)))
         if was is None:
             others[p.name] = "it was not there"
         elif different := [key for key in _DECIDES if was[key] != now[key]]:
             others[p.name] = f"its {' and '.join(different)}"
-        elif _files(p) != found["files"][p.name]:
+        elif _files(p) != note["files"][p.name]:
             others[p.name] = "its files"
     return others
 
@@ -193,11 +194,11 @@ def _files(p: Program) -> str:
 
     if p.host:
         return ""
-    found = [path for word in [*(p.command or ()), *p.board] if (path := Path(p.directory) / word).is_file()]
-    found += [path for word in p.board for path in sorted((Path(p.directory) / word).glob("*.toml"))]
+    files = [path for word in [*(p.command or ()), *p.board] if (path := Path(p.directory) / word).is_file()]
+    files += [path for word in p.board for path in sorted((Path(p.directory) / word).glob("*.toml"))]
     if p.mission:
         folder = find(p.mission).folder
-        found += [path for path in sorted(folder.rglob("*")) if path.is_file() and not
+        files += [path for path in sorted(folder.rglob("*")) if path.is_file() and not
                   {"__pycache__", "runs", "build"} & {*path.relative_to(folder).parts}]
-    digests = [path.name.encode() + hashlib.sha256(path.read_bytes()).digest() for path in found]
+    digests = [path.name.encode() + hashlib.sha256(path.read_bytes()).digest() for path in files]
     return hashlib.sha256(b"".join(digests)).hexdigest()[:16]

@@ -25,7 +25,7 @@ COMPILERS = ["gcc", CLANG]
 def fly(compiler, optimise):
     """An archive of all flight code, compiled once."""
     folder = tempfile.TemporaryDirectory()
-    kept.append(folder)
+    alive.append(folder)
     sources = [path for path in (ROOT / "flight").rglob("*.c") if "tools" not in path.parts
                and path.name != "elementary_hash.c"] + [*(ROOT / "ccsds").glob("*.c"),
                                                         ROOT / "ccsds/store/memory_store.c"]
@@ -35,7 +35,7 @@ def fly(compiler, optimise):
     return archive
 
 
-kept: list = []
+alive: list = []
 
 
 class Row(ctypes.Structure):

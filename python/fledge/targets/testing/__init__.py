@@ -224,9 +224,9 @@ def fly_mission(number: int, folder: Path, names: Sequence[str] = ()) -> tuple[s
     messages, hashes, first = 0, [], ""
     for part in job.parts:
         with Archive(desktop[part.process].record) as a, Archive(flown[part.process].record) as b:
-            found = compare(a, b, part.outputs, times=part.is_instant)
-            first = first or (str(found[0]) if found else "")
-            hashes.append([digest(one, part.outputs, part.is_instant) for one in (a, b)])
+            differences = compare(a, b, part.outputs, times=part.is_instant)
+            first = first or (str(differences[0]) if differences else "")
+            hashes.append([digest(record, part.outputs, part.is_instant) for record in (a, b)])
             messages += sum(b.topics[topic].count for topic in part.outputs)
     if not first and any(a != b for a, b in hashes):
         first = "the hashes differ"
