@@ -302,20 +302,20 @@ private:
             return;
         }
         for (std::size_t i = 0; lines && i < lines->as_array()->size(); i++) {
-            const toml::table *one = lines->as_array()->get(i)->as_table();
-            if (!one) {
+            const toml::table *entry = lines->as_array()->get(i)->as_table();
+            if (!entry) {
                 mistake(lines->source().begin.line, "`lines` must be a list of tables {board, line, interrupt}");
                 continue;
             }
-            allow(*one, {"board", "line", "interrupt"});
-            RegisterSpace::Line line{text(*one, "board", {}), number(*one, "line", 0, 1023, {}), 0};
-            const toml::node *does = one->get("interrupt");
+            allow(*entry, {"board", "line", "interrupt"});
+            RegisterSpace::Line line{text(*entry, "board", {}), number(*entry, "line", 0, 1023, {}), 0};
+            const toml::node *does = entry->get("interrupt");
             if (!does || does->value_exact<std::string>() != "reset") {
                 line.interrupt = does && does->is_string()
                                      ? (mistake(does->source().begin.line,
                                                 "`interrupt` must be a whole number from 1 to 15, or \"reset\""),
                                         0)
-                                     : interrupt(*one, "interrupt", {});
+                                     : interrupt(*entry, "interrupt", {});
             }
             d.registers.lines.push_back(std::move(line));
         }

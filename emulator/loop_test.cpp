@@ -107,10 +107,10 @@ TEST(FlightLoop, the_time_of_flight_is_that_of_its_work)
     Bench b;
     b.tick(-1, 0);
     b.tick(0, 0);
-    const std::uint64_t one = b.state().cycles;
+    const std::uint64_t first = b.state().cycles;
     b.m.bus().write(work, 4, 1000);
     b.tick(10 * ms, 10 * ms);
-    EXPECT_EQ(b.state().cycles_most, one + 3 * 1000);
+    EXPECT_EQ(b.state().cycles_most, first + 3 * 1000);
 }
 
 TEST(FlightLoop, flight_that_is_late_misses_its_tick)

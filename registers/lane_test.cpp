@@ -447,7 +447,7 @@ TEST(Lane, TwoPiecesFitTogetherOrNotAtAll)
     }
 }
 
-TEST(Lane, NothingIsSaidOfAPacketThatIsNotThere)
+TEST(Lane, NothingIsReadFromAPacketThatIsNotThere)
 {
     for (const std::uint32_t flags : {PLAIN, QUEUED}) {
         Bench bench({{REGISTER_PACKET, flags, 4, 4, true}, {REGISTER_WORD}}, false);

@@ -114,7 +114,7 @@ static void begin_session(LineEnd *e, uint32_t session)
     e->base = e->next = e->unsent = e->furthest = 0u;
     e->repeats = 0u;
     e->expected = e->owed = 0u;
-    e->owe_now = e->missing = e->has_asked = 0;
+    e->owe_now = e->missing = e->has_requested = 0;
 }
 
 static void begin(LineEnd *e, LineTake take, void *user, int is_board, uint32_t session, int64_t now)
@@ -126,7 +126,7 @@ static void begin(LineEnd *e, LineTake take, void *user, int is_board, uint32_t 
     e->open = 0;
     e->greet = 1;
     e->greeted = now - GREET_NS;
-    e->heard = e->probed = now;
+    e->received_at = e->probed = now;
     begin_session(e, session);
 }
 
@@ -227,8 +227,8 @@ static int64_t repeat_after(const LineEnd *e)
     return after < most ? after : most;
 }
 
-/* How long it is until it asks for a missing frame again: what it asked for may be on its way. */
-static int64_t ask_after(const LineEnd *e)
+/* How long this end waits before it requests a missing frame again: the frame may be on its way. */
+static int64_t request_again_after(const LineEnd *e)
 {
     const uint32_t baud = e->hello.baud != 0u ? e->hello.baud : USUAL_BAUD;
     return LATENCY_NS + (int64_t)LINE_WINDOW * LINE_FRAME * 10 * 1000 * MS / baud;
@@ -262,15 +262,16 @@ const uint8_t *line_output(LineEnd *e, int64_t now, size_t *n)
         e->unsent = e->base;
         e->sent = now;
     }
-    if (e->missing && e->has_asked && e->asked_for == e->expected && now - e->asked < ask_after(e)) {
+    if (e->missing && e->has_requested && e->requested == e->expected &&
+        now - e->requested_at < request_again_after(e)) {
         e->missing = 0;
     }
     if (e->missing) {
         e->missing = e->owe_now = 0;
         e->owed = 0u;
-        e->has_asked = 1;
-        e->asked = now;
-        e->asked_for = e->expected;
+        e->has_requested = 1;
+        e->requested_at = now;
+        e->requested = e->expected;
         return send(e, LINE_CONTROL, LINE_AGAIN, 0u, 0u, 0u, n);
     }
     if (e->unsent != e->next) {
@@ -290,7 +291,7 @@ const uint8_t *line_output(LineEnd *e, int64_t now, size_t *n)
         memcpy(e->out + LINE_HEAD, s->bytes, s->n);
         return send(e, (LineKind)s->kind, s->flags | ask, sequence, s->tick, s->n, n);
     }
-    if (!e->is_board && now - e->heard >= PROBE_NS && now - e->probed >= PROBE_NS) {
+    if (!e->is_board && now - e->received_at >= PROBE_NS && now - e->probed >= PROBE_NS) {
         e->probed = now;
         return send(e, LINE_CONTROL, LINE_ASK, 0u, 0u, 0u, n);
     }
@@ -324,7 +325,7 @@ int64_t line_wake(const LineEnd *e, int64_t now)
             wake = sooner(wake, e->owed_since + OWED_NS, now);
         }
         if (!e->is_board) {
-            wake = sooner(wake, (e->heard > e->probed ? e->heard : e->probed) + PROBE_NS, now);
+            wake = sooner(wake, (e->received_at > e->probed ? e->received_at : e->probed) + PROBE_NS, now);
         }
         if (e->base != e->furthest) {
             wake = sooner(wake, e->sent + repeat_after(e), now);
@@ -433,12 +434,12 @@ static void take_frame(LineEnd *e, const uint8_t *frame, uint32_t n, int64_t now
     m.n = n;
     e->counts.frames_taken++;
     if (m.kind == LINE_HELLO) {
-        e->heard = now;
+        e->received_at = now;
         take_hello(e, &m, now);
         return;
     }
     if (m.kind == LINE_WELCOME) {
-        e->heard = now;
+        e->received_at = now;
         take_welcome(e, &m);
         return;
     }
@@ -455,7 +456,7 @@ static void take_frame(LineEnd *e, const uint8_t *frame, uint32_t n, int64_t now
         e->greet |= e->is_board;
         return;
     }
-    e->heard = now;
+    e->received_at = now;
     acknowledge(e, get16(frame + 8), now);
     if (m.kind == LINE_CONTROL) {
         e->owe_now |= (m.flags & LINE_ASK) != 0u;

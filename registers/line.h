@@ -6,11 +6,11 @@
  *     2 bytes      2        1      1       2          2              4         4      0 to 512      4
  *
  * All numbers are little-endian. The CRC, that of mcap_crc.h, is of all bytes before it. The receiver takes a frame of
- * its session if it is the next one, and asks for the rest again (go-back-N, LINE_WINDOW frames) if one is missing or
+ * its session if it is the next one, and requests the rest again (go-back-N, LINE_WINDOW frames) if one is missing or
  * damaged; behind bytes that are no frame it looks for the next sync. The sender also repeats what was not acknowledged
  * for some time.
  *
- * The outside asks for an acknowledgement when it has heard nothing for 250 ms.
+ * The outside requests an acknowledgement when nothing has come for 250 ms.
  *
  * A session begins with the HELLO of the outside, which repeats it until the board has answered by a WELCOME. In
  * frames, `session` is its number XOR that of the board's start, so none passes between ends that do not know of each
@@ -117,7 +117,7 @@ typedef struct LineSent {
     uint8_t bytes[LINE_PAYLOAD];
 } LineSent;
 
-/** One end of a link. The members are line.c's own, but all may read `counts` and `heard`. */
+/** One end of a link. The members are line.c's own, but all may read `counts` and `received_at`. */
 typedef struct LineEnd {
     LineTake take;
     void *user;
@@ -128,8 +128,8 @@ typedef struct LineEnd {
     uint32_t past;       ///< the session before
     LineHello hello;     ///< outside: of this end; board: of the session
     LineWelcome welcome; ///< board: of this end; outside: of the session
-    int64_t heard;       ///< [ns] when the last whole frame of this session came
-    int64_t probed;      ///< [ns] when the outside asked last whether the board is there
+    int64_t received_at; ///< [ns] when the last whole frame of this session came
+    int64_t probed;      ///< [ns] when the outside last probed the board
     int64_t greeted;     ///< [ns] when the last HELLO or WELCOME was sent
     LineCounts counts;
 
@@ -141,14 +141,14 @@ typedef struct LineEnd {
     uint32_t repeats;  ///< by time, since the last acknowledgement
     LineSent window[LINE_WINDOW];
 
-    uint16_t expected;  ///< the sequence that is taken next
-    uint16_t owed;      ///< frames taken and not acknowledged
-    int owe_now;        ///< acknowledge at once
-    int missing;        ///< a frame is missing: ask for it
-    int64_t owed_since; ///< [ns]
-    int64_t asked;      ///< [ns] when it was asked for last
-    uint16_t asked_for; ///< and which one
-    int has_asked;
+    uint16_t expected;    ///< the sequence that is taken next
+    uint16_t owed;        ///< frames taken and not acknowledged
+    int owe_now;          ///< acknowledge at once
+    int missing;          ///< a frame is missing: request it
+    int64_t owed_since;   ///< [ns]
+    int64_t requested_at; ///< [ns] when the missing frame was last requested
+    uint16_t requested;   ///< the sequence of that request
+    int has_requested;
 
     int64_t came; ///< [ns] when the last byte came
     size_t n;     ///< bytes in `in`

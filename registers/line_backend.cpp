@@ -21,8 +21,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::int64_t second = 1'000'000'000;
-constexpr std::int64_t silence = second;  ///< [ns] after which it is reported
-constexpr std::uint32_t misses_told = 10; ///< by name; the others are counted
+constexpr std::int64_t silence = second;   ///< [ns] after which it is reported
+constexpr std::uint32_t misses_named = 10; ///< by name; the others are counted
 constexpr std::array late_ms = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000};
 
 std::int64_t now_ns()
@@ -68,8 +68,8 @@ LineSettings LineSettings::read(const std::string &text)
     s.device = text.substr(0, mark);
     for (std::size_t at = mark; at < text.size();) {
         const auto next = std::min(text.find('&', at + 1), text.size());
-        const std::string one = text.substr(at + 1, next - at - 1), name = one.substr(0, one.find('='));
-        const std::string value = name.size() < one.size() ? one.substr(name.size() + 1) : "";
+        const std::string setting = text.substr(at + 1, next - at - 1), name = setting.substr(0, setting.find('='));
+        const std::string value = name.size() < setting.size() ? setting.substr(name.size() + 1) : "";
         if (name == "baud") {
             s.baud = static_cast<std::uint32_t>(number(name, value, 300, 20e6));
         } else if (name == "cut") {
@@ -122,7 +122,7 @@ void LineBackend::fail(const std::string &what) const
     throw Error(path() + ": " + what);
 }
 
-void LineBackend::tell(const std::string &what) const
+void LineBackend::report(const std::string &what) const
 {
     std::fprintf(stderr, "%s: %s\n", path().c_str(), what.c_str());
 }
@@ -248,7 +248,7 @@ void LineBackend::take_record(const LineMessage &message)
     std::span bytes(message.bytes + 4, message.n - 4);
     if (at == 0 && (!recording_ || recorded_ > 0)) {
         if (recording_ && t_ >= 0) {
-            tell("the board kept nothing over its reset: the record begins anew at " + seconds(t_));
+            report("the board kept nothing over its reset: the record begins anew at " + seconds(t_));
         }
         close_record(false);
         recorded_ = 0;
@@ -279,7 +279,7 @@ void LineBackend::close_record(bool whole)
 // ---- what may go wrong
 
 /// What has come so far of a board that has not answered, and the remedy.
-std::string LineBackend::unheard() const
+std::string LineBackend::no_greeting() const
 {
     const LineCounts &c = line_->counts;
     const std::string at = port_->baud() ? " at " + std::to_string(port_->baud()) + " baud" : "";
@@ -323,7 +323,7 @@ void LineBackend::check_welcome() const
 }
 
 /// While this end waits: tell what is wrong with the line or the board, and end the run if it is to end then.
-void LineBackend::look_after(const std::string &what)
+void LineBackend::check_line(const std::string &what)
 {
     const std::int64_t now = now_ns();
     const auto limit = settings_.cut > 0 ? std::llround(settings_.cut * 1e9) : INT64_MAX;
@@ -331,13 +331,13 @@ void LineBackend::look_after(const std::string &what)
         if (gone_ < 0) {
             gone_ = now;
             cuts_++;
-            tell("the device has vanished in " + what + ": is its cable out?");
+            report("the device has vanished in " + what + ": is its cable out?");
         }
         if (now - gone_ > limit) {
             fail("the device has vanished in " + what + ", and did not come back within " + seconds(limit));
         }
         if (port_->reopen()) {
-            tell("the device is there again after " + seconds((now - gone_) / 1'000'000 * 1'000'000));
+            report("the device is there again after " + seconds((now - gone_) / 1'000'000 * 1'000'000));
             gone_ = -1;
             begun_ = now;
         } else {
@@ -352,7 +352,7 @@ void LineBackend::look_after(const std::string &what)
         if (!settings_.goes_on) {
             fail(text + ", which ends the run (reset=end)");
         }
-        tell(text + ", and begins flight there (reset=go-on)");
+        report(text + ", and begins flight there (reset=go-on)");
         greet_anew(true);
         begun_ = now;
     }
@@ -360,15 +360,15 @@ void LineBackend::look_after(const std::string &what)
         check_welcome();
         checked_ = true;
     }
-    const std::int64_t quiet = now - std::max(line_->heard, begun_);
+    const std::int64_t quiet = now - std::max(line_->received_at, begun_);
     if (quiet > silence && !complained_) {
         complained_ = true;
         cuts_ += greeted_;
-        tell(greeted_ ? "the board has been silent for 1 s in " + what + ": is the line cut?" : unheard());
+        report(greeted_ ? "the board has been silent for 1 s in " + what + ": is the line cut?" : no_greeting());
     } else if (complained_ && quiet < silence) {
         complained_ = false;
         if (greeted_) {
-            tell("the board is heard again");
+            report("the board is heard again");
         }
     }
     if (quiet > limit && greeted_) {
@@ -388,12 +388,12 @@ void LineBackend::greet(std::chrono::nanoseconds timeout, const std::function<bo
     greet_anew(false);
     while (!checked_) {
         pump(100ms);
-        look_after("the greeting");
+        check_line("the greeting");
         if (!greeted_ && !lives()) {
             fail("the program of the board ended before it answered");
         }
         if (!greeted_ && now_ns() - begun_ > timeout.count()) {
-            fail(unheard());
+            fail(no_greeting());
         }
     }
     std::fprintf(stderr, "%s: %s on %s, build %s, start %u\n", path().c_str(), board_.mission, board_.target,
@@ -410,14 +410,15 @@ Wait LineBackend::await_done(const RegisterWindow &clock, std::chrono::nanosecon
     while (!register_clock_is_done(&clock)) {
         const std::int64_t left = end - now_ns();
         if (status_ >= 0) {
-            tell("the board ended the run in the tick at " + seconds(t_) + ", with status " + std::to_string(status_));
+            report("the board ended the run in the tick at " + seconds(t_) + ", with status " +
+                   std::to_string(status_));
             return Wait::gone;
         }
         if (left <= 0) {
             return Wait::late;
         }
         pump(std::chrono::nanoseconds(left));
-        look_after(t_ < 0 ? "the first tick" : "the tick at " + seconds(t_));
+        check_line(t_ < 0 ? "the first tick" : "the tick at " + seconds(t_));
     }
     answer(tick);
     return Wait::done;
@@ -454,8 +455,8 @@ void LineBackend::answer(const Tick &tick)
         const std::int64_t late = std::max<std::int64_t>(now - zero_ - due(t_), 0);
         const auto bin = std::find_if(late_ms.begin(), late_ms.end(), [&](int ms) { return late < ms * 1'000'000LL; });
         late_[static_cast<std::size_t>(bin - late_ms.begin())]++;
-        if (tick.dt > 0 && late >= due(tick.dt) && ++missed_ <= misses_told) {
-            tell("flight answered the tick at " + seconds(t_) + " " + seconds(late) + " late, when the next was due");
+        if (tick.dt > 0 && late >= due(tick.dt) && ++missed_ <= misses_named) {
+            report("flight answered the tick at " + seconds(t_) + " " + seconds(late) + " late, when the next was due");
         }
     }
 }
@@ -466,9 +467,9 @@ int LineBackend::end(std::chrono::nanoseconds timeout, const std::function<bool(
     pushing_ = true;
     while (status_ < 0) {
         pump(100ms);
-        look_after("the end of the run");
+        check_line("the end of the run");
         // The end of a record takes its time on a slow line.
-        if (now_ns() - std::max(line_->heard, begun_) > timeout.count() || (status_ < 0 && !lives())) {
+        if (now_ns() - std::max(line_->received_at, begun_) > timeout.count() || (status_ < 0 && !lives())) {
             fail("the board did not tell how its run ended");
         }
     }

@@ -71,12 +71,12 @@ private:
     void take_record(const LineMessage &message);
     void take_text(std::span<const std::uint8_t> text);
     void close_record(bool whole);
-    void look_after(const std::string &what);
+    void check_line(const std::string &what);
     void begin(const RegisterWindow &clock, const Tick &tick);
     void answer(const Tick &tick);
     std::int64_t due(std::int64_t t) const;
-    std::string unheard() const;
-    void tell(const std::string &what) const;
+    std::string no_greeting() const;
+    void report(const std::string &what) const;
     [[noreturn]] void fail(const std::string &what) const;
 
     Mission mission_;
@@ -95,7 +95,7 @@ private:
     bool was_reset_ = false;   ///< the board waits for a greeting again
     bool pushing_ = false;     ///< some of what has changed here was not sent yet
     bool complained_ = false;  ///< about the present silence
-    std::string wrong_;        ///< what a message said that cannot be
+    std::string wrong_;        ///< the impossible content of a message
     std::int64_t begun_ = 0;   ///< [ns] when the present wait began
     std::int64_t gone_ = -1;   ///< [ns] since when the device is not there
     std::uint32_t ticked_ = 0; ///< the tick that was sent last

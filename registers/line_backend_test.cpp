@@ -328,7 +328,7 @@ TEST_F(LineBackendTest, ABoardThatIsResetInATickEndsTheRunOrGoesOn)
     EXPECT_EQ(recorded(), expected(0, 50));
 }
 
-TEST_F(LineBackendTest, ASilentBoardIsToldAndEndsTheRunAsTheSettingsSay)
+TEST_F(LineBackendTest, ASilentBoardIsReportedAndEndsTheRunAsTheSettingsSay)
 {
     Habits habits;
     habits.silent_in = 5;
@@ -336,9 +336,9 @@ TEST_F(LineBackendTest, ASilentBoardIsToldAndEndsTheRunAsTheSettingsSay)
     greet();
     ::testing::internal::CaptureStderr();
     const std::string error = error_of<Error>([&] { fly(0, 50); });
-    const std::string told = ::testing::internal::GetCapturedStderr();
+    const std::string output = ::testing::internal::GetCapturedStderr();
     EXPECT_SAYS(error, "the board has been silent for 1.5 s in the tick at 0.4 s");
-    EXPECT_SAYS(told, "the board has been silent for 1 s in the tick at 0.4 s: is the line cut?");
+    EXPECT_SAYS(output, "the board has been silent for 1 s in the tick at 0.4 s: is the line cut?");
     EXPECT_EQ(board_->flown, 4U);
 }
 
@@ -425,14 +425,14 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     plug();
     board_ = std::make_unique<Board>(std::move(cable_), bench_.board(), Habits());
     fly(10, 10);
-    const std::string told = ::testing::internal::GetCapturedStderr();
-    EXPECT_SAYS(told, "the device has vanished in the tick at 1 s: is its cable out?");
-    EXPECT_SAYS(told, "the device is there again after ");
-    EXPECT_SAYS(told, "the board was reset in the tick at 1 s, and begins flight there");
+    const std::string output = ::testing::internal::GetCapturedStderr();
+    EXPECT_SAYS(output, "the device has vanished in the tick at 1 s: is its cable out?");
+    EXPECT_SAYS(output, "the device is there again after ");
+    EXPECT_SAYS(output, "the board was reset in the tick at 1 s, and begins flight there");
     // The board sends the first bytes of its record after its answer and before its answer to the next tick.
-    EXPECT_TRUE(told.find("the board kept nothing over its reset: the record begins anew at 1 s") != told.npos ||
-                told.find("the board kept nothing over its reset: the record begins anew at 1.1 s") != told.npos)
-        << told;
+    EXPECT_TRUE(output.find("the board kept nothing over its reset: the record begins anew at 1 s") != output.npos ||
+                output.find("the board kept nothing over its reset: the record begins anew at 1.1 s") != output.npos)
+        << output;
     EXPECT_EQ(end(), 0);
     EXPECT_EQ(recorded(), expected(10, 10, 11));
 
@@ -461,11 +461,11 @@ TEST_F(LineBackendTest, LatenessIsCountedAgainstThePaceAndMissedTicksAreNamed)
     ::testing::internal::CaptureStderr();
     fly(0, 20);
     backend_->print();
-    const std::string told = ::testing::internal::GetCapturedStderr();
+    const std::string output = ::testing::internal::GetCapturedStderr();
     const std::string figures = ::testing::internal::GetCapturedStdout();
     EXPECT_SAYS(figures, "ticks 20\n");
     EXPECT_SAYS(figures, "line_missed 19\n");
-    EXPECT_SAYS(told, "flight answered the tick at 0.1 s ");
+    EXPECT_SAYS(output, "flight answered the tick at 0.1 s ");
 }
 
 TEST(LineSettings, AreReadFromALineOfText)

@@ -381,7 +381,7 @@ TEST(Line, WhatAnEarlierRunLeftIsNoPartOfThisOne)
     EXPECT_EQ(link.greetings, greetings);
 }
 
-TEST(Line, AResetOfTheBoardIsToldWithinAThirdOfASecond)
+TEST(Line, AResetOfTheBoardIsReportedWithinAThirdOfASecond)
 {
     for (const bool lost : {false, true}) {
         Link link(3);

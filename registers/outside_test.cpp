@@ -336,10 +336,10 @@ TEST(OutsideSharedFile, FlightInAnotherProcessAnswersAndItsEndIsSeen)
         }
         _exit(0);
     }
-    LaneWriter asked = outside.writer("single_board_computer", "mode_read");
+    LaneWriter mode_read = outside.writer("single_board_computer", "mode_read");
     LaneReader flown = outside.reader("single_board_computer", "mode_write");
     for (std::uint32_t k = 1; k <= 50; k++) {
-        asked.put_word(1000 * k);
+        mode_read.put_word(1000 * k);
         ASSERT_EQ(outside.tick({k, 1}, 20s), Wait::done);
         std::uint32_t mode = 0;
         flown.take_word(mode);

@@ -16,6 +16,7 @@
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 // <termios.h> knows no speed that is not in its list, and contradicts these.
@@ -33,10 +34,18 @@ std::string devices()
 {
     std::string found;
     std::error_code none;
-    for (const auto &one : fs::directory_iterator("/dev/serial/by-id", none)) {
-        found += (found.empty() ? "; connected are " : ", ") + one.path().string();
+    for (const auto &entry : fs::directory_iterator("/dev/serial/by-id", none)) {
+        found += (found.empty() ? "; connected are " : ", ") + entry.path().string();
     }
     return found.empty() ? "; no serial device is connected (/dev/serial/by-id is empty)" : found;
+}
+
+/// Whether both files are the same device. Each mounted /dev/pts, as that of a container, numbers its terminals from 0.
+bool same_device(const struct stat &a, const struct stat &b)
+{
+    constexpr unsigned first_pts = 136, last_pts = 143; // major numbers
+    const bool terminal = major(a.st_rdev) >= first_pts && major(a.st_rdev) <= last_pts;
+    return S_ISCHR(a.st_mode) && a.st_rdev == b.st_rdev && (!terminal || a.st_dev == b.st_dev);
 }
 
 /// The program that has the device open, "NAME (process N)"; "" if none has, as far as this user may see.
@@ -50,7 +59,7 @@ std::string holder(const struct stat &device)
         }
         for (const auto &file : fs::directory_iterator(process.path() / "fd", none)) {
             struct stat s;
-            if (stat(file.path().c_str(), &s) == 0 && S_ISCHR(s.st_mode) && s.st_rdev == device.st_rdev) {
+            if (stat(file.path().c_str(), &s) == 0 && same_device(s, device)) {
                 std::string name;
                 std::getline(std::ifstream(process.path() / "comm"), name);
                 return name + " (process " + pid + ")";
@@ -213,8 +222,8 @@ std::size_t SerialPort::receive(std::span<std::byte> room, std::chrono::nanoseco
 {
     const auto left = std::max<std::int64_t>(timeout.count(), 0);
     const timespec t{left / 1'000'000'000, left % 1'000'000'000};
-    pollfd one{fd_, static_cast<short>(until_room ? POLLIN | POLLOUT : POLLIN), 0};
-    if (fd_ < 0 || ppoll(&one, 1, &t, nullptr) <= 0 || one.revents == POLLOUT) {
+    pollfd request{fd_, static_cast<short>(until_room ? POLLIN | POLLOUT : POLLIN), 0};
+    if (fd_ < 0 || ppoll(&request, 1, &t, nullptr) <= 0 || request.revents == POLLOUT) {
         return 0;
     }
     const ssize_t n = read(fd_, room.data(), room.size());

@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <grp.h>
 #include <optional>
+#include <sched.h>
 #include <string>
+#include <sys/mount.h>
 #include <sys/wait.h>
 #include <tuple>
 #include <unistd.h>
@@ -44,16 +48,16 @@ std::vector<std::byte> receive(SerialPort &port, std::size_t n)
 
 TEST(SerialPort, EveryByteValuePassesAsItIsBothWays)
 {
-    SerialPort one;
-    SerialPort other(one.path(), 115200);
+    SerialPort first;
+    SerialPort second(first.path(), 115200);
     std::vector<std::byte> all(256);
     for (std::size_t i = 0; i < all.size(); i++) {
         all[i] = static_cast<std::byte>(i);
     }
-    EXPECT_EQ(one.send(all), all.size());
-    EXPECT_EQ(receive(other, all.size()), all);
-    EXPECT_EQ(other.send(all), all.size());
-    EXPECT_EQ(receive(one, all.size()), all);
+    EXPECT_EQ(first.send(all), all.size());
+    EXPECT_EQ(receive(second, all.size()), all);
+    EXPECT_EQ(second.send(all), all.size());
+    EXPECT_EQ(receive(first, all.size()), all);
 }
 
 TEST(SerialPort, WhatIsNoSerialDeviceIsRefusedWithTheReason)
@@ -91,6 +95,40 @@ TEST(SerialPort, ADeviceThatAnotherProgramHoldsIsRefusedByItsName)
     EXPECT_NE(refusal(mine.path()).find("is held by "), std::string::npos);
 }
 
+TEST(SerialPort, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
+{
+    const SerialPort mine;
+    const std::optional<SerialPort> held(std::in_place, mine.path(), 9600U);
+    const std::string number = mine.path().substr(mine.path().rfind('/') + 1);
+    std::string pts = ::testing::TempDir() + "ptsXXXXXX";
+    ASSERT_NE(mkdtemp(pts.data()), nullptr);
+    std::array<int, 2> ready{}, end{};
+    ASSERT_EQ(pipe(ready.data()), 0);
+    ASSERT_EQ(pipe(end.data()), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+        close(end[1]);
+        char opened = unshare(CLONE_NEWUSER | CLONE_NEWNS) == 0 &&
+                      mount("devpts", pts.c_str(), "devpts", 0, "newinstance,ptmxmode=0666") == 0;
+        for (int fd = -1; opened && fd < 0;) {
+            opened = open((pts + "/ptmx").c_str(), O_RDWR | O_NOCTTY) >= 0;
+            fd = open((pts + "/" + number).c_str(), O_RDWR | O_NOCTTY);
+        }
+        _exit(write(ready[1], &opened, 1) == 1 && read(end[0], &opened, 1) == 0 ? 0 : 1);
+    }
+    char opened = 0;
+    ASSERT_EQ(read(ready[0], &opened, 1), 1);
+    if (opened) {
+        EXPECT_EQ(refusal(mine.path()), mine.path() + " is held by another program: end that program first");
+    }
+    close(end[1]);
+    waitpid(child, nullptr, 0);
+    rmdir(pts.c_str());
+    if (!opened) {
+        GTEST_SKIP() << "no other /dev/pts may be mounted here";
+    }
+}
+
 TEST(SerialPort, WithoutTheRightToADeviceTheRemedyIsNamed)
 {
     using std::filesystem::perms;
@@ -103,8 +141,8 @@ TEST(SerialPort, WithoutTheRightToADeviceTheRemedyIsNamed)
           std::tuple{perms::group_read | perms::group_write, gid_t{0}, "sudo chmod a+rw "},
           std::tuple{perms::none, dialout, "sudo chmod a+rw "}}) {
         const SerialPort pty;
-        std::array<int, 2> said{};
-        ASSERT_EQ(pipe(said.data()), 0);
+        std::array<int, 2> ends{};
+        ASSERT_EQ(pipe(ends.data()), 0);
         ASSERT_EQ(chown(pty.path().c_str(), 0, group), 0);
         std::filesystem::permissions(pty.path(), mode);
         const pid_t child = fork();
@@ -113,12 +151,12 @@ TEST(SerialPort, WithoutTheRightToADeviceTheRemedyIsNamed)
                 _exit(1);
             }
             const std::string text = refusal(pty.path());
-            _exit(write(said[1], text.data(), text.size()) == static_cast<ssize_t>(text.size()) ? 0 : 1);
+            _exit(write(ends[1], text.data(), text.size()) == static_cast<ssize_t>(text.size()) ? 0 : 1);
         }
-        close(said[1]);
+        close(ends[1]);
         std::string text(1000, '\0');
-        text.resize(static_cast<std::size_t>(std::max<ssize_t>(read(said[0], text.data(), text.size()), 0)));
-        close(said[0]);
+        text.resize(static_cast<std::size_t>(std::max<ssize_t>(read(ends[0], text.data(), text.size()), 0)));
+        close(ends[0]);
         waitpid(child, nullptr, 0);
         EXPECT_NE(text.find("you have no right to open " + pty.path() + ", which is of the group "), std::string::npos)
             << text;

@@ -70,9 +70,9 @@ void SnapshotLink::answer(const std::function<std::vector<std::byte>()> &save,
 
 bool SnapshotLink::waits(std::chrono::nanoseconds timeout) const
 {
-    pollfd one{fd_, POLLIN, 0};
+    pollfd request{fd_, POLLIN, 0};
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timeout).count();
-    return poll(&one, 1, static_cast<int>(ms)) > 0;
+    return poll(&request, 1, static_cast<int>(ms)) > 0;
 }
 
 void SnapshotLink::send(std::span<const std::byte> bytes, bool failed, const std::function<void()> &ring) const

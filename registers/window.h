@@ -48,8 +48,8 @@ static inline void register_store(const RegisterWindow *w, uint32_t address, uin
     __atomic_store_n(&w->words[address / 4u], v, __ATOMIC_SEQ_CST);
 }
 
-/** Four bytes of payload as they lie in memory. Who sees a new one also sees what was stored
- *  before it: a reader that was overtaken finds out. */
+/** Four bytes of payload as they lie in memory. A reader of a new value also sees all that was stored before it, so a
+ *  reader that was overtaken notices that. */
 static inline uint32_t register_load_bytes(const RegisterWindow *w, uint32_t address)
 {
     return __atomic_load_n(&w->words[address / 4u], __ATOMIC_ACQUIRE);

@@ -35,7 +35,7 @@ def read(r, form):
         (code, _, field), form = form[0].partition(":"), form[1:]
         if code == "[":
             inner, form = form[:form.index("]")], form[form.index("]") + 1:]
-            values.append(r.list(lambda inner=inner: read(r, inner), sum(SIZES[one[0]] for one in inner)))
+            values.append(r.list(lambda inner=inner: read(r, inner), sum(SIZES[member[0]] for member in inner)))
         elif code in "nt":
             values.append({"n": r.name, "t": r.lines}[code](field))
         elif code in "qd":

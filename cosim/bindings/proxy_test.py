@@ -98,8 +98,8 @@ def fly(start, spring, until=1.0, options=(), mass_network=None, **network):
         other = start(*SPRINGS[spring], near_spring.address)
         complaints = controller.communicate()[1]
         seen = None if complaints else json.loads(mass.communicate()[0])
-    said = other.communicate()[1]
-    return complaints, seen, other.returncode, said
+    output = other.communicate()[1]
+    return complaints, seen, other.returncode, output
 
 
 @pytest.mark.parametrize("spring", SPRINGS)
@@ -117,9 +117,9 @@ def test_delays_and_pieces_change_no_bit(start, spring, piece, delay, jitter):
 @pytest.mark.parametrize("cut_after", [0, 40, 100, 200, 1000, 3000, 20_000])
 def test_a_connection_that_breaks_ends_the_run_with_the_nodes_name(start, spring, cut_after):
     # Until it has its own socket, another program may take its place: the run waits for one.
-    complaints, _, code, said = fly(start, spring, until=1e6, options=("--join", "10"), cut_after=cut_after, piece=50)
+    complaints, _, code, output = fly(start, spring, until=1e6, options=("--join", "10"), cut_after=cut_after, piece=50)
     assert "spring: its connection is gone" in complaints, complaints
-    assert code == 1 and "the controller is gone" in said
+    assert code == 1 and "the controller is gone" in output
 
 
 @pytest.mark.parametrize("spring", SPRINGS)

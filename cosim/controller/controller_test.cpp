@@ -516,10 +516,10 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
     const auto configured = [](const std::vector<Spec> &specs, Ns end) {
         return Controller(Bench::configured(specs, end, 1000, 4096));
     };
-    const Spec one = spec("one", 1, {}, {});
+    const Spec node = spec("one", 1, {}, {});
     EXPECT_THROW(configured({}, 1), std::invalid_argument);
-    EXPECT_THROW(configured({one, one}, 1), std::invalid_argument);
-    EXPECT_THROW(configured({one}, -1), std::invalid_argument);
+    EXPECT_THROW(configured({node, node}, 1), std::invalid_argument);
+    EXPECT_THROW(configured({node}, -1), std::invalid_argument);
     const auto why = [](ControllerConfig config) -> std::string {
         return error_of<std::invalid_argument>([&] { config.check(); });
     };
@@ -535,7 +535,7 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
         EXPECT_TRUE(why(config).ends_with("'s name of 256 bytes; 255 are the most")) << why(config);
         *name = good;
     }
-    EXPECT_NO_THROW(configured({one}, 0));
+    EXPECT_NO_THROW(configured({node}, 0));
 }
 
 } // namespace controller_test

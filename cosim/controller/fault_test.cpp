@@ -72,14 +72,14 @@ std::string to_the_end(Bench &bench)
 
 TEST(Faults, ANodeIsKilledInEveryPhase)
 {
-    const auto asked = [](NodeId id, const char *kind) {
+    const auto requested = [](NodeId id, const char *kind) {
         return [id, kind](const Bench &b) {
             return b.requests[id] && std::string(kind_name(b.requests[id]->message)) == kind;
         };
     };
     for (const auto &[name, policy] : policy_words) {
         for (const NodeId victim : {NodeId{0}, NodeId{1}}) {
-            const std::string who = three(policy)[victim].name;
+            const std::string victim_name = three(policy)[victim].name;
             const History undisturbed = [&, p = policy] {
                 Bench bench(three(p), 600, 1);
                 bench.arrive(0);
@@ -93,9 +93,9 @@ TEST(Faults, ANodeIsKilledInEveryPhase)
                 bench.arrive(0);
                 bench.arrive(1);
                 bench.act();
-                ASSERT_TRUE(until(bench, asked(victim, kind)));
+                ASSERT_TRUE(until(bench, requested(victim, kind)));
                 bench.controller.lost(victim, "it was killed");
-                EXPECT_EQ(to_the_end(bench), who + ": it was killed") << name << kind;
+                EXPECT_EQ(to_the_end(bench), victim_name + ": it was killed") << name << kind;
             }
             // The node dies during a tick; at the boundary where the late node joins; during the matching there;
             // and while it makes a snapshot.
@@ -106,39 +106,41 @@ TEST(Faults, ANodeIsKilledInEveryPhase)
                 Bench bench(three(policy), 600, 3);
                 bench.arrive(0);
                 bench.arrive(1);
-                const std::string what = std::string(name) + " of " + who + " at its " + kind;
+                const std::string where = std::string(name) + " of " + victim_name + " at its " + kind;
                 ASSERT_TRUE(until(bench, [&](const Bench &b) {
                     return std::string(kind) == "boundary"
                                ? b.requests[2] && !b.requests[0] && !b.requests[1] && b.controller.waiting()
-                               : b.controller.reached(victim) >= 100 && asked(victim, kind)(b);
-                })) << what;
+                               : b.controller.reached(victim) >= 100 && requested(victim, kind)(b);
+                })) << where;
                 bench.controller.lost(victim, "it was killed");
                 const std::string outcome = to_the_end(bench);
-                const History found = bench.history();
+                const History history = bench.history();
                 if (policy == Policy::abort) {
-                    EXPECT_TRUE(outcome.starts_with(who + ": it was killed (it had reached ")) << what << outcome;
+                    EXPECT_TRUE(outcome.starts_with(victim_name + ": it was killed (it had reached "))
+                        << where << outcome;
                     continue;
                 }
-                EXPECT_EQ(outcome, "") << what;
+                EXPECT_EQ(outcome, "") << where;
                 const bool same = policy == Policy::pause || policy == Policy::restart;
                 for (NodeId id = 0; id < 3; id++) {
                     const std::string &node = bench.specs[id].name;
                     if (same) {
-                        EXPECT_EQ(found.at(node), undisturbed.at(node)) << what << ", " << node;
+                        EXPECT_EQ(history.at(node), undisturbed.at(node)) << where << ", " << node;
                     } else if (id != victim) {
-                        EXPECT_EQ(found.at(node).size(), undisturbed.at(node).size()) << what << ", " << node;
+                        EXPECT_EQ(history.at(node).size(), undisturbed.at(node).size()) << where << ", " << node;
                     }
                 }
-                EXPECT_EQ(found.at("late").front().first, 320) << what;
-                EXPECT_EQ(found.at("late").back().first, 600) << what;
-                ASSERT_FALSE(bench.reports.empty()) << what;
-                EXPECT_TRUE(bench.reports[0].starts_with(who + ": it was killed (it had reached ")) << bench.reports[0];
+                EXPECT_EQ(history.at("late").front().first, 320) << where;
+                EXPECT_EQ(history.at("late").back().first, 600) << where;
+                ASSERT_FALSE(bench.reports.empty()) << where;
+                EXPECT_TRUE(bench.reports[0].starts_with(victim_name + ": it was killed (it had reached "))
+                    << bench.reports[0];
             }
             // While all nodes finish, it does not count as a loss.
             Bench bench(three(policy), 600, 4);
             bench.arrive(0);
             bench.arrive(1);
-            ASSERT_TRUE(until(bench, asked(victim, "Finish")));
+            ASSERT_TRUE(until(bench, requested(victim, "Finish")));
             bench.controller.lost(victim, "it was killed");
             EXPECT_EQ(to_the_end(bench), "") << name;
         }

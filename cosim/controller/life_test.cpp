@@ -58,7 +58,7 @@ void come(Bench &bench, NodeId id)
 }
 
 /// Connect the nodes for which the run waits; false if there are none.
-bool who_is_missed_comes(Bench &bench)
+bool admit_missing(Bench &bench)
 {
     bool some = false;
     const auto missed = bench.controller.absent();
@@ -96,10 +96,10 @@ std::string live(Bench &bench, int losses, bool comers)
             bench.act();
             const bool idle =
                 std::none_of(bench.requests.begin(), bench.requests.end(), [](const auto &r) { return r.has_value(); });
-            if (idle && !bench.outcome && bench.controller.next_due() > the_end && !who_is_missed_comes(bench)) {
+            if (idle && !bench.outcome && bench.controller.next_due() > the_end && !admit_missing(bench)) {
                 break;
             }
-            if (idle && who_is_missed_comes(bench)) {
+            if (idle && admit_missing(bench)) {
                 continue;
             }
             bench.sleeping = false;

@@ -18,7 +18,7 @@ enum class Stage {
     idle,
     ticking,
     saving,
-    dismissed, ///< the controller asked it to finish, while the run goes on
+    dismissed, ///< the controller requested its end, while the run goes on
     finished,
     lost,
 };

@@ -74,7 +74,7 @@ Match Wiring::request_for(NodeId id, const TopicMap &names) const
         const std::optional<std::string> ours = names.to_node(topic.name);
         if (ours && (contains(watched_, topic.name) || std::any_of(topic.readers.begin(), topic.readers.end(),
                                                                    [&](NodeId reader) { return reader != id; }))) {
-            match.asked.push_back({channel, *ours, topic.schema});
+            match.channels.push_back({channel, *ours, topic.schema});
         }
     }
     return match;

@@ -101,14 +101,14 @@ BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, st
     for (std::uint32_t id = 0; id < io.n_messages; id++) {
         const MissionMessage &m = io.messages[id];
         const MissionDefinition &d = mission.definitions[mission.topics[id].definition];
-        Message one;
-        one.topic = mission.topics[id].topic;
-        one.schema = make_schema(d.type, d.text);
-        one.fields = parse_schema(d.text);
-        one.held.resize(m.size);
-        one.to_flight = m.direction == MISSION_IN;
-        one.carried = mission_io_carries(&io, id) != 0;
-        messages_.push_back(std::move(one));
+        Message message;
+        message.topic = mission.topics[id].topic;
+        message.schema = make_schema(d.type, d.text);
+        message.fields = parse_schema(d.text);
+        message.held.resize(m.size);
+        message.to_flight = m.direction == MISSION_IN;
+        message.carried = mission_io_carries(&io, id) != 0;
+        messages_.push_back(std::move(message));
     }
     if (const MissionQueue lane = io.telemetry; lane.board != MISSION_NO_BOARD) {
         packet_.resize(io.boards[lane.board]->lanes[lane.lane].capacity);
@@ -182,14 +182,14 @@ std::vector<Subscription> BoardNode::desired()
     return subscriptions;
 }
 
-std::vector<Publication> BoardNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> BoardNode::match(const std::vector<Channel> &channels)
 {
     std::vector<Publication> publications;
     outbox_.clear();
     telemetry_.channel.reset();
     published_ = 0;
     downlink_.close();
-    for (const Channel &channel : asked) {
+    for (const Channel &channel : channels) {
         if (!telemetry_.topic.empty() && channel.topic == telemetry_.topic) {
             telemetry_.channel = channel.channel;
             publications.push_back({channel.channel, telemetry_.schema, make_payload(telemetry_.held)});
@@ -258,9 +258,9 @@ Tock BoardNode::tick(const Tick &tick)
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
         });
         const bool down = is_down(t);
-        for (const sim::Packet &one : received_) { // what comes while the computer is down is lost, as on the desktop
+        for (const sim::Packet &unit : received_) { // what comes while the computer is down is lost, as on the desktop
             if (!down && !was_down_) {
-                take_unit(reinterpret_cast<const std::byte *>(one.bytes.data()), one.bytes.size());
+                take_unit(reinterpret_cast<const std::byte *>(unit.bytes.data()), unit.bytes.size());
             }
         }
         received_.clear();
@@ -412,11 +412,11 @@ void BoardNode::send_commands(Ns t)
 {
     const MissionIo &io = *mission_.io;
     for (; sent_ < script_.size() && script_[sent_].after < t; sent_++) {
-        const Command &one = script_[sent_];
-        if (!mission_io_send(&io, backend_.windows().data(), io.commands, one.packet.data(),
-                             static_cast<std::uint32_t>(one.packet.size()), &counts_)) {
-            throw registers::Error("the snorkel of commands has no room for those of " + sim::format_time(one.after) +
-                                   ": it needs a longer queue or a larger capacity");
+        const Command &command = script_[sent_];
+        if (!mission_io_send(&io, backend_.windows().data(), io.commands, command.packet.data(),
+                             static_cast<std::uint32_t>(command.packet.size()), &counts_)) {
+            throw registers::Error("the snorkel of commands has no room for those of " +
+                                   sim::format_time(command.after) + ": it needs a longer queue or a larger capacity");
         }
     }
     for (; !waiting_.empty(); waiting_.pop_front()) {

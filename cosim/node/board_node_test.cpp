@@ -309,7 +309,7 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
                 }
                 EXPECT_EQ(std::memcmp(k ? &seen[i].second.b : &seen[i].second.a, &last, sizeof last), 0);
             }
-            if (i % 2 == 0) { // it said something else
+            if (i % 2 == 0) { // it wrote another value
                 ASSERT_LT(n_seen, records.size());
                 const Record &r = records[n_seen++];
                 EXPECT_EQ(r.channel, 7u);
@@ -373,7 +373,7 @@ TEST_F(BoardNodeTest, ACommandOfTheScriptCountsFromTheNextInstantOnAndOnce)
     }
 }
 
-/// A message with these bytes, and n as said.
+/// A message with these bytes, whose count is n.
 Payload link_message(const Schema &schema, std::span<const std::uint8_t> bytes, std::uint32_t n)
 {
     Bytes held(schema.size);
@@ -429,7 +429,7 @@ TEST_F(BoardNodeTest, OtherProgramsCommandFlightAndReadItsTelemetryAsTopics)
     EXPECT_GE(node_.counts().refused, 1u);
 }
 
-TEST_F(BoardNodeTest, AProgramThatSendsMoreThanTheQueueTakesIsHeardLater)
+TEST_F(BoardNodeTest, AProgramThatSendsMoreThanTheQueueTakesIsReadLater)
 {
     node_.initialize({});
     const Schema commands = node_.desired().back().schema;
@@ -519,7 +519,8 @@ protected:
     std::vector<Ns> instants() const
     {
         std::vector<Ns> all;
-        std::transform(seen.begin(), seen.end(), std::back_inserter(all), [](const auto &one) { return one.first; });
+        std::transform(seen.begin(), seen.end(), std::back_inserter(all),
+                       [](const auto &entry) { return entry.first; });
         return all;
     }
     std::uint32_t sent_ = 0;
@@ -565,13 +566,13 @@ TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
         }
     }
     bursts.emplace_back(303, std::vector<std::uint8_t>(COMMAND_MAX + 10, 0xFF)); // longer than a packet: it is counted
-    using Told = std::vector<std::pair<Ns, std::vector<std::byte>>>;
+    using Sent = std::vector<std::pair<Ns, std::vector<std::byte>>>;
     const auto fly = [&](BoardNode &node, Ns from, Ns to, std::map<Ns, Bytes> *snapshots) {
-        Told told;
+        Sent sent;
         const Schema commands = node.desired().back().schema;
         const auto publications = node.match({{7, "/flight/n/out", {}}, {5, "/flight/telemetry", {}}});
         for (const Publication &publication : publications) {
-            told.emplace_back(
+            sent.emplace_back(
                 from, std::vector(publication.initial.data(), publication.initial.data() + publication.initial.size()));
         }
         node.start({{1, "/world/m/a", {}}, {3, "/flight/commands", {}}});
@@ -593,14 +594,14 @@ TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
                 tick.records.push_back({1, ++counts[1], until, payload(n)});
             }
             for (const Record &r : node.tick(tick).records) {
-                told.emplace_back(r.t, std::vector(r.payload.data(), r.payload.data() + r.payload.size()));
+                sent.emplace_back(r.t, std::vector(r.payload.data(), r.payload.data() + r.payload.size()));
             }
             t = until;
             if (snapshots) {
                 (*snapshots)[t] = node.save();
             }
         }
-        return told;
+        return sent;
     };
     const auto script = [](BoardNode &node) {
         node.command(100, write_x(201));
@@ -609,7 +610,7 @@ TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
     script(node_);
     EXPECT_TRUE(node_.initialize({}).saves);
     std::map<Ns, Bytes> snapshots;
-    const Told whole = fly(node_, 0, 1000, &snapshots);
+    const Sent whole = fly(node_, 0, 1000, &snapshots);
     EXPECT_GT(whole.size(), 30u);
     const MissionIoCounts counts = node_.counts();
     EXPECT_GT(counts.refused, 0u);
@@ -623,14 +624,15 @@ TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
         request.start = at;
         request.snapshot = snapshot;
         ASSERT_TRUE(node.initialize(request).saves);
-        const Told rest = fly(node, at, 1000, nullptr);
+        const Sent rest = fly(node, at, 1000, nullptr);
         ASSERT_GE(rest.size(), 2u);
         const auto after =
-            std::find_if(whole.begin() + 2, whole.end(), [t = at](const auto &one) { return one.first > t; });
+            std::find_if(whole.begin() + 2, whole.end(), [t = at](const auto &entry) { return entry.first > t; });
         EXPECT_TRUE(std::equal(rest.begin() + 2, rest.end(), after, whole.end())) << at;
         EXPECT_EQ(std::memcmp(&node.counts(), &counts, sizeof counts), 0) << at;
-        if (const auto last = std::find_if(std::make_reverse_iterator(after), whole.rend(),
-                                           [&](const auto &one) { return one.second.size() == rest[1].second.size(); });
+        if (const auto last =
+                std::find_if(std::make_reverse_iterator(after), whole.rend(),
+                             [&](const auto &entry) { return entry.second.size() == rest[1].second.size(); });
             last != whole.rend()) {
             EXPECT_TRUE(last->second == rest[1].second) << "the last telemetry is the initial value, at " << at;
         }
@@ -683,8 +685,8 @@ TEST_F(BoardNodeResetTest, WhatComesByRadioIsTakenUnitByUnitAndLostWhileTheCompu
     std::size_t reports = 0;
     for (const Record &record : tock.records) {
         EXPECT_EQ(record.channel, 5u);
-        for (const sim::Packet &one : units_of(record.payload)) {
-            EXPECT_EQ(one.t, record.t);
+        for (const sim::Packet &unit : units_of(record.payload)) {
+            EXPECT_EQ(unit.t, record.t);
             reports++;
         }
     }

@@ -15,7 +15,7 @@ struct Answer {
 
     Message operator()(const Initialize &m) { return node.initialize(m); }
     Message operator()(const ProvideDesired &) { return Desired{node.desired()}; }
-    Message operator()(const Match &m) { return Matched{node.match(m.asked)}; }
+    Message operator()(const Match &m) { return Matched{node.match(m.channels)}; }
     Message operator()(const Start &m)
     {
         node.start(m.wired);

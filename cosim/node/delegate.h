@@ -22,7 +22,7 @@ public:
     virtual std::vector<Subscription> desired() = 0;
     /// Which of these topics the node writes, and their values now. The controller calls match() and start() again,
     /// between ticks, where other programs join the run. All counts of messages then begin at 1.
-    virtual std::vector<Publication> match(const std::vector<Channel> &asked) = 0;
+    virtual std::vector<Publication> match(const std::vector<Channel> &channels) = 0;
     /// Which subscriptions have a writer.
     virtual void start(const std::vector<Channel> &wired) = 0;
     /// Step through all instants up to tick.until. An instant sees each record from the record's time on. The

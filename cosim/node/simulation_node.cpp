@@ -185,16 +185,16 @@ std::vector<Subscription> SimulationNode::desired()
     return all;
 }
 
-std::vector<Publication> SimulationNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> SimulationNode::match(const std::vector<Channel> &channels)
 {
     std::vector<Publication> publications;
     outbox_.clear();
     for (const auto &instance : process_.instances()) {
         for (const FledgeField &field : sim::fields(instance->type())) {
-            const auto channel = std::find_if(asked.begin(), asked.end(), [&](const Channel &c) {
+            const auto channel = std::find_if(channels.begin(), channels.end(), [&](const Channel &c) {
                 return field.group == FLEDGE_OUT && c.topic == topic_of(*instance, field);
             });
-            if (channel != asked.end()) {
+            if (channel != channels.end()) {
                 const std::span<const std::byte> bytes(instance->memory() + field.offset, field.size);
                 publications.push_back(
                     {channel->channel, make_schema(field.sub->name, field.sub->schema), make_payload(bytes)});
@@ -205,7 +205,7 @@ std::vector<Publication> SimulationNode::match(const std::vector<Channel> &asked
     for (Served &served : served_) {
         const auto open = [&](UnitsOut &out, const std::string &topic, double rate) {
             out.close();
-            for (const Channel &channel : asked) {
+            for (const Channel &channel : channels) {
                 if (channel.topic == topic) {
                     publications.push_back(out.open(channel.channel, room_for(rate, served.every()), served.every()));
                 }
@@ -327,9 +327,9 @@ bool SimulationNode::send(const Record &record)
     for (Served &served : served_) {
         for (Radio &radio : served.radios) {
             if (record.channel == served.downlink || record.channel == radio.uplink) {
-                for (const sim::Packet &one : units_of(record.payload)) {
-                    record.channel == radio.uplink ? radio.carrier->send_up(t, one.bytes)
-                                                   : radio.carrier->send_down(t, one.bytes);
+                for (const sim::Packet &unit : units_of(record.payload)) {
+                    record.channel == radio.uplink ? radio.carrier->send_up(t, unit.bytes)
+                                                   : radio.carrier->send_down(t, unit.bytes);
                 }
             }
         }
@@ -347,8 +347,8 @@ void SimulationNode::hand_over(Ns t, std::vector<Record> &records)
     for (Served &served : served_) {
         for (Radio &radio : served.radios) {
             if (radio.downlink) {
-                for (sim::Packet &one : radio.carrier->take(t)) {
-                    radio.arrived.push_back(std::move(one));
+                for (sim::Packet &packet : radio.carrier->take(t)) {
+                    radio.arrived.push_back(std::move(packet));
                 }
             }
         }

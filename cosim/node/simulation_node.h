@@ -39,7 +39,7 @@ public:
 
     Initialized initialize(const Initialize &request) override;
     std::vector<Subscription> desired() override;
-    std::vector<Publication> match(const std::vector<Channel> &asked) override;
+    std::vector<Publication> match(const std::vector<Channel> &channels) override;
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
     Bytes save() override;

@@ -137,11 +137,11 @@ std::vector<Subscription> StructNode::desired()
     return subscriptions;
 }
 
-std::vector<Publication> StructNode::match(const std::vector<Channel> &asked)
+std::vector<Publication> StructNode::match(const std::vector<Channel> &channels)
 {
     std::vector<Publication> publications;
     outbox_.clear();
-    for (const Channel &channel : asked) {
+    for (const Channel &channel : channels) {
         for (const Output &output : outputs_) {
             if (output.topic == channel.topic) {
                 const Schema &schema = output.schema.given() ? output.schema : channel.schema;

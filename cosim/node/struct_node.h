@@ -103,7 +103,7 @@ private:
 
     Initialized initialize(const Initialize &request) override;
     std::vector<Subscription> desired() override;
-    std::vector<Publication> match(const std::vector<Channel> &asked) override;
+    std::vector<Publication> match(const std::vector<Channel> &channels) override;
     void start(const std::vector<Channel> &channels) override;
     Tock tick(const Tick &tick) override;
     Bytes save() override;

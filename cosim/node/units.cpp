@@ -58,9 +58,9 @@ std::vector<sim::Packet> unpacked(std::span<const std::byte> bytes)
             throw ProtocolError("units of a link are cut off");
         }
         const std::size_t n = get(bytes, 8, 4);
-        sim::Packet &one = units.emplace_back(sim::Packet{static_cast<Ns>(get(bytes, 0, 8)), {}});
+        sim::Packet &unit = units.emplace_back(sim::Packet{static_cast<Ns>(get(bytes, 0, 8)), {}});
         const auto *data = reinterpret_cast<const std::uint8_t *>(bytes.data() + unit_header);
-        one.bytes.assign(data, data + n);
+        unit.bytes.assign(data, data + n);
         bytes = bytes.subspan(unit_header + n);
     }
     return units;

@@ -18,9 +18,9 @@ std::vector<Packet> some(std::size_t n)
     std::mt19937 random(static_cast<unsigned>(n));
     std::vector<Packet> units;
     for (std::size_t i = 0; i < n; i++) {
-        Packet &one = units.emplace_back(Packet{static_cast<Ns>(random()) << 20, {}});
-        one.bytes.resize(random() % 200);
-        for (auto &byte : one.bytes) {
+        Packet &unit = units.emplace_back(Packet{static_cast<Ns>(random()) << 20, {}});
+        unit.bytes.resize(random() % 200);
+        for (auto &byte : unit.bytes) {
             byte = static_cast<std::uint8_t>(random());
         }
     }

@@ -109,7 +109,7 @@ constexpr auto members<Initialize> = std::tuple(&Initialize::seed, Duration(&Ini
 template <>
 constexpr auto members<Initialized> = std::tuple(&Initialized::rates, &Initialized::any_time, &Initialized::saves);
 template <> constexpr auto members<Desired> = std::tuple(&Desired::subscriptions);
-template <> constexpr auto members<Match> = std::tuple(&Match::asked);
+template <> constexpr auto members<Match> = std::tuple(&Match::channels);
 template <> constexpr auto members<Matched> = std::tuple(&Matched::publications);
 template <> constexpr auto members<Start> = std::tuple(&Start::wired);
 template <> constexpr auto members<Tick> = std::tuple(Time(&Tick::until, "until"), &Tick::records);

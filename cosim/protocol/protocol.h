@@ -202,11 +202,11 @@ struct Desired {
     bool operator==(const Desired &) const = default;
 };
 struct Match {
-    std::vector<Channel> asked; ///< all topics that other nodes read
+    std::vector<Channel> channels; ///< all topics that other nodes read
     bool operator==(const Match &) const = default;
 };
 struct Matched {
-    std::vector<Publication> publications; ///< the asked topics that this node writes
+    std::vector<Publication> publications; ///< of the requested topics, those that this node writes
     bool operator==(const Matched &) const = default;
 };
 struct Start {

@@ -63,10 +63,10 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
     }
     frontend_address_ = listen(frontend_, config_.frontend, "what asynchronous programs publish");
     backend_address_ = listen(backend_, config_.backend, "observers");
-    for (Complete &one : complete_) {
-        one.socket.set(zmq::sockopt::xpub_nodrop, true);
+    for (Complete &observer : complete_) {
+        observer.socket.set(zmq::sockopt::xpub_nodrop, true);
         const std::string number = config_.complete.starts_with("tcp://") ? "" : "-" + std::to_string(given_++);
-        one.address = listen(one.socket, config_.complete + number, "complete observers");
+        observer.address = listen(observer.socket, config_.complete + number, "complete observers");
     }
     frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
@@ -239,8 +239,8 @@ const std::string &Broker::backend(const std::string &program)
 std::size_t Broker::came(const std::string &program) const
 {
     std::size_t n = 0;
-    for (const Complete &one : complete_) {
-        n += one.program == program ? one.came.load(std::memory_order_relaxed) : 0;
+    for (const Complete &observer : complete_) {
+        n += observer.program == program ? observer.came.load(std::memory_order_relaxed) : 0;
     }
     return n;
 }
@@ -253,8 +253,8 @@ void Broker::serve()
         setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
     }
     std::vector<zmq::pollitem_t> items{{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
-    for (Complete &one : complete_) {
-        items.push_back({one.socket.handle(), 0, ZMQ_POLLIN, 0});
+    for (Complete &observer : complete_) {
+        items.push_back({observer.socket.handle(), 0, ZMQ_POLLIN, 0});
     }
     std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
@@ -262,13 +262,13 @@ void Broker::serve()
             const bool stop = stop_; // read before the ring, so that no entry is missed
             if (ends_ && config_.patience == 0ms) {
                 config_.patience = config_.last_patience;
-                for (Complete &one : complete_) {
-                    one.stuck.clear(); // its time begins now
+                for (Complete &observer : complete_) {
+                    observer.stuck.clear(); // its time begins now
                 }
             }
             receive_subscriptions(backend_, nullptr);
-            for (Complete &one : complete_) {
-                receive_subscriptions(one.socket, &one);
+            for (Complete &observer : complete_) {
+                receive_subscriptions(observer.socket, &observer);
             }
             bool busy = receive_messages();
             busy = drain() || busy;
@@ -317,13 +317,13 @@ bool Broker::drain()
     return n > 0;
 }
 
-bool Broker::send_to(Complete &one)
+bool Broker::send_to(Complete &observer)
 {
-    const bool sent = one.socket.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
-                      one.socket.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
-    const auto takes_it = [&](const auto &its) { return its.first == &one && topic_.starts_with(its.second); };
-    if (sent && !one.stuck.empty() && std::any_of(subscribed_.begin(), subscribed_.end(), takes_it)) {
-        one.stuck.clear();
+    const bool sent = observer.socket.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
+                      observer.socket.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    const auto takes_it = [&](const auto &its) { return its.first == &observer && topic_.starts_with(its.second); };
+    if (sent && !observer.stuck.empty() && std::any_of(subscribed_.begin(), subscribed_.end(), takes_it)) {
+        observer.stuck.clear();
     }
     return sent;
 }
@@ -332,11 +332,11 @@ bool Broker::send_to(Complete &one)
 void Broker::show_newest()
 {
     seen_newest_ = std::chrono::steady_clock::now();
-    for (Complete &one : complete_) {
-        for (auto it = one.newer.begin(); it != one.newer.end(); it = one.newer.erase(it)) {
+    for (Complete &observer : complete_) {
+        for (auto it = observer.newer.begin(); it != observer.newer.end(); it = observer.newer.erase(it)) {
             encode({0, last_[*it].published}, frame_);
             topic_ = *it;
-            if (!send_to(one)) {
+            if (!send_to(observer)) {
                 break; // later
             }
         }
@@ -348,9 +348,9 @@ void Broker::show_newest()
 bool Broker::deliver()
 {
     bool all = true;
-    for (Complete &one : complete_) {
-        one.has = topic_.empty() || one.has || send_to(one) || gave_up(one);
-        all = all && one.has;
+    for (Complete &observer : complete_) {
+        observer.has = topic_.empty() || observer.has || send_to(observer) || gave_up(observer);
+        all = all && observer.has;
     }
     if (all) {
         topic_.clear();
@@ -359,23 +359,23 @@ bool Broker::deliver()
 }
 
 /// Whether the observer, which does not take the message, has lost it.
-bool Broker::gave_up(Complete &one)
+bool Broker::gave_up(Complete &observer)
 {
     const auto now = std::chrono::steady_clock::now();
-    if (one.stuck.empty()) {
-        one.stuck = topic_;
-        one.stuck_since = now;
+    if (observer.stuck.empty()) {
+        observer.stuck = topic_;
+        observer.stuck_since = now;
     }
-    if (config_.patience == 0ms || now - one.stuck_since < config_.patience) {
+    if (config_.patience == 0ms || now - observer.stuck_since < config_.patience) {
         return false;
     }
-    const std::string stuck = one.stuck;
-    one.socket.set(zmq::sockopt::xpub_nodrop, false);
-    (void)send_to(one); // to others of this backend; libzmq drops for it until it takes some
-    one.socket.set(zmq::sockopt::xpub_nodrop, true);
-    one.stuck = stuck;
-    report("a program that is to hear everything, of " + one.program + ", has taken no message of " + stuck + " for " +
-           std::to_string(config_.patience / 1ms) + " ms; the run goes on, and it misses messages");
+    const std::string stuck = observer.stuck;
+    observer.socket.set(zmq::sockopt::xpub_nodrop, false);
+    (void)send_to(observer); // to others of this backend; libzmq drops for it until it takes some
+    observer.socket.set(zmq::sockopt::xpub_nodrop, true);
+    observer.stuck = stuck;
+    report("a program that is to hear everything, of " + observer.program + ", has taken no message of " + stuck +
+           " for " + std::to_string(config_.patience / 1ms) + " ms; the run goes on, and it misses messages");
     return true;
 }
 
@@ -400,10 +400,10 @@ void Broker::publish(std::span<const std::byte> entry)
     record.payload = payload;
     if (subscribed(topic, last)) {
         send(topic, last.published);
-        if (!config_.heard.empty() && !config_.heard.contains(topic)) {
+        if (!config_.complete_topics.empty() && !config_.complete_topics.contains(topic)) {
             topic_.clear();
-            for (Complete &one : complete_) {
-                one.newer.insert(topic);
+            for (Complete &observer : complete_) {
+                observer.newer.insert(topic);
             }
         }
     }
@@ -413,8 +413,8 @@ void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
     topic_ = topic;
-    for (Complete &one : complete_) {
-        one.has = false;
+    for (Complete &observer : complete_) {
+        observer.has = false;
     }
     // libzmq drops the whole message for observers whose queue is full.
     (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
@@ -424,7 +424,7 @@ void Broker::send(const std::string &topic, const Message &message)
 /// Whether all observers have received the end of the run.
 bool Broker::send_end()
 {
-    const auto hears_end = [](const auto &one) { return one.second == finish_topic; };
+    const auto hears_end = [](const auto &subscription) { return subscription.second == finish_topic; };
     if (finish_ && std::any_of(subscribed_.begin(), subscribed_.end(), hears_end)) {
         send(finish_topic, *finish_);
         (void)deliver();
@@ -438,7 +438,7 @@ bool Broker::subscribed(const std::string &topic, Last &last)
     if (last.looked != subscriptions_) {
         last.looked = subscriptions_;
         last.subscribed = std::any_of(subscribed_.begin(), subscribed_.end(),
-                                      [&](const auto &one) { return topic.starts_with(one.second); });
+                                      [&](const auto &subscription) { return topic.starts_with(subscription.second); });
     }
     return last.subscribed;
 }

@@ -49,7 +49,7 @@ struct BrokerConfig {
     std::map<std::string, unsigned> observers = {};  ///< complete ones, so many of each of these programs
     std::string complete;                            ///< the address of their backends, which end with "-" and a number
                                                      ///< but over TCP
-    std::set<std::string> heard = {};                ///< topics that they are to hear; empty: all
+    std::set<std::string> complete_topics = {};      ///< topics that they are to hear; empty: all
     std::chrono::milliseconds patience{60'000};      ///< 0: for ever,
     std::chrono::milliseconds last_patience{10'000}; ///< but so long after the end
 };
@@ -142,8 +142,8 @@ private:
     bool drain();
     void publish(std::span<const std::byte> entry);
     void send(const std::string &topic, const Message &message);
-    bool send_to(Complete &one);
-    bool gave_up(Complete &one);
+    bool send_to(Complete &observer);
+    bool gave_up(Complete &observer);
     bool deliver();
     void show_newest();
     bool send_end();

@@ -505,7 +505,7 @@ struct Narrow {
         if (more) {
             config.observers["deaf"] = 1;
         }
-        config.heard = {"/a"};
+        config.complete_topics = {"/a"};
         config.patience = patience;
         config.last_patience = last_patience;
         config.room = 4096;
@@ -558,10 +558,10 @@ struct Narrow {
 
     void expect_all()
     {
-        const auto &heard = counts["/a"];
-        ASSERT_EQ(heard.size(), n + 1); // with the initial value
+        const auto &numbers = counts["/a"];
+        ASSERT_EQ(numbers.size(), n + 1); // with the initial value
         for (std::uint32_t k = 0; k <= n; k++) {
-            EXPECT_EQ(heard[k], k);
+            EXPECT_EQ(numbers[k], k);
         }
     }
 
@@ -574,62 +574,62 @@ struct Narrow {
 
 TEST(Broker, ACompleteObserverMissesNothingHoweverSlowItIs)
 {
-    Narrow one(patience);
+    Narrow narrow(patience);
     std::this_thread::sleep_for(100ms);
-    EXPECT_TRUE(one.broker->holds());
-    one.take();
-    one.expect_all();
-    EXPECT_EQ(one.counts["/b"].back(), one.n) << "of other topics, the newest one";
-    EXPECT_LT(one.counts["/b"].size(), one.n / 2);
-    EXPECT_EQ(one.broker->counts().dropped, 0u);
-    EXPECT_FALSE(one.broker->holds());
+    EXPECT_TRUE(narrow.broker->holds());
+    narrow.take();
+    narrow.expect_all();
+    EXPECT_EQ(narrow.counts["/b"].back(), narrow.n) << "of other topics, the newest one";
+    EXPECT_LT(narrow.counts["/b"].size(), narrow.n / 2);
+    EXPECT_EQ(narrow.broker->counts().dropped, 0u);
+    EXPECT_FALSE(narrow.broker->holds());
 }
 
 TEST(Broker, NothingWaitsForACompleteObserverThatTakesNothing)
 {
-    Narrow one(100ms);
-    for (; one.broker->holds(); one.broker->send_late()) {
+    Narrow narrow(100ms);
+    for (; narrow.broker->holds(); narrow.broker->send_late()) {
         std::this_thread::sleep_for(1ms);
     }
-    one.take();
-    const auto &heard = one.counts["/a"];
-    EXPECT_TRUE(std::is_sorted(heard.begin(), heard.end()));
-    EXPECT_LT(heard.size(), one.n);
-    EXPECT_GT(heard.size(), 10u);
-    EXPECT_THAT(one.broker->take_reports(),
+    narrow.take();
+    const auto &numbers = narrow.counts["/a"];
+    EXPECT_TRUE(std::is_sorted(numbers.begin(), numbers.end()));
+    EXPECT_LT(numbers.size(), narrow.n);
+    EXPECT_GT(numbers.size(), 10u);
+    EXPECT_THAT(narrow.broker->take_reports(),
                 testing::ElementsAre(testing::HasSubstr(
                     "has taken no message of /a for 100 ms; the run goes on, and it misses messages")));
 }
 
 TEST(Broker, ADeafCompleteObserverCostsTheOthersNothing)
 {
-    Narrow one(2s, true);
+    Narrow narrow(2s, true);
     std::vector<std::string> reports;
-    for (; reports.empty(); reports = one.broker->take_reports()) {
-        one.take(zmq::recv_flags::dontwait);
-        one.broker->send_late();
+    for (; reports.empty(); reports = narrow.broker->take_reports()) {
+        narrow.take(zmq::recv_flags::dontwait);
+        narrow.broker->send_late();
         std::this_thread::sleep_for(1ms);
     }
     EXPECT_THAT(reports, testing::ElementsAre(testing::HasSubstr("of deaf, has taken no message of /a for 2000 ms")));
     std::this_thread::sleep_for(100ms); // the queue of the other one becomes full
-    EXPECT_TRUE(one.broker->holds());
-    one.take();
-    one.expect_all();
-    EXPECT_THAT(one.broker->take_reports(), testing::Each(testing::HasSubstr("of deaf,")));
-    one.deaf.close(); // the end does not wait for one that is gone
+    EXPECT_TRUE(narrow.broker->holds());
+    narrow.take();
+    narrow.expect_all();
+    EXPECT_THAT(narrow.broker->take_reports(), testing::Each(testing::HasSubstr("of deaf,")));
+    narrow.deaf.close(); // the end does not wait for one that is gone
 }
 
-TEST(Broker, WithPatienceForEverTheEndWaitsForWhoTakesMessagesAndNotForADeafOne)
+TEST(Broker, WithPatienceForEverTheEndWaitsForAReaderButNotForADeafObserver)
 {
     for (const bool deaf : {false, true}) {
-        Narrow one(0ms, false, deaf ? 200ms : patience);
+        Narrow narrow(0ms, false, deaf ? 200ms : patience);
         auto end = in_thread([&] {
-            one.broker.reset();
+            narrow.broker.reset();
             return 0;
         });
         if (!deaf) {
-            one.take(zmq::recv_flags::none, false);
-            one.expect_all();
+            narrow.take(zmq::recv_flags::none, false);
+            narrow.expect_all();
         }
         EXPECT_EQ(end.wait_for(patience), std::future_status::ready);
     }
@@ -688,8 +688,8 @@ struct Awaited {
 
 TEST(Broker, ARunWaitsForACompleteObserverAtItsBeginningAndWhileItIsSlow)
 {
-    Awaited one;
-    Observer ground(one.other, one.member());
+    Awaited awaited;
+    Observer ground(awaited.other, awaited.member());
     std::this_thread::sleep_for(100ms);
     ground.subscribe("/a/n");
     std::uint32_t next = 0;
@@ -706,42 +706,42 @@ TEST(Broker, ARunWaitsForACompleteObserverAtItsBeginningAndWhileItIsSlow)
 TEST(Broker, ARunGoesOnWithoutACompleteObserverThatIsGoneOrDoesNotCome)
 {
     {
-        Awaited one;
-        Observer ground(one.other, one.member());
+        Awaited awaited;
+        Observer ground(awaited.other, awaited.member());
         ground.subscribe("/a/n");
         EXPECT_TRUE(ground.next(patience));
     }
-    Awaited one(5000ms);
-    one.run.wait();
-    EXPECT_EQ(one.reports, "the run goes on without ground, which did not come within 5 s");
+    Awaited awaited(5000ms);
+    awaited.run.wait();
+    EXPECT_EQ(awaited.reports, "the run goes on without ground, which did not come within 5 s");
 }
 
 TEST(Broker, ARunThatGoesOnWithoutOneProgramStillWaitsForTheOthers)
 {
     for (const bool came : {false, true}) {
-        Awaited one(patience, true);
+        Awaited awaited(patience, true);
         if (came) {
-            MemberConfig member = one.member();
+            MemberConfig member = awaited.member();
             member.node = "other";
-            Observer other(one.other, member);
+            Observer other(awaited.other, member);
             other.subscribe("/a/n");
-            while (!one.router->broker()->came("other")) {
+            while (!awaited.router->broker()->came("other")) {
                 std::this_thread::sleep_for(1ms);
             }
         }
-        one.gone = true;
-        while (!one.lifted) {
+        awaited.gone = true;
+        while (!awaited.lifted) {
             std::this_thread::sleep_for(1ms);
         }
         std::this_thread::sleep_for(300ms); // in which a run that did not wait would end
-        Observer ground(one.other, one.member());
+        Observer ground(awaited.other, awaited.member());
         ground.subscribe("/a/n");
         std::uint32_t next = 0;
         for (; const auto message = ground.next(patience); next++) {
             ASSERT_EQ(message->count, next);
         }
         EXPECT_EQ(next, 10'001u + 1);
-        EXPECT_EQ(one.reports, "");
+        EXPECT_EQ(awaited.reports, "");
     }
 }
 

@@ -88,7 +88,7 @@ TEST_P(Keyed, AProgramWithAnAllowedKeyTakesPart)
     auto serve_b = in_thread([&] { return serve(context, guarded.router.address(), "b", b, keys.of("lab")); });
     EXPECT_EQ(guarded.run.get(), "");
     EXPECT_EQ(serve_a.get() + serve_b.get(), "");
-    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(b.received, 201u);
     EXPECT_EQ(guarded.reports, "");
 }
 

@@ -25,13 +25,13 @@ public:
         Counter::initialize(m);
         next = m.start < 0 ? 0 : m.start / 10 * 10 + 10;
         if (m.snapshot.size() == 8) {
-            heard = word_of(make_payload(m.snapshot));
+            received = word_of(make_payload(m.snapshot));
         }
         return {{{10, 0}}, false, true};
     }
     Bytes save() override
     {
-        const auto bytes = std::as_bytes(std::span(&heard, 1));
+        const auto bytes = std::as_bytes(std::span(&received, 1));
         return {bytes.begin(), bytes.end()};
     }
 };
@@ -303,7 +303,7 @@ TEST(Fault, ThePaceFollowsAbsoluteTimesAndCountsOverruns)
     EXPECT_EQ(run.result.get(), "");
     EXPECT_EQ(served_a.get() + served_b.get(), "");
     EXPECT_GE(std::chrono::steady_clock::now() - begun, 1s); // 1000 ns, caught up after the slow step
-    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(b.received, 201u);
     const PaceReport *report = run.router.pace();
     ASSERT_TRUE(report);
     EXPECT_GE(report->overruns, 1u);

@@ -59,8 +59,8 @@ TEST_P(Transport, TwoNodesCountTogether)
     EXPECT_EQ(router.run(), "");
     EXPECT_EQ(serve_a.get(), "");
     EXPECT_EQ(serve_b.get(), "");
-    EXPECT_EQ(a.heard, 200u);
-    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(a.received, 200u);
+    EXPECT_EQ(b.received, 201u);
     EXPECT_EQ(a.reason, "");
     EXPECT_EQ(a.initialized.end, 1000);
     EXPECT_EQ(router.times(0).ticks, 101u);
@@ -100,8 +100,8 @@ TEST_P(Transport, ANodeMayLiveInTheControllersProgram)
     auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
     EXPECT_EQ(router.run(), "");
     EXPECT_EQ(serve_b.get(), "");
-    EXPECT_EQ(a.heard, 200u);
-    EXPECT_EQ(b.heard, 201u);
+    EXPECT_EQ(a.received, 200u);
+    EXPECT_EQ(b.received, 201u);
     EXPECT_EQ(a.reason, "");
     EXPECT_EQ(router.times(0).ticks, 101u);
 }
@@ -114,8 +114,8 @@ TEST(Router, ItMayHostAllNodes)
     router.host("a", a);
     router.host("b", b);
     EXPECT_EQ(router.run(), "");
-    EXPECT_EQ(a.heard, 100'000u);
-    EXPECT_EQ(b.heard, 100'000u);
+    EXPECT_EQ(a.received, 100'000u);
+    EXPECT_EQ(b.received, 100'000u);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Transport, testing::Values("tcp", "ipc", "inproc", "shm"));
@@ -290,14 +290,14 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
     });
     struct Killer : Counter {
         using Counter::Counter;
-        std::vector<Publication> match(const std::vector<Channel> &asked) override
+        std::vector<Publication> match(const std::vector<Channel> &channels) override
         {
             killed = in_thread([this] {
                 std::this_thread::sleep_for(100ms); // by then it waits for Start, which never comes
                 victim->kill();
                 dead = true;
             });
-            return Counter::match(asked);
+            return Counter::match(channels);
         }
         const Program *victim = nullptr;
         std::atomic<bool> dead = false;
@@ -308,12 +308,12 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
     a.victim = &controller;
     struct Hanging : Counter {
         using Counter::Counter;
-        std::vector<Publication> match(const std::vector<Channel> &asked) override
+        std::vector<Publication> match(const std::vector<Channel> &channels) override
         {
             while (!*dead) {
                 std::this_thread::sleep_for(1ms);
             }
-            return Counter::match(asked);
+            return Counter::match(channels);
         }
         const std::atomic<bool> *dead = nullptr;
     } b("/a/n", "/b/n", Latency::same_instant);
@@ -377,7 +377,7 @@ TEST(SharedMemory, ANodeThatWritesNonsenseIntoItIsShutOut)
     Counter a("/b/n", "/a/n", Latency::next_instant);
     router.host("a", a);
     EXPECT_TRUE(router.run().starts_with("b: it sent no frame: the shared memory counts "));
-    EXPECT_EQ(a.heard, 100u); // all messages before
+    EXPECT_EQ(a.received, 100u); // all messages before
 }
 
 TEST(SharedMemory, ItIsUsedWhereBothSidesHaveIt)

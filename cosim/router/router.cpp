@@ -71,7 +71,7 @@ Router::Router(zmq::context_t &context, const ControllerConfig &controller, Rout
     poller_.add(descriptor(greetings_), key(Kind::greetings));
     poller_.add(descriptor(greeters_.events()), key(Kind::greeters));
     greeters_.number(-1); // its descriptor reports only what comes after a first look
-    if (config_.pace > 0.0 || config_.steered || !heard_.empty()) {
+    if (config_.pace > 0.0 || config_.steered || !complete_programs_.empty()) {
         pace_.emplace(config_.pace);
         poller_.add(pace_->fd(), key(Kind::timer));
     }
@@ -299,10 +299,10 @@ void Router::hear(const Hello &hello)
 
 void Router::hear_waiting()
 {
-    for (Waiting &one : std::exchange(waiting_, {})) {
-        greeting_peer_ = std::move(one.peer);
-        greeting_fd_ = one.fd;
-        hear(one.hello);
+    for (Waiting &waiting : std::exchange(waiting_, {})) {
+        greeting_peer_ = std::move(waiting.peer);
+        greeting_fd_ = waiting.fd;
+        hear(waiting.hello);
         act();
     }
 }
@@ -350,13 +350,13 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         for (const AsynchronousConfig &program : controller.asynchronous) {
             if (program.complete) {
                 awaited_[program.name] += program.complete;
-                heard_.push_back(program.name);
+                complete_programs_.push_back(program.name);
                 all = all || program.hears.empty();
-                broker.heard.insert(program.hears.begin(), program.hears.end());
+                broker.complete_topics.insert(program.hears.begin(), program.hears.end());
             }
         }
         if (all) {
-            broker.heard.clear();
+            broker.complete_topics.clear();
         }
         broker.observers = awaited_;
         broker.complete = tcp ? any : config_.address + "-complete";
@@ -419,11 +419,11 @@ Message Router::attached(const std::string &program) const
 /// Whether no node may go on now, because complete observers do not keep up, or are not there yet.
 bool Router::holds(Clock::time_point now)
 {
-    if (heard_.empty() || !controller_.running()) {
+    if (complete_programs_.empty() || !controller_.running()) {
         return false;
     }
     began_ = began_ == Clock::time_point{} ? now : began_;
-    std::erase_if(awaited_, [&](const auto &one) { return broker_->came(one.first) >= one.second; });
+    std::erase_if(awaited_, [&](const auto &entry) { return broker_->came(entry.first) >= entry.second; });
     if (!awaited_.empty()) {
         if (now - began_ < config_.join) {
             return true;
@@ -519,7 +519,7 @@ void Router::received(NodeId id, Frame &&frame)
     slot.answered = Clock::now();
     if (const auto *tock = std::get_if<Tock>(&frame.message)) {
         NodeTimes &times = slot.times;
-        const Ns whole = std::chrono::nanoseconds(slot.answered - slot.asked).count();
+        const Ns whole = std::chrono::nanoseconds(slot.answered - slot.requested).count();
         const Ns compute = std::clamp(tock->compute_ns, Ns{0}, whole); // whatever the node reports
         times.ticks++;
         times.compute += compute;
@@ -535,7 +535,7 @@ NodeTimes Router::times(NodeId id) const
     NodeTimes times = slot.times;
     const auto now = Clock::now();
     if (controller_.waiting_for(id)) {
-        times.asked = std::chrono::nanoseconds(now - slot.asked).count();
+        times.pending = std::chrono::nanoseconds(now - slot.requested).count();
     } else if (times.ticks && std::string_view(controller_.state(id)) == "running") {
         times.wait += std::chrono::nanoseconds(now - slot.answered).count();
     }
@@ -645,10 +645,10 @@ void Router::act()
             if (auto *send = std::get_if<action::Send>(&a)) {
                 NodeSlot &slot = nodes_[send->node];
                 try {
-                    slot.asked = now ? *now : now.emplace(Clock::now());
+                    slot.requested = now ? *now : now.emplace(Clock::now());
                     if (std::holds_alternative<Tick>(send->frame.message) ||
                         (std::holds_alternative<Finish>(send->frame.message) && slot.times.ticks)) {
-                        slot.times.wait += std::chrono::nanoseconds(slot.asked - slot.answered).count();
+                        slot.times.wait += std::chrono::nanoseconds(slot.requested - slot.answered).count();
                     }
                     if (slot.hosted) {
                         calls_.emplace_back(send->node, std::move(send->frame));
@@ -758,7 +758,7 @@ void Router::check_limits(NodeId id)
     const bool waits = controller_.waiting_for(id), first = slot.link && !slot.replied && !controller_.finishing();
     const auto reply = reply_limit(id);
     const auto most = controller_.finishing() ? config_.finish : first && reply.count() ? config_.greet : reply;
-    const auto since = first ? std::max(slot.welcomed, slot.asked) : slot.asked;
+    const auto since = first ? std::max(slot.welcomed, slot.requested) : slot.requested;
     if (!most.count() || checked_ - since < most || !(waits || (first && !slot.joined))) {
         return;
     }

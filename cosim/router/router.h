@@ -65,7 +65,7 @@ struct NodeTimes {
     Ns compute = 0;   ///< spent in steps, as its tocks report; of each tock at most the time since its request
     Ns transport = 0; ///< from request to reply, without `compute`
     Ns wait = 0;      ///< from reply to the next request: for other nodes, and for the pace
-    Ns asked = 0;     ///< since a request without a reply yet; not part of the above
+    Ns pending = 0;   ///< since a request without a reply yet; not part of the above
 };
 
 class Router {
@@ -108,7 +108,7 @@ private:
         bool joined = false, replied = false; ///< it has taken its socket; it has replied on it
         int greeting_fd = -1;                 ///< of the connection on which it greeted,
         std::uint64_t greeting = 0;           ///< and its number
-        Clock::time_point welcomed, asked, answered;
+        Clock::time_point welcomed, requested, answered;
         bool unsure = false; ///< its descriptor may miss a frame: see descriptor()
         NodeTimes times;
     };
@@ -154,7 +154,7 @@ private:
     std::unique_ptr<Broker> broker_;
     std::vector<std::pair<Bytes, std::string>> attaching_; ///< libzmq's and their names of asynchronous programs that
                                                            ///< wait for the matching
-    std::vector<std::string> heard_;                       ///< asynchronous programs that miss no message
+    std::vector<std::string> complete_programs_;           ///< asynchronous programs that miss no message
     std::map<std::string, unsigned> awaited_;              ///< so many observers of these, before the run begins
     std::chrono::steady_clock::time_point began_;          ///< the run, which then waits for them
     Controller controller_;

@@ -91,7 +91,7 @@ TEST(Scale, AControllerTakesAsManyProgramsAsTheSystemAllows)
             zmq::context_t context;
             std::string why = serve(context, address.data(), std::to_string(i), node, "", patience);
             // At the k-th instant it sees what its neighbour wrote at the one before: k.
-            return why.empty() && node.heard != 9 ? "it heard " + std::to_string(node.heard) : why;
+            return why.empty() && node.received != 9 ? "it heard " + std::to_string(node.received) : why;
         }));
     }
     RouterConfig config;

@@ -60,8 +60,8 @@ public:
     {
         if (!request.snapshot.empty()) {
             now_ = request.start;
-            std::memcpy(said_.data(), request.snapshot.data(), sizeof said_);
-            std::memcpy(heard_.data(), request.snapshot.data() + sizeof said_, sizeof heard_);
+            std::memcpy(sent_.data(), request.snapshot.data(), sizeof sent_);
+            std::memcpy(received_.data(), request.snapshot.data() + sizeof sent_, sizeof received_);
         }
         return {{{period, 0}}, false, true};
     }
@@ -70,10 +70,10 @@ public:
         return {{topic(other_, "small"), Latency::next_exchange, false, small_},
                 {topic(other_, "large"), Latency::next_exchange, false, large_}};
     }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
         std::vector<Publication> publications;
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             for (const bool is_large : {false, true}) {
                 if (channel.topic == topic(self_, is_large ? "large" : "small")) {
                     out_[is_large] = channel.channel;
@@ -91,16 +91,16 @@ public:
     }
     Bytes save() override
     {
-        Bytes bytes(sizeof said_ + sizeof heard_);
-        std::memcpy(bytes.data(), said_.data(), sizeof said_);
-        std::memcpy(bytes.data() + sizeof said_, heard_.data(), sizeof heard_);
+        Bytes bytes(sizeof sent_ + sizeof received_);
+        std::memcpy(bytes.data(), sent_.data(), sizeof sent_);
+        std::memcpy(bytes.data() + sizeof sent_, received_.data(), sizeof received_);
         return bytes;
     }
     Tock tick(const Tick &tick) override
     {
         for (const Record &record : tick.records) {
             const bool is_large = record.channel == in_[true];
-            const std::uint32_t number = heard_[is_large]++;
+            const std::uint32_t number = received_[is_large]++;
             const Bytes expected = content(2 * other_ + is_large, number, is_large ? large : small);
             if (record.count != ++came_[is_large] || record.payload != make_payload(expected)) {
                 throw std::runtime_error("message " + std::to_string(number) + " is not what was sent");
@@ -109,9 +109,9 @@ public:
         Tock tock{tick.until, 0, {}, false};
         while (now_ < tick.until) { // several instants, where ticks are repeated
             now_ += period;
-            tock.records.push_back({out_[false], ++went_[false], now_, message(false, ++said_[false])});
-            if (said_[false] % seldom == 0) {
-                tock.records.push_back({out_[true], ++went_[true], now_, message(true, ++said_[true])});
+            tock.records.push_back({out_[false], ++went_[false], now_, message(false, ++sent_[false])});
+            if (sent_[false] % seldom == 0) {
+                tock.records.push_back({out_[true], ++went_[true], now_, message(true, ++sent_[true])});
             }
         }
         return tock;
@@ -133,8 +133,8 @@ private:
     Schema small_ = schema(small), large_ = schema(large);
     Ns now_ = -period; ///< the last instant
     std::array<std::uint32_t, 2> out_{}, in_{};
-    std::array<std::uint32_t, 2> said_{}, heard_{}; ///< messages in the run
-    std::array<std::uint32_t, 2> went_{}, came_{};  ///< and since this program began
+    std::array<std::uint32_t, 2> sent_{}, received_{}; ///< messages in the run
+    std::array<std::uint32_t, 2> went_{}, came_{};     ///< and since this program began
 };
 
 /// [bytes]
@@ -320,19 +320,19 @@ void soak(std::uint64_t ticks, unsigned cycles)
     }
 }
 
-const std::uint64_t asked = std::stoull(setting("FLEDGE_SOAK_TICKS", "0"));
+const std::uint64_t ticks_wanted = std::stoull(setting("FLEDGE_SOAK_TICKS", "0"));
 
 TEST(Soak, ManyTicksArriveWithoutMemoryGrowth)
 {
-    soak(asked   ? asked
-         : grows ? 20'000
-                 : 50'000,
+    soak(ticks_wanted ? ticks_wanted
+         : grows      ? 20'000
+                      : 50'000,
          static_cast<unsigned>(std::stoul(setting("FLEDGE_SOAK_CYCLES", "0"))));
 }
 
 TEST(Soak, ManyTicksArriveAlthoughNodesAreKilledAndStopped)
 {
-    if (asked) {
+    if (ticks_wanted) {
         GTEST_SKIP() << "FLEDGE_SOAK_TICKS asks for the other one alone";
     }
     soak(grows ? 60'000 : 100'000, 3);

@@ -230,7 +230,7 @@ TEST_P(Connections, StrayBytesEndNoRun)
     stray();
     b.serve_from(half);
     EXPECT_EQ(run.reason(), "");
-    EXPECT_EQ(run.a.heard, 200u);
+    EXPECT_EQ(run.a.received, 200u);
 }
 
 TEST_P(Connections, ASecondConnectionHidesNoDeath)
@@ -282,7 +282,7 @@ TEST(Strangers, AProgramWaitsForThePlaceOfOneThatHasOnlyGreeted)
     EXPECT_THROW(Played(run.router.address()), std::runtime_error); // a second program of the name is refused at once
     b.serve_from(tick);
     EXPECT_EQ(run.reason(), "");
-    EXPECT_EQ(run.a.heard, 200u);
+    EXPECT_EQ(run.a.received, 200u);
 }
 
 TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
@@ -301,7 +301,7 @@ TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
         b.connect();
         b.serve_from(b.serve_until(500));
         EXPECT_EQ(run.reason(), "");
-        EXPECT_EQ(run.a.heard, 200u);
+        EXPECT_EQ(run.a.received, 200u);
     }
 }
 
@@ -340,7 +340,7 @@ TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
         b->connect();
         b->serve_from(b->serve_until(800));
         EXPECT_EQ(run.reason(), "");
-        EXPECT_EQ(run.a.heard, 200u);
+        EXPECT_EQ(run.a.received, 200u);
     }
 }
 
@@ -366,7 +366,7 @@ TEST(Strangers, ASilentProgramDoesNotKeepTheNameOfALostNode)
     b.connect();
     b.serve_from(b.serve_until(800));
     EXPECT_EQ(run.reason(), "");
-    EXPECT_EQ(run.a.heard, 200u);
+    EXPECT_EQ(run.a.received, 200u);
 }
 
 TEST(Strangers, ATakenNameOfASocketEndsNoRun)
@@ -393,7 +393,7 @@ TEST(Strangers, ATakenNameOfASocketEndsNoRun)
     b.connect();
     b.serve_from(b.serve_until(500));
     EXPECT_EQ(run.reason(), "");
-    EXPECT_EQ(run.a.heard, 200u);
+    EXPECT_EQ(run.a.received, 200u);
 }
 
 TEST(Strangers, WithoutALimitForRepliesAProgramMayBeSilentAfterItsGreeting)
@@ -492,7 +492,7 @@ TEST(Stopped, ADebuggerMayStopANodeForLongerThanAnyConnectionIsChecked)
         nodes[i].go_on();
         EXPECT_EQ(runs[i]->reason(), "") << transports[i];
         EXPECT_EQ(nodes[i].result(), 0) << transports[i];
-        EXPECT_EQ(runs[i]->a.heard, 200u) << transports[i];
+        EXPECT_EQ(runs[i]->a.received, 200u) << transports[i];
     }
 }
 
@@ -634,7 +634,7 @@ TEST_F(OtherUser, ItTakesPartWhereBothSidesAllowIt)
     tell(addresses);
     EXPECT_EQ(other.result(), 0);
     EXPECT_EQ(run.reason(), "");
-    EXPECT_EQ(run.a.heard, 200u);
+    EXPECT_EQ(run.a.received, 200u);
 }
 
 } // namespace strangers_test

@@ -125,16 +125,16 @@ void Authenticator::answer()
         const std::lock_guard lock(mutex_);
         read_again();
         const std::string address = parts.size() > 3 ? parts[3].to_string() : "";
-        const std::string who = "a program" + (address.empty() ? "" : " at " + address);
+        const std::string program = "a program" + (address.empty() ? "" : " at " + address);
         const AllowedKey *allowed = find(key);
         if (!allowed) {
-            report(who + " was not let in: its public key is not allowed here: " + key +
+            report(program + " was not let in: its public key is not allowed here: " + key +
                    "; ./fledge keys allow lets it in");
             return "unknown key";
         }
         const auto node = nodes_.find(parts[2].to_string());
         if (node != nodes_.end() && !allowed->may_speak_as(node->second)) {
-            report(who + " was not let in as " + node->second + ", for which its key " + allowed->name +
+            report(program + " was not let in as " + node->second + ", for which its key " + allowed->name +
                    " is not allowed");
             return "not for this node";
         }

@@ -163,15 +163,15 @@ std::vector<AllowedKey> read_allowed_keys(const fs::path &folder)
     std::vector<AllowedKey> allowed;
     for (const fs::path &path : files_in(folder / "allowed", ".public")) {
         const Certificate c = read_certificate(path, false);
-        AllowedKey one{path.stem().string(), c.keys.open, {}};
+        AllowedKey key{path.stem().string(), c.keys.open, {}};
         std::istringstream words(c.nodes);
         for (std::string word; words >> word;) {
-            one.nodes.push_back(word);
+            key.nodes.push_back(word);
         }
-        if (one.nodes.empty()) {
+        if (key.nodes.empty()) {
             throw KeyError(path.string() + R"(: it does not say for which nodes: nodes = "world flight")");
         }
-        allowed.push_back(std::move(one));
+        allowed.push_back(std::move(key));
     }
     return allowed;
 }

@@ -14,7 +14,7 @@ namespace {
 using namespace fledge::cosim;
 using fledge::Options;
 
-volatile std::sig_atomic_t asked_to_end = 0;
+volatile std::sig_atomic_t end_requested = 0;
 
 constexpr double longest = 1e9; ///< [s]
 
@@ -255,7 +255,7 @@ void print_figures(Router &router, const Settings &o)
 int main(int argc, char **argv)
 {
     for (const int signal : {SIGINT, SIGTERM}) {
-        std::signal(signal, [](int) { asked_to_end = 1; });
+        std::signal(signal, [](int) { end_requested = 1; });
     }
     std::signal(SIGXFSZ, SIG_IGN); // a record that reaches the limit on file sizes is an error of writing
     try {
@@ -282,22 +282,22 @@ int main(int argc, char **argv)
         std::printf("listening at %s\n", router.address().c_str());
         std::fflush(stdout);
         status.listening(router.address());
-        std::string asked;
+        std::string stop_reason;
         std::string reason = router.run([&] {
             status.progress(router, o.controller);
-            for (std::string line; asked.empty() && !(line = status.heard()).empty();) {
+            for (std::string line; stop_reason.empty() && !(line = status.read_line()).empty();) {
                 if (line.starts_with("stop ")) {
-                    asked = line.substr(5);
+                    stop_reason = line.substr(5);
                 } else if (line.starts_with("without ")) {
                     router.go_without(line.substr(8));
                 } else if (Pace *pace = router.steer()) {
                     steer(*pace, line);
                 }
             }
-            return !asked_to_end && asked.empty();
+            return !end_requested && stop_reason.empty();
         });
-        if (!asked.empty() && !reason.empty()) {
-            reason = asked;
+        if (!stop_reason.empty() && !reason.empty()) {
+            reason = stop_reason;
         }
         status.ended(reason, router, o.controller);
         print_figures(router, o);

@@ -118,7 +118,7 @@ static bool reap(pid_t command, int *result, bool *ended)
 static void end_all(pid_t command, int *result, bool *ended)
 {
     const long long begun = now_ms();
-    for (bool asked = false; reap(command, result, ended); asked = true) {
+    for (bool terminated = false; reap(command, result, ended); terminated = true) {
         const long long spent = now_ms() - begun;
         if (spent > GRACE_MS + KILLED_MS) {
             fprintf(stderr, "fledge_guard: some descendants of the command cannot be killed\n");
@@ -126,7 +126,7 @@ static void end_all(pid_t command, int *result, bool *ended)
         }
         if (spent >= GRACE_MS) {
             signal_descendants(SIGKILL); /* again and again: they may fork meanwhile */
-        } else if (!asked) {
+        } else if (!terminated) {
             signal_descendants(SIGTERM);
             signal_descendants(SIGCONT); /* a stopped process does not handle SIGTERM */
         }
@@ -164,9 +164,9 @@ int main(int argc, char **argv)
     }
     sigset_t ours, before;
     sigemptyset(&ours);
-    const int heard[] = {SIGCHLD, SIGTERM, SIGINT, SIGHUP};
-    for (size_t i = 0; i < sizeof heard / sizeof *heard; i++) {
-        sigaddset(&ours, heard[i]);
+    const int handled[] = {SIGCHLD, SIGTERM, SIGINT, SIGHUP};
+    for (size_t i = 0; i < sizeof handled / sizeof *handled; i++) {
+        sigaddset(&ours, handled[i]);
     }
     sigprocmask(SIG_BLOCK, &ours, &before);
     const int signals = signalfd(-1, &ours, SFD_CLOEXEC | SFD_NONBLOCK);
@@ -178,17 +178,17 @@ int main(int argc, char **argv)
     }
 
     int result = 0;
-    bool ended = false, asked = false;
+    bool ended = false, end_requested = false;
     struct pollfd watched[] = {{.fd = STDIN_FILENO, .events = POLLIN}, {.fd = signals, .events = POLLIN}};
-    while (!ended && !asked) {
+    while (!ended && !end_requested) {
         poll(watched, 2, -1);
         if (watched[0].revents) {
             char heap[256];
-            asked = read(STDIN_FILENO, heap, sizeof heap) <= 0;
+            end_requested = read(STDIN_FILENO, heap, sizeof heap) <= 0;
         }
         struct signalfd_siginfo signal;
         while (read(signals, &signal, sizeof signal) == (ssize_t)sizeof signal) {
-            asked = asked || signal.ssi_signo != SIGCHLD;
+            end_requested = end_requested || signal.ssi_signo != SIGCHLD;
         }
         reap(command, &result, &ended);
     }

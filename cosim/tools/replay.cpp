@@ -41,11 +41,11 @@ RouterConfig recording(RouterConfig config, RunListener &record, Ns end)
 
 } // namespace
 
-std::vector<Publication> Player::match(const std::vector<Channel> &asked)
+std::vector<Publication> Player::match(const std::vector<Channel> &channels)
 {
     published_.clear();
     std::vector<Publication> publications;
-    for (const Channel &channel : asked) {
+    for (const Channel &channel : channels) {
         for (std::size_t i = 0; i < part_.topics.size(); i++) {
             if (part_.topics[i].name == channel.topic) {
                 published_.emplace_back(channel.channel, i);

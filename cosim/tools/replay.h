@@ -34,7 +34,7 @@ public:
 
     Initialized initialize(const Initialize &) override { return {part_.rates, part_.any_time, false}; }
     std::vector<Subscription> desired() override { return {}; }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override;
+    std::vector<Publication> match(const std::vector<Channel> &channels) override;
     void start(const std::vector<Channel> &) override {}
     Tock tick(const Tick &tick) override;
 

@@ -16,7 +16,7 @@
 namespace fledge::cosim {
 namespace replay_test {
 
-/// A node that makes its words of all that it has heard, and sometimes says nothing.
+/// A node whose words depend on all that it has received; sometimes it writes none.
 class Mixer final : public Node {
 public:
     Mixer(std::string name, std::vector<Rate> rates, std::vector<Subscription> subscriptions, std::uint64_t salt = 0)
@@ -30,9 +30,9 @@ public:
         return {rates_, false, false};
     }
     std::vector<Subscription> desired() override { return subscriptions_; }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             if (channel.topic == "/" + name_ + "/x") {
                 channel_ = channel.channel;
                 return {{channel_, make_schema("Word", word_text), word(state_)}};
@@ -53,11 +53,11 @@ public:
                 continue;
             }
             for (; !coming_.empty() && coming_.front().t <= t; coming_.pop_front()) {
-                heard_[coming_.front().channel] = coming_.front();
+                received_[coming_.front().channel] = coming_.front();
             }
-            for (const auto &[channel, heard] : heard_) {
+            for (const auto &[channel, record] : received_) {
                 std::uint64_t x = 0;
-                std::memcpy(&x, heard.payload.data() + 4, 8);
+                std::memcpy(&x, record.payload.data() + 4, 8);
                 state_ = (state_ ^ x) * 0x9e3779b97f4a7c15u + static_cast<std::uint64_t>(t);
             }
             if (state_ >> 62) {
@@ -74,12 +74,12 @@ private:
     std::vector<Subscription> subscriptions_;
     std::uint64_t state_;
     std::deque<Record> coming_;
-    std::map<std::uint32_t, Record> heard_;
+    std::map<std::uint32_t, Record> received_;
     std::uint32_t channel_ = 0, count_ = 0;
     Ns reached_ = -1;
 };
 
-/// What was said in a run, as parts.
+/// The messages of a run, as parts.
 class Memory final : public RunListener {
 public:
     void began(const Exchange &exchange) override

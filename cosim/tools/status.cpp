@@ -64,7 +64,7 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
         for (const auto &[name, ns] : {std::pair{"compute", times.compute},
                                        {"transport", times.transport},
                                        {"wait", times.wait},
-                                       {"asked", times.asked}}) {
+                                       {"pending", times.pending}}) {
             s += std::string(",\"") + name + "\":" + seconds(static_cast<double>(ns) * 1e-9);
         }
         s += '}';
@@ -159,13 +159,13 @@ void StatusStream::ended(const std::string &reason, const Router &router, const 
     }
 }
 
-std::string StatusStream::heard()
+std::string StatusStream::read_line()
 {
     char text[512];
-    while (socket_ && !heard_end_) {
-        if (const auto end = heard_.find('\n'); end != std::string::npos) {
-            std::string line = heard_.substr(0, end);
-            heard_.erase(0, end + 1);
+    while (socket_ && !input_ended_) {
+        if (const auto end = input_.find('\n'); end != std::string::npos) {
+            std::string line = input_.substr(0, end);
+            input_.erase(0, end + 1);
             return line;
         }
         const ssize_t n = recv(fd_, text, sizeof text, MSG_DONTWAIT);
@@ -173,12 +173,12 @@ std::string StatusStream::heard()
             break;
         }
         if (n <= 0) {
-            heard_end_ = true;
+            input_ended_ = true;
             return "stop the program that started it is gone";
         }
-        heard_.append(text, static_cast<std::size_t>(n));
-        if (heard_.size() > longest_line && heard_.find('\n') == std::string::npos) {
-            heard_.clear();
+        input_.append(text, static_cast<std::size_t>(n));
+        if (input_.size() > longest_line && input_.find('\n') == std::string::npos) {
+            input_.clear();
         }
     }
     return "";

@@ -5,7 +5,7 @@
 //     {"report": "mass: its connection is gone (it had reached 1 s); the run waits for it"}
 //     {"phase": "running", "wall": 1.25, "t": 4.1, "nodes": [
 //         {"name": "mass", "state": "running", "t": 4.1, "ticks": 411,
-//          "compute": 0.9, "transport": 0.1, "wait": 0.2, "asked": 0.05}, ...]}
+//          "compute": 0.9, "transport": 0.1, "wait": 0.2, "pending": 0.05}, ...]}
 //     {"ended": "", "wall": 9.5, "t": 60, "nodes": [...]}
 //
 // Each on one line. A paced run adds "overruns", the number of instants that began more than 1 ms late, and "worst",
@@ -33,7 +33,7 @@ public:
     void ended(const std::string &reason, const Router &router, const ControllerConfig &config);
 
     /// The next line of the other side; "" if there is none.
-    std::string heard();
+    std::string read_line();
 
 private:
     using Clock = std::chrono::steady_clock;
@@ -42,9 +42,9 @@ private:
     bool flush();
 
     int fd_;
-    bool socket_ = false, heard_end_ = false;
+    bool socket_ = false, input_ended_ = false;
     std::string rest_; ///< of a line, not written yet
-    std::string heard_;
+    std::string input_;
     Clock::time_point begun_, reported_;
 };
 

@@ -31,9 +31,9 @@ public:
         return {{{10, 0}}, false};
     }
     std::vector<Subscription> desired() override { return {{reads_, latency_, false, schema_}}; }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             if (channel.topic == writes_) {
                 channel_ = channel.channel;
                 return {{channel_, schema_, word()}};
@@ -84,7 +84,7 @@ struct Ends {
         close(ends[0]);
         close(ends[1]);
     }
-    std::string heard() const
+    std::string read() const
     {
         std::string all;
         char text[4096];
@@ -137,7 +137,7 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
     EXPECT_GT(s.transport, 0);
     EXPECT_GT(q.transport, 0);
     for (const NodeTimes &t : {s, q}) {
-        EXPECT_EQ(t.asked, 0);
+        EXPECT_EQ(t.pending, 0);
         EXPECT_LE(t.compute + t.transport + t.wait, all);
     }
 }
@@ -256,33 +256,33 @@ TEST(Status, TheStateIsWrittenAsLinesOfJson)
     const Ends pair;
     StatusStream status(pair.ends[1]);
     status.listening(router.address());
-    EXPECT_EQ(pair.heard(), "{\"listening\":\"inproc://status-lines\"}\n");
+    EXPECT_EQ(pair.read(), "{\"listening\":\"inproc://status-lines\"}\n");
     status.report("a \"quote\", a \\ and\na line");
-    EXPECT_EQ(pair.heard(), "{\"report\":\"a \\\"quote\\\", a \\\\ and\\u000aa line\"}\n");
+    EXPECT_EQ(pair.read(), "{\"report\":\"a \\\"quote\\\", a \\\\ and\\u000aa line\"}\n");
     status.report("\x1b[2J\xff\xc2\x9b");
-    EXPECT_EQ(pair.heard(), "{\"report\":\"?[2J??\"}\n");
+    EXPECT_EQ(pair.read(), "{\"report\":\"?[2J??\"}\n");
     status.progress(router, config);
-    const std::string line = pair.heard();
+    const std::string line = pair.read();
     EXPECT_TRUE(line.starts_with("{\"phase\":\"gathering\",\"wall\":")) << line;
     EXPECT_NE(line.find("{\"name\":\"quick\",\"state\":\"absent\",\"t\":-1,\"ticks\":0,\"compute\":0,\"transport\":0,"
-                        "\"wait\":0,\"asked\":0}]}\n"),
+                        "\"wait\":0,\"pending\":0}]}\n"),
               line.npos)
         << line;
     status.progress(router, config);
-    EXPECT_EQ(pair.heard(), "") << "not so often";
+    EXPECT_EQ(pair.read(), "") << "not so often";
 }
 
 TEST(Status, TheReaderCanEndTheRun)
 {
     Ends pair;
     StatusStream status(pair.ends[1]);
-    EXPECT_EQ(status.heard(), "");
+    EXPECT_EQ(status.read_line(), "");
     ASSERT_EQ(send(pair.ends[0], "stop mass did", 13, 0), 13);
-    EXPECT_EQ(status.heard(), "");
+    EXPECT_EQ(status.read_line(), "");
     ASSERT_EQ(send(pair.ends[0], " not start\npause\n", 17, 0), 17);
-    EXPECT_EQ(status.heard(), "stop mass did not start");
-    EXPECT_EQ(status.heard(), "pause");
-    EXPECT_EQ(status.heard(), "");
+    EXPECT_EQ(status.read_line(), "stop mass did not start");
+    EXPECT_EQ(status.read_line(), "pause");
+    EXPECT_EQ(status.read_line(), "");
 }
 
 TEST(Status, TheEndOfTheReaderEndsTheRunAndASlowReaderDoesNotBlockIt)
@@ -292,9 +292,9 @@ TEST(Status, TheEndOfTheReaderEndsTheRunAndASlowReaderDoesNotBlockIt)
     for (int i = 0; i < 10'000; i++) {
         status.report("a line without a reader, of many");
     }
-    EXPECT_EQ(status.heard(), "");
+    EXPECT_EQ(status.read_line(), "");
     close(std::exchange(pair.ends[0], -1));
-    EXPECT_EQ(status.heard(), "stop the program that started it is gone");
+    EXPECT_EQ(status.read_line(), "stop the program that started it is gone");
     status.report("without a reader");
 }
 
@@ -302,7 +302,7 @@ TEST(Status, WithoutADescriptorItDoesNothing)
 {
     StatusStream status(-1);
     status.listening("x");
-    EXPECT_EQ(status.heard(), "");
+    EXPECT_EQ(status.read_line(), "");
     EXPECT_THROW(StatusStream(999), LinkError);
 }
 

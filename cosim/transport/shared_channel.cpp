@@ -119,10 +119,10 @@ void WakeUp::ring()
 void WakeUp::wake()
 {
     for (std::size_t i = 0; i < words_of_slots; i++) {
-        if (const std::uint32_t who = std::exchange(called_[i], 0)) {
+        if (const std::uint32_t waiters = std::exchange(called_[i], 0)) {
             std::atomic<std::uint32_t> &calls = words().calls[i];
             calls.fetch_add(1);
-            syscall(SYS_futex, &calls, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, who);
+            syscall(SYS_futex, &calls, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, waiters);
         }
     }
 }

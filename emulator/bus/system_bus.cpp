@@ -370,10 +370,10 @@ void SystemBus::protect(std::vector<ProtectedRange> ranges)
 
 void SystemBus::watch(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on)
 {
-    const Watch one{address, size, on_read, on_write};
+    const Watch entry{address, size, on_read, on_write};
     if (on) {
-        watches_.push_back(one);
-    } else if (const auto at = std::find(watches_.begin(), watches_.end(), one); at != watches_.end()) {
+        watches_.push_back(entry);
+    } else if (const auto at = std::find(watches_.begin(), watches_.end(), entry); at != watches_.end()) {
         watches_.erase(at);
     }
     std::vector<ProtectedRange> read, written;

@@ -138,7 +138,7 @@ TEST(SystemBus, writes_to_code_are_noticed)
     EXPECT_EQ(b.code.size(), 2u);
 }
 
-TEST(SystemBus, pages_that_changed_are_noted_once)
+TEST(SystemBus, pages_that_changed_are_listed_once)
 {
     Bench b;
     b.bus.write(ram + 4, 4, 1);

@@ -57,7 +57,7 @@ struct Core {
 
 enum class Exit : std::uint8_t {
     time,       ///< state.cycles >= until
-    attention,  ///< a device asked for it
+    attention,  ///< a device requested it
     power_down, ///< the processor waits for an interrupt
     breakpoint, ///< the instruction at pc is a breakpoint and was not executed
     watchpoint, ///< the instruction before made a watched access

@@ -149,11 +149,11 @@ private:
     }
 
     /// An operation on one or two operands of type From.
-    template <class To, class From, class Compute> std::uint32_t one(Compute compute)
+    template <class To, class From, class Compute> std::uint32_t unary(Compute compute)
     {
         return both<To>(From{0}, operand<From>(i_.rs2), [compute](From, From b) { return compute(b); });
     }
-    template <class To, class From, class Compute> std::uint32_t two(Compute compute)
+    template <class To, class From, class Compute> std::uint32_t binary(Compute compute)
     {
         return both<To>(operand<From>(i_.rs1), operand<From>(i_.rs2), compute);
     }
@@ -264,19 +264,19 @@ std::uint32_t Fpu::perform()
     case Op::fmovs: return move(single(s_, i_.rs2));
     case Op::fnegs: return move(single(s_, i_.rs2) ^ sign);
     case Op::fabss: return move(single(s_, i_.rs2) & ~sign);
-    case Op::fadds: return two<float, float>(add);
-    case Op::faddd: return two<double, double>(add);
-    case Op::fsubs: return two<float, float>(subtract);
-    case Op::fsubd: return two<double, double>(subtract);
-    case Op::fmuls: return two<float, float>(multiply);
-    case Op::fmuld: return two<double, double>(multiply);
-    case Op::fsmuld: return two<double, float>([](float a, float b) { return double{a} * double{b}; });
-    case Op::fdivs: return two<float, float>(divide);
-    case Op::fdivd: return two<double, double>(divide);
-    case Op::fsqrts: return one<float, float>(root);
-    case Op::fsqrtd: return one<double, double>(root);
-    case Op::fstod: return one<double, float>(convert);
-    case Op::fdtos: return one<float, double>(convert);
+    case Op::fadds: return binary<float, float>(add);
+    case Op::faddd: return binary<double, double>(add);
+    case Op::fsubs: return binary<float, float>(subtract);
+    case Op::fsubd: return binary<double, double>(subtract);
+    case Op::fmuls: return binary<float, float>(multiply);
+    case Op::fmuld: return binary<double, double>(multiply);
+    case Op::fsmuld: return binary<double, float>([](float a, float b) { return double{a} * double{b}; });
+    case Op::fdivs: return binary<float, float>(divide);
+    case Op::fdivd: return binary<double, double>(divide);
+    case Op::fsqrts: return unary<float, float>(root);
+    case Op::fsqrtd: return unary<double, double>(root);
+    case Op::fstod: return unary<double, float>(convert);
+    case Op::fdtos: return unary<float, double>(convert);
     case Op::fitos: return from_integer<float>();
     case Op::fitod: return from_integer<double>();
     case Op::fstoi: return to_integer<float>();

@@ -291,15 +291,15 @@ TEST_P(Fpu, ComparesOrderNumbersAndFindNaNs)
 TEST_P(Fpu, ANaNOfTheOperandsIsChosenAsTheFpuDoes)
 {
     const std::uint64_t q1 = 0x7FF8000000000001, q2 = 0xFFF8000000000002, s1 = 0x7FF0000000000011,
-                        s2 = 0x7FF4000000000022, one = bits(1.0), generated = 0x7FFFE00000000000;
+                        s2 = 0x7FF4000000000022, number = bits(1.0), generated = 0x7FFFE00000000000;
     struct Case {
         std::uint64_t a, b, grfpu, qemu;
         bool invalid;
     };
     constexpr std::uint64_t quiet = 1ull << 51;
-    for (const Case &k : {Case{one, q2, q2, q2, false}, Case{q1, one, q1, q1, false}, Case{q1, q2, q2, q2, false},
-                          Case{q2, q1, q1, q2, false}, Case{one, s2, generated, s2 | quiet, true},
-                          Case{s1, one, generated, s1 | quiet, true}, Case{s1, q2, generated, q2, true},
+    for (const Case &k : {Case{number, q2, q2, q2, false}, Case{q1, number, q1, q1, false}, Case{q1, q2, q2, q2, false},
+                          Case{q2, q1, q1, q2, false}, Case{number, s2, generated, s2 | quiet, true},
+                          Case{s1, number, generated, s1 | quiet, true}, Case{s1, q2, generated, q2, true},
                           Case{q1, s2, generated, q1, true}, Case{s1, s2, generated, s2 | quiet, true},
                           Case{bits(HUGE_VAL), bits(HUGE_VAL), generated, ~0ull >> 1, true}}) {
         for (FpuPersonality fpu : {FpuPersonality::qemu, FpuPersonality::grfpu}) {

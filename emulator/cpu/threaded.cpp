@@ -753,7 +753,7 @@ rdy:
     REMEMBER(name, first, second)                                                                                      \
     put_number(f, d->rd, value);                                                                                       \
     NEXT;
-#define TWO(name, From, To, expression)                                                                                \
+#define BINARY(name, From, To, expression)                                                                             \
     name : {                                                                                                           \
         FPU_FAST const From a = number_at<From>(f, d->rs1), b = number_at<From>(f, d->rs2);                            \
         if (small.has(a) || small.has(b)) [[unlikely]] {                                                               \
@@ -762,7 +762,7 @@ rdy:
         const To result = (expression);                                                                                \
         FINISH(name, a, b, result)                                                                                     \
     }
-#define ONE(name, From, To, expression)                                                                                \
+#define UNARY(name, From, To, expression)                                                                              \
     name : {                                                                                                           \
         FPU_FAST const From b = number_at<From>(f, d->rs2);                                                            \
         if (small.has(b)) [[unlikely]] {                                                                               \
@@ -771,19 +771,19 @@ rdy:
         const To result = (expression);                                                                                \
         FINISH(name, b, b, result)                                                                                     \
     }
-    TWO(fadds, float, float, a + b)
-    TWO(faddd, double, double, a + b)
-    TWO(fsubs, float, float, a - b)
-    TWO(fsubd, double, double, a - b)
-    TWO(fmuls, float, float, a *b)
-    TWO(fmuld, double, double, a *b)
-    TWO(fdivs, float, float, a / b)
-    TWO(fdivd, double, double, a / b)
-    TWO(fsmuld, float, double, double{a} * double{b})
-    ONE(fsqrts, float, float, std::sqrt(b))
-    ONE(fsqrtd, double, double, std::sqrt(b))
-    ONE(fstod, float, double, double{b})
-    ONE(fdtos, double, float, static_cast<float>(b))
+    BINARY(fadds, float, float, a + b)
+    BINARY(faddd, double, double, a + b)
+    BINARY(fsubs, float, float, a - b)
+    BINARY(fsubd, double, double, a - b)
+    BINARY(fmuls, float, float, a *b)
+    BINARY(fmuld, double, double, a *b)
+    BINARY(fdivs, float, float, a / b)
+    BINARY(fdivd, double, double, a / b)
+    BINARY(fsmuld, float, double, double{a} * double{b})
+    UNARY(fsqrts, float, float, std::sqrt(b))
+    UNARY(fsqrtd, double, double, std::sqrt(b))
+    UNARY(fstod, float, double, double{b})
+    UNARY(fdtos, double, float, static_cast<float>(b))
 
 #define FROM_INTEGER(name, To)                                                                                         \
     name : {                                                                                                           \

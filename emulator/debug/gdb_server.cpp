@@ -106,8 +106,8 @@ int listen_at(std::string_view address, const std::string &what, std::uint16_t &
                     std::string(address) + "'");
     }
     at.sin_port = htons(static_cast<std::uint16_t>(*port));
-    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), one = 1;
-    setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), enabled = 1;
+    setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &enabled, sizeof enabled);
     socklen_t size = sizeof at;
     if (listener < 0 || bind(listener, reinterpret_cast<sockaddr *>(&at), size) != 0 || listen(listener, 1) != 0 ||
         getsockname(listener, reinterpret_cast<sockaddr *>(&at), &size) != 0) {
@@ -145,8 +145,8 @@ void GdbServer::accept()
 {
     client_ = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     if (client_ >= 0) {
-        const int one = 1;
-        setsockopt(client_, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+        const int enabled = 1;
+        setsockopt(client_, IPPROTO_TCP, TCP_NODELAY, &enabled, sizeof enabled);
         acknowledge_ = true;
         input_.clear();
         stands_ = true;
@@ -165,8 +165,8 @@ void GdbServer::drop()
     for (const std::uint32_t address : std::set<std::uint32_t>(machine_.core().breakpoints)) {
         machine_.set_breakpoint(address, false);
     }
-    for (const Watch &one : watches_) {
-        machine_.set_watchpoint(one.address, one.size, one.kind != '2', one.kind != '3', false);
+    for (const Watch &watch : watches_) {
+        machine_.set_watchpoint(watch.address, watch.size, watch.kind != '2', watch.kind != '3', false);
     }
     watches_.clear();
     stands_ = false;

@@ -57,7 +57,7 @@ StopReason History::step()
 const History::Moment &History::restore_before(std::uint64_t position)
 {
     const auto after = std::lower_bound(moments_.begin(), moments_.end(), position,
-                                        [](const Moment &one, std::uint64_t p) { return one.position < p; });
+                                        [](const Moment &moment, std::uint64_t p) { return moment.position < p; });
     const Moment &found = after == moments_.begin() ? *after : *std::prev(after);
     machine_.restore(*found.snapshot);
     return found;

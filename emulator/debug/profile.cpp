@@ -100,11 +100,11 @@ void Profile::write(const std::string &path, const SourceLines &lines)
         for (const auto &[at, cost] : function.self) { // also lines of other files, inlined
             out << "fi=" << at.first << '\n' << at.second << ' ' << cost.instructions << ' ' << cost.cycles << '\n';
         }
-        for (const Called &one : function.calls) {
-            const auto [file, line] = place(one.site);
-            const Cost &cost = one.call->inclusive;
-            out << "fi=" << file << "\ncfi=" << place(one.function).first << "\ncfn=" << name(one.function)
-                << "\ncalls=" << one.call->count << ' ' << place(one.function).second << '\n'
+        for (const Called &called : function.calls) {
+            const auto [file, line] = place(called.site);
+            const Cost &cost = called.call->inclusive;
+            out << "fi=" << file << "\ncfi=" << place(called.function).first << "\ncfn=" << name(called.function)
+                << "\ncalls=" << called.call->count << ' ' << place(called.function).second << '\n'
                 << line << ' ' << cost.instructions << ' ' << cost.cycles << '\n';
         }
     }

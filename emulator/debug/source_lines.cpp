@@ -64,7 +64,7 @@ SourceLines::SourceLines(const std::string &elf)
 const SourceLines::Range *SourceLines::find(std::uint32_t address) const
 {
     const auto after = std::upper_bound(ranges_.begin(), ranges_.end(), address,
-                                        [](std::uint32_t a, const Range &one) { return a < one.begin; });
+                                        [](std::uint32_t a, const Range &range) { return a < range.begin; });
     if (after == ranges_.begin() || address >= std::prev(after)->end) {
         return nullptr;
     }

@@ -19,7 +19,7 @@ void StackDepth::executed(const Executed &step)
         return;
     }
     pointer_ = pointer;
-    const auto holds = [&](const Stack &one) { return pointer <= one.top && pointer + frame >= one.lowest; };
+    const auto holds = [&](const Stack &stack) { return pointer <= stack.top && pointer + frame >= stack.lowest; };
     if (stacks_.empty() || !holds(stacks_[present_])) {
         const auto found = std::find_if(stacks_.begin(), stacks_.end(), holds);
         present_ = static_cast<std::size_t>(found - stacks_.begin());

@@ -89,7 +89,7 @@ void Tools::finish()
 std::vector<StackDepth::Stack> Tools::depths() const
 {
     std::vector<StackDepth::Stack> found = stacks_ ? stacks_->stacks() : std::vector<StackDepth::Stack>{};
-    std::erase_if(found, [](const StackDepth::Stack &one) { return one.used() == 0; }); // the boot loader's
+    std::erase_if(found, [](const StackDepth::Stack &stack) { return stack.used() == 0; }); // the boot loader's
     return found;
 }
 

@@ -116,17 +116,17 @@ std::string compare_snapshots(std::uint64_t seed, int count)
     std::mt19937_64 random(seed);
     for (int i = 0; i < count; ++i) {
         const std::uint64_t at = random() % end, elsewhere = random() % end;
-        Timed one(stream, engines[random() % 3]), other(stream, engines[random() % 3]);
-        one.machine.run_until(cycle * static_cast<Ns>(at));
-        other.machine.run_until(cycle * static_cast<Ns>(elsewhere));
+        Timed first(stream, engines[random() % 3]), second(stream, engines[random() % 3]);
+        first.machine.run_until(cycle * static_cast<Ns>(at));
+        second.machine.run_until(cycle * static_cast<Ns>(elsewhere));
         if (i % 2 == 0)
-            other.machine.restore(*one.machine.snapshot());
+            second.machine.restore(*first.machine.snapshot());
         else
-            other.machine.load_snapshot(one.machine.save());
-        for (Timed *machine : {&one, &other}) {
+            second.machine.load_snapshot(first.machine.save());
+        for (Timed *machine : {&first, &second}) {
             machine->machine.run_until(enough);
             if (const std::string what = differences_of(reference, *machine); !what.empty())
-                return (machine == &one ? "interrupted by a snapshot" : "from the snapshot") +
+                return (machine == &first ? "interrupted by a snapshot" : "from the snapshot") +
                        std::string(" at cycle ") + std::to_string(at) + ":\n" + what;
         }
     }

@@ -15,7 +15,7 @@ namespace fledge::emulator::testing {
 std::string compare_engines(const Stream &stream, FpuPersonality fpu, std::uint64_t seed,
                             std::vector<std::uint8_t> *memory = nullptr);
 
-/// Three programs of a seed: as stock QEMU computes, also in QEMU if asked; as a GRFPU computes; and with what stock
+/// Three programs of a seed: as stock QEMU computes, with `qemu` also in QEMU; as a GRFPU computes; and with what stock
 /// QEMU does not know, or does otherwise.
 /// Returns what differs, or "".
 std::string compare_seed(std::uint64_t seed, std::uint32_t blocks, bool qemu);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A host for one device in a test: time that the test sets, and what the device asked for.
+// A host for one device in a test: time that the test sets, and the requests of the device.
 #pragma once
 
 #include <vector>

@@ -422,12 +422,12 @@ private:
     // One instruction alone, for a delay slot.
     void alone(Code &c, void (Generator::*make)(Code &))
     {
-        Code one(0);
+        Code instruction(0);
         do {
-            one = Code(0);
-            (this->*make)(one);
-        } while (one.words().size() > 1);
-        c.word(one.words()[0]);
+            instruction = Code(0);
+            (this->*make)(instruction);
+        } while (instruction.words().size() > 1);
+        c.word(instruction.words()[0]);
     }
     void simple(Code &c) { alone(c, &Generator::arithmetic); }
 

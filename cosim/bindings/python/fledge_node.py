@@ -157,7 +157,7 @@ class Schema:
         return codes
 
     def pack(self, values, order="<"):
-        """The struct, little-endian unless asked otherwise. Fields that are not given are zero. Raises NodeError."""
+        """The struct, little-endian by default. Fields that are not given are zero. Raises NodeError."""
         unknown = values.keys() - {name for name, _, _ in self.fields}
         if unknown:
             raise NodeError(f"{self.name} has no field {', '.join(sorted(unknown))}; it has "
@@ -313,9 +313,9 @@ class _Reader:
             text = self._take(n).decode()
         except UnicodeDecodeError:
             self._fail(f"{field} is not UTF-8")
-        found = control.search(text)
-        if found:
-            self._fail(f"{field} holds the control character U+{ord(found[0]):04X}")
+        match = control.search(text)
+        if match:
+            self._fail(f"{field} holds the control character U+{ord(match[0]):04X}")
         return text
 
     def schema(self):
@@ -389,7 +389,7 @@ class _Member:
             if not self.address.startswith("ipc://") or handshake.connect(self.timeout, where):
                 socket.send(self._hello())
             if not handshake.wait(end - time.monotonic(), where):
-                raise NodeError(f"no controller answers at {self.address}" if not handshake.made else
+                raise NodeError(f"no controller answers at {self.address}" if not handshake.connected else
                                 f"the controller at {self.address} has no answer: not all nodes are there")
             r = _Reader(socket.recv())
         finally:
@@ -479,8 +479,8 @@ class Node(_Member):
         subscription = self._subscriptions.get(topic)
         if subscription is None or subscription.unread is None:
             raise NodeError(f"{self.name} does not read {topic} with keep=True")
-        found, subscription.unread = subscription.unread, []
-        return [subscription.schema.unpack(payload) for payload in found]
+        messages, subscription.unread = subscription.unread, []
+        return [subscription.schema.unpack(payload) for payload in messages]
 
     def writes(self, topic, name="", text="", initial=None):
         """Write a topic. `initial` is its value before the first step; fields without a value are zero. Without a
@@ -604,12 +604,12 @@ class Node(_Member):
         return "Desired"
 
     def _on_Match(self, r, w):
-        asked = [channel for channel in r.channels() if channel[1] in self._publications]
+        requested = [channel for channel in r.channels() if channel[1] in self._publications]
         r.end()
         for publication in self._publications.values():
             publication.channel = None
-        w.number("I", len(asked))
-        for channel, topic, (name, text) in asked:
+        w.number("I", len(requested))
+        for channel, topic, (name, text) in requested:
             publication = self._publications[topic]
             publication.channel, publication.count = channel, 0
             if not publication.schema.text:
@@ -909,13 +909,13 @@ class _Handshake:
     """Watches a socket that connects: libzmq itself tries for ever, and does not report why it fails."""
 
     def __init__(self, socket, keys):
-        self.socket, self.keys, self.made, self.lost, self._broken_off = socket, keys, False, None, 0
+        self.socket, self.keys, self.connected, self.lost, self._broken_off = socket, keys, False, None, 0
         self.monitor = socket.get_monitor_socket(
             zmq.EVENT_CONNECTED | zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED
             | zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
             | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL)
 
-    def _look(self, where):
+    def _check_events(self, where):
         """Raises NodeError if this program is not let in there."""
         while self.monitor.poll(0):
             kind, value = struct.unpack("=HI", self.monitor.recv_multipart()[0])
@@ -925,10 +925,10 @@ class _Handshake:
 
     def _refusal(self, kind, value):
         if kind == zmq.EVENT_HANDSHAKE_SUCCEEDED:
-            self.made, self.lost, self._broken_off = True, None, 0
+            self.connected, self.lost, self._broken_off = True, None, 0
         elif kind == zmq.EVENT_DISCONNECTED:
-            if self.made:
-                self.made, self.lost = False, time.monotonic()
+            if self.connected:
+                self.connected, self.lost = False, time.monotonic()
         elif kind == zmq.EVENT_CONNECTED:
             user = None if os.environ.get("FLEDGE_ANY_USER") == "1" else _other_user(value)
             if user is not None:
@@ -952,9 +952,9 @@ class _Handshake:
         """Whether the connection is made in time [s]. Raises NodeError if this program is not let in, or the other
         side is of another user."""
         end = time.monotonic() + timeout
-        while not self.made and self.monitor.poll(max(0, 1000 * (end - time.monotonic()))):
-            self._look(where)
-        return self.made
+        while not self.connected and self.monitor.poll(max(0, 1000 * (end - time.monotonic()))):
+            self._check_events(where)
+        return self.connected
 
     def wait(self, timeout, where):
         """Whether something came to the socket in time [s]. Raises NodeError if this program is not let in."""
@@ -964,8 +964,8 @@ class _Handshake:
         end = time.monotonic() + timeout
         while True:
             ready = dict(poller.poll(max(0, 1000 * (end - time.monotonic()))))
-            if self.monitor in ready or not self.made:
-                self._look(where)  # the events of a connection come before its first message
+            if self.monitor in ready or not self.connected:
+                self._check_events(where)  # the events of a connection come before its first message
             if self.socket in ready or not ready:
                 return bool(ready)
 

@@ -353,9 +353,9 @@ def test_a_node_reports_that_the_controller_was_killed(programs, language):
     controller.wait_for(mass="running", spring="running")
     controller.process.kill()
     controller.process.communicate()
-    for program, said in zip(pair, ("NodeError: ", "NodeError: " if language == "python" else "spring: ")):
+    for program, prefix in zip(pair, ("NodeError: ", "NodeError: " if language == "python" else "spring: ")):
         _, errors = program.communicate()
-        assert program.returncode == 1 and said + "the controller is gone" in errors
+        assert program.returncode == 1 and prefix + "the controller is gone" in errors
 
 
 @pytest.mark.long("waits for a limit of time")

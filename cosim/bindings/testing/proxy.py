@@ -40,10 +40,10 @@ class Proxy:
         threading.Thread(target=self._accept, args=(listener, to, greets), daemon=True).start()
         return f"tcp://127.0.0.1:{listener.getsockname()[1]}"
 
-    def _keep(self, made):
+    def _keep(self, connection):
         with self._lock:
-            self._sockets.append(made)
-        return made
+            self._sockets.append(connection)
+        return connection
 
     def _accept(self, listener, to, greets):
         host, _, port = to.removeprefix("tcp://").rpartition(":")

@@ -322,7 +322,7 @@ struct FakeNode {
             for (std::size_t k = latest.size(); k < spec->writes.size(); k++) {
                 latest.push_back(spec->initial(k));
             }
-            for (const Channel &channel : m->asked) {
+            for (const Channel &channel : m->channels) {
                 const auto it = std::find(spec->writes.begin(), spec->writes.end(), channel.topic);
                 if (it != spec->writes.end()) {
                     written[channel.topic] = {channel.channel, 0};

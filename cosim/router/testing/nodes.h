@@ -39,9 +39,9 @@ public:
         return reads_.empty() ? std::vector<Subscription>{}
                               : std::vector<Subscription>{{reads_, latency_, false, schema_}};
     }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             if (channel.topic == writes_) {
                 channel_ = channel.channel;
                 return {{*channel_, schema_, word(0)}};
@@ -56,12 +56,12 @@ public:
         auto record = tick.records.begin();
         for (; next <= tick.until; next += 10) {
             for (; record != tick.records.end() && record->t <= next; ++record) {
-                heard = word_of(record->payload);
-                all.push_back({next, heard});
+                received = word_of(record->payload);
+                all.push_back({next, received});
             }
             before_step(next);
             if (channel_) {
-                tock.records.push_back({*channel_, ++count_, next, word(heard + 1)});
+                tock.records.push_back({*channel_, ++count_, next, word(received + 1)});
             }
         }
         return tock;
@@ -69,7 +69,7 @@ public:
     void finish(const std::string &why) override { reason = why; }
     virtual void before_step(Ns) {}
 
-    std::uint64_t heard = 0;
+    std::uint64_t received = 0;
     std::vector<std::pair<Ns, std::uint64_t>> all; ///< all inputs with their times
     Ns next = 0;
     Initialize initialized;

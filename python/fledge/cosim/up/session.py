@@ -68,7 +68,7 @@ class _Running:
     failed: bool = False        # its node has reported its own failure
     killed: bool = False        # as the file says
     missed: bool = False        # and the controller has noticed it
-    ending: bool = False        # the session has asked it to end
+    ending: bool = False        # the session has requested its end
     dead: str = ""              # how its last process ended; "" while it lives
     died: tuple[int, float] = (0, 0.0)  # the number of reports of the controller by then, and the time
     handled: bool = True        # the session has reacted to its last end
@@ -90,7 +90,7 @@ class Session:
         self._reports = 0                   # of the controller on all nodes
         self._address = ""
         self._ended: str | None = None      # the reason, once the controller has given it
-        self._asked_at: float | None = None
+        self._stop_requested_at: float | None = None
         self._signals = 0
         self._signal: int | None = None
         self._failed: dict[str, str] = {}
@@ -114,7 +114,7 @@ class Session:
                         *self.folder.glob(rewind.NOTE)]:
                 old.unlink()
             if self.plan.recorded:
-                rewind.note(self.plan, self.folder, self.past)
+                rewind.write_note(self.plan, self.folder, self.past)
             if self.past:
                 self.past.take_records(self.folder)
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
@@ -133,7 +133,7 @@ class Session:
                 handed = [theirs.fileno(), *([self.past.file.fileno()] if self.past else [])]
                 self._controller = self._start("controller", self._controller_command(*handed), pass_fds=handed)
             while not self._over():
-                self._look()
+                self._poll()
             self.progress.phase = "ended"
             self._leave()
         finally:
@@ -144,13 +144,13 @@ class Session:
         return Outcome(self._ended or "", self.progress, list(self._failed.items()), self._signal,
                        self._rewind if not self._signals else None)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Read the reports of the controller and the logs, look after the programs, and show the progress."""
         select.select([self._ours, *(r.steering for r in self._running.values() if r.steering)], [], [], _LOOK)
         self._receive()
         for r in self._running.values():
             self._steered(r)
-        self._look_at_processes()
+        self._check_processes()
         new = self.logs.gather()
         self.view.logged(new, max(map(len, self._running)))
         for name, line in new:
@@ -162,12 +162,12 @@ class Session:
 
     def _over(self) -> bool:
         """Whether the controller has ended, or the session must end it."""
-        late = self._asked_at is not None and time.monotonic() - self._asked_at > _FINISH
+        late = self._stop_requested_at is not None and time.monotonic() - self._stop_requested_at > _FINISH
         if self._signals > 1 or late:
             self._ended = self._ended or ("interrupted twice, so all was ended at once" if self._signals > 1 else
                                           "the controller did not come to an end")
             return True
-        if self._ended is None and self._controller.look():
+        if self._ended is None and self._controller.poll():
             self._receive()
             if self._ended is None:
                 last = self.logs.last("controller", 1)
@@ -186,20 +186,20 @@ class Session:
             if r.process and r.state == "absent" and not r.program.asynchronous:
                 self._end(r)    # the controller cannot tell it
         while (spent := time.monotonic() - begun) < _LEAVE and self._signals < 2 and any(
-                r.process and not r.process.look() for r in self._running.values()):
-            if not self._controller.look() and time.monotonic() < latest:   # complete observers read to the end
+                r.process and not r.process.poll() for r in self._running.values()):
+            if not self._controller.poll() and time.monotonic() < latest:   # complete observers read to the end
                 begun = time.monotonic()
             for r in self._running.values():
                 if r.program.asynchronous and r.process and not r.ending and spent > _HUNG:
                     self._end(r)
             select.select([], [], [], 0.02)
-            self._look_at_ends()
+            self._check_exits()
         for r in self._running.values():
-            if r.process and not r.process.look():
+            if r.process and not r.process.poll():
                 if not r.program.asynchronous and not r.ending:
                     self._failed[r.program.name] = f"did not end within {_LEAVE:g} s of the run, and was ended"
                 self._end(r)
-        self._look_at_ends()
+        self._check_exits()
         self.logs.gather()
 
     def _end_all(self) -> None:
@@ -210,7 +210,7 @@ class Session:
         for process in processes:
             process.end()
         until = time.monotonic() + _GIVE_UP
-        while not all([process.look() for process in processes]) and time.monotonic() < until:
+        while not all([process.poll() for process in processes]) and time.monotonic() < until:
             time.sleep(0.02)
         while end_strays({process.pid for process in processes if process.code is None}) \
                 and time.monotonic() < until:
@@ -219,8 +219,8 @@ class Session:
 
     def stop(self, why: str) -> None:
         """Ask the controller to end the run."""
-        if self._asked_at is None:
-            self._asked_at = time.monotonic()
+        if self._stop_requested_at is None:
+            self._stop_requested_at = time.monotonic()
             try:
                 self._ours.send(f"stop {' '.join(why.split())}\n".encode())
             except OSError:
@@ -279,12 +279,12 @@ class Session:
         elif not 0 <= t <= self.progress.t:
             why = f"the run is at {self.progress.t:g} s"
         else:   # else the run would end, and no other one begin
-            others = rewind.changed_since(self.plan, rewind.noted(self.folder)[1])
+            others = rewind.changed_since(self.plan, rewind.recorded(self.folder)[1])
             why = ", and ".join(f"{other} has changed since the run began" for other in others)
         if why:
             self._refused = f"it does not go back to {t:g} s: {why}"
             self.view.happens(f"  {name} asks for the instant {t:g} s, but {why}")
-        elif self._asked_at is None:
+        elif self._stop_requested_at is None:
             self._rewind = t
             self.stop(f"{name} lets it go back to {t:g} s")
 
@@ -442,21 +442,21 @@ class Session:
             rows = {row.name: row for row in self.progress.rows}
             for node in report["nodes"]:
                 row, r = rows[node["name"]], self._running[node["name"]]
-                for key in ("t", "ticks", "compute", "transport", "wait", "asked"):
+                for key in ("t", "ticks", "compute", "transport", "wait", "pending"):
                     setattr(row, key, node[key])
                 if node["state"] == "lost" and r.state != "lost":
                     r.lost_at = time.monotonic()
                 r.state = node["state"]
             self._kill(report)
-            self.progress.wall = max(row.compute + row.transport + row.wait + row.asked for row in rows.values())
+            self.progress.wall = max(row.compute + row.transport + row.wait + row.pending for row in rows.values())
         if "ended" in report:
             self._ended = report["ended"]
 
     # ---- the ends of programs
 
-    def _look_at_processes(self) -> None:
+    def _check_processes(self) -> None:
         now = time.monotonic()
-        self._look_at_ends()
+        self._check_exits()
         for r in self._running.values():
             if not r.process:
                 continue
@@ -466,16 +466,16 @@ class Session:
                 self._end(r)    # it hangs, or does not know that its node is lost
             # The controller decides what the end of a program means; its report arrives later than the end.
             known = r.dead and (self._reports >= r.died[0] + 2 or now - r.died[1] > _SILENT)
-            if known and not r.handled and self._ended is None and self._asked_at is None:
+            if known and not r.handled and self._ended is None and self._stop_requested_at is None:
                 self._lost(r, now)
-            if r.again_at and now >= r.again_at and self._ended is None and self._asked_at is None:
+            if r.again_at and now >= r.again_at and self._ended is None and self._stop_requested_at is None:
                 self.logs.say(p.name, f"started again ({r.started} of {p.restarts})")
                 self._start_program(r)
 
-    def _look_at_ends(self) -> None:
+    def _check_exits(self) -> None:
         strays = False
         for r in self._running.values():
-            if r.process and not r.dead and r.process.look():
+            if r.process and not r.dead and r.process.poll():
                 r.dead, r.died = in_words(r.process.code), (self._reports, time.monotonic())
                 strays = strays or r.process.code == 128 + signal.SIGKILL
         if strays:
@@ -536,8 +536,8 @@ class Session:
         elif r.state == "absent":
             row.state = "by hand" if p.by_hand else "starting" if p.joins is None else \
                 WHEN_IT_COMES if p.joins == WHEN_IT_COMES else f"joins at {p.joins:g} s"
-        elif r.state == "running" and row.asked > _BUSY:
-            row.state, row.bad = f"busy {row.asked:.0f} s", True
+        elif r.state == "running" and row.pending > _BUSY:
+            row.state, row.bad = f"busy {row.pending:.0f} s", True
         else:
             row.state, row.bad = r.state, r.state == "lost"
 
@@ -551,9 +551,9 @@ class Session:
 
     def _files(self, ending: str) -> list[Path]:
         names = {name: i for i, name in enumerate([*self._running, "exchange"])}
-        found = [(names[match[1]], file) for file in sorted(self.folder.glob("*.mcap*"))
-                 if (match := re.fullmatch(rf"(.*?)(-\d+)?{ending}", file.name)) and match[1] in names]
-        return [file for _, file in sorted(found)]
+        records = [(names[match[1]], file) for file in sorted(self.folder.glob("*.mcap*"))
+                   if (match := re.fullmatch(rf"(.*?)(-\d+)?{ending}", file.name)) and match[1] in names]
+        return [file for _, file in sorted(records)]
 
     def last_lines(self, name: str) -> list[str]:
         return self.logs.last(name, _LAST_LINES)

@@ -38,7 +38,7 @@ class Row:
     compute: float = 0.0
     transport: float = 0.0
     wait: float = 0.0
-    asked: float = 0.0          # the age of the request that it has not yet answered
+    pending: float = 0.0        # the age of the request that it has not yet answered
     bad: bool = False           # whether its state is a problem
     takes_part: bool = True     # not an asynchronous program
 
