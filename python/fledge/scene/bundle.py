@@ -83,8 +83,8 @@ def _make(out: Path, npm: str, sources: dict[Path, Path]) -> None:
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
-    for name in BUILT:
-        shutil.copyfile(work / "dist" / name, out / name)
+    for built_file in BUILT:
+        shutil.copyfile(work / "dist" / built_file, out / built_file)
 
 
 if __name__ == "__main__":
