@@ -10,7 +10,7 @@
 
 #include <string.h>
 
-/* Memory for the boards, and for what the outside knows of it. */
+/* Memory for the boards, and for the outside's copy of it. */
 #ifndef FLEDGE_LINE_BYTES
 #define FLEDGE_LINE_BYTES 65536
 #endif
@@ -19,7 +19,7 @@
 
 enum { KEPT = 0x4c494e45, POSITION = 4, SHOUTS = 3, RING = 4096 };
 
-/* What a reset leaves as it is: bytes of the record until the outside has them. */
+/* A reset does not change this: bytes of the record until the outside has them. */
 typedef struct Kept {
     uint32_t mark;     /* own_mark(): the rest is of the program before the reset */
     uint32_t starts;   /* of the program */
@@ -37,7 +37,7 @@ static LineEnd line;
 static LineMirror mirror;
 static uint64_t memory[FLEDGE_LINE_BYTES / 8];
 static Kept *kept;
-static Bytes text; /* what is not in the line's window yet */
+static Bytes text; /* not in the line's window yet */
 static const RegisterWindow *clock_window;
 static uint32_t greetings;            /* sessions so far */
 static uint32_t ended;                /* the session whose run has ended, as counted by `greetings` */
@@ -45,7 +45,7 @@ static uint32_t flying;               /* the session whose run flight is in */
 static int has_flown;                 /* flight has answered since the start of the program */
 static uint32_t sent;                 /* bytes of the record that are in the line's window, or were */
 static uint32_t sent_by[LINE_WINDOW]; /* the same when each frame of the window was put */
-static uint16_t acknowledged;         /* sequence of the line, at the last look */
+static uint16_t acknowledged;         /* sequence of the line, at the last poll */
 static int has_come;                  /* all words of an exchange are in the shadow */
 static uint16_t answer_end;           /* sequence behind the last answer */
 static uint32_t shouts;
@@ -100,7 +100,7 @@ static void flush_text(void)
     }
 }
 
-/* Send the next bytes of the record: whole frames, or what there is. Returns 0 if there are not so many. */
+/* Send the next bytes of the record: whole frames, or the rest. Returns 0 if there are not so many. */
 static int send_record(int whole)
 {
     uint8_t payload[LINE_PAYLOAD];
@@ -120,7 +120,7 @@ static int send_record(int whole)
     return !is_over();
 }
 
-/* Nothing can be done but to say so. */
+/* Only a report is possible. */
 static void stop(const char *why) __attribute__((noreturn));
 
 static void stop(const char *why)
@@ -158,7 +158,7 @@ static void take_hello(const LineMessage *m)
             ((uint64_t)board_time() ^ m->hello.session ^ (uint64_t)kept->starts << 32) * UINT64_C(0x9E3779B97F4A7C15);
         line.welcome.boot = (uint32_t)(mixed >> 32) | 1u;
     }
-    sent = kept->safe; /* what was on its way is sent again */
+    sent = kept->safe; /* frames on their way are sent again */
     acknowledged = 0u;
     has_come = 0;
     line_mirror_begin(&mirror, mirror.windows, mirror.n_windows, mirror.shadow);
@@ -322,9 +322,9 @@ void bare_say(const char *words)
 }
 
 /* The line carries text and the record side by side. */
-void bare_recording(BareRecording what)
+void bare_recording(BareRecording state)
 {
-    if (what == BARE_RECORD_BEGINS) {
+    if (state == BARE_RECORD_BEGINS) {
         kept->recorded = kept->safe = sent = 0u;
         memset(sent_by, 0, sizeof sent_by); /* frames that are under way are of no record */
     }
@@ -351,7 +351,7 @@ void bare_record(const void *bytes, size_t n)
     }
 }
 
-/* What was recorded is kept, and need not have been sent. But the outside must have the answer to its tick: else flight
+/* The record is kept, and need not have been sent. But the outside must have the answer to its tick: else flight
  * would answer it again after a reset, and record it twice. */
 void bare_record_flush(void)
 {
@@ -371,7 +371,7 @@ void bare_end(int status)
     }
     flush_text();
     put(LINE_END, LINE_ASK, &byte, 1u);
-    while (!is_over() && !line_is_flushed(&line) && board_time() - line.heard < LONGEST_SILENCE) {
+    while (!is_over() && !line_is_flushed(&line) && board_time() - line.received_at < LONGEST_SILENCE) {
         pump();
     }
     ended = flying;
