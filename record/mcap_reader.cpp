@@ -312,8 +312,8 @@ private:
         } else if (in_chunk || is_misplaced(op, in_data)) {
             throw Damage{at, "record " + name_of(op) + " has no place here"};
         }
-        // Attachments, private records and fields of a later MCAP are skipped; but damage may have turned another record
-        // into one of these.
+        // Attachments, private records and fields of a later MCAP are skipped; but damage may have turned another
+        // record into one of these.
         passed_over_ = passed_over_ || !rest.rest.empty();
     }
 

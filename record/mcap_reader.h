@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads MCAP files (https://mcap.dev/spec): the records of the container, and whole files.
 //
-// Scan reads a file from its beginning, with or without a summary, so that whole, truncated and unindexed files are read
-// alike, and checks every checksum. It stops at the first fault. The messages before it stay readable, and `problem`
-// names the fault and the data that are still good.
+// Scan reads a file from its beginning, with or without a summary, so that whole, truncated and unindexed files are
+// read alike, and checks every checksum. It stops at the first fault. The messages before it stay readable, and
+// `problem` names the fault and the data that are still good.
 //
 // Example:
 //

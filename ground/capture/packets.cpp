@@ -183,7 +183,7 @@ private:
         }
         return false;
     }
-    /// Whether two more packets or the end of the file follow it, and one of these packets or itself ends after `behind`.
+    /// Whether two more packets or the end of the file follow it, and one of these or itself ends after `behind`.
     bool is_followed(const Head &first, std::size_t behind) const
     {
         std::optional<Head> step = first;

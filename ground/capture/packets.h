@@ -17,15 +17,15 @@ namespace fledge::ground {
 
 /// Space packets and encapsulation packets, with `skip` bytes in front of each; zeros between them are padding.
 ///
-/// Packets have no check, so the packets around it show whether a place has one. A packet *continues* an earlier one if
-/// the first two bytes are equal and the earlier count is 1 to 256 less, or equal if the counts never change, and if its
-/// part of a longer unit may follow the earlier packet's part.
+/// Packets have no check, so the packets around it show whether a place has one. A packet *continues* an earlier one
+/// if the first two bytes are equal and the earlier count is 1 to 256 less, or equal if the counts never change, and if
+/// its part of a longer unit may follow the earlier packet's part.
 ///
 /// - While packets follow each other, all are read. But bytes that continue no earlier packet are no packet if a packet
-///   that continues an earlier one begins inside of them or of the packet before. A part that continues none has a note,
-///   and so has a packet in which packets that continue others begin.
-/// - Behind bytes that are no packet, the next packet is the first that continues an earlier one, or is continued by one
-///   of the next 64, and behind which two more packets follow or the file ends. If there is none, it is a packet that
+///   that continues an earlier one begins inside of them or of the packet before. A part that continues none has a
+///   note, and so has a packet in which packets that continue others begin.
+/// - Behind bytes that are no packet, the next packet is the first that continues an earlier one or that one of the
+///   next 64 continues, and behind which two more packets follow or the file ends. If there is none, it is a packet that
 ///   ends with the file, of an application that had packets before or in a file that had none. Other bytes are skipped
 ///   and counted.
 /// - A packet before such bytes is dropped if the next packet begins inside of it, else it has a note that it may be

@@ -89,8 +89,8 @@ public:
     explicit Decoder(const Database &database, bool plans = true);
     ~Decoder();
 
-    /// Decode a packet. root: the container of all packets; no_id: each container that extends none but is extended, or,
-    /// if there are none, each that no other contains.
+    /// Decode a packet. root: the container of all packets; no_id: each container that extends none but is extended,
+    /// or, if there are none, each that no other contains.
     const Decoded &decode(std::span<const std::uint8_t> packet, Id root = no_id);
 
     /// "parameter", "parameter.member[3]".

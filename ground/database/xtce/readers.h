@@ -110,8 +110,8 @@ public:
     void fill();
     void refuse_loops();
 
-    /// The standard counts from the end of a container to the end of an entry; some authors count to its begin. Refuse a
-    /// database in which no entry reaches the container's end, although one would if begins were meant.
+    /// The standard counts from the end of a container to the end of an entry; some authors count to its begin. Refuse
+    /// a database in which no entry reaches the container's end, although one would if begins were meant.
     void refuse_doubtful_ends();
 
 private:
