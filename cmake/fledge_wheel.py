@@ -97,7 +97,7 @@ def libraries(home, direct=False):
 
 
 def compile_python(home):
-    """Users who may not write there need not compile at each start. What is edited later is compiled anew."""
+    """Without it, users without write access would compile at each start. What is edited later is compiled anew."""
     for part in ("python", "targets"):
         compileall.compile_dir(home / part, quiet=2, force=True, stripdir=home, rx=re.compile("/templates/"),
                                invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)

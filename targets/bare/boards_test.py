@@ -13,7 +13,7 @@ from fledge import cli
 from fledge.targets import TARGETS, build
 from tests.bare_machine import Machine, printed, program
 
-# What each says of a fault, by what the check is asked to do: the fault, and the function in which it is.
+# What each board reports of a fault, by the check's action: the fault, and the function in which it is.
 FAULTS = {
     "cortex-m7": {
         "c": ("jump to what is no code", None),

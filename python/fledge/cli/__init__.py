@@ -320,7 +320,7 @@ def _decodable(archive: Archive) -> list[Any]:
 
 
 def _about(archive: Archive) -> int:
-    """Print what a record says of its run."""
+    """Print a record's facts about its run."""
     from fledge.archive.compare import digest
     from fledge.columns import columns
 
@@ -442,7 +442,9 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
     def command(name: str, function: Callable[..., int], example: str) -> Any:
         text = texts[name]
         sub = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
-                                  epilog=f"example: ./fledge {example}")
+                                  epilog=f"example: ./fledge {example}",
+                                  formatter_class=argparse.RawDescriptionHelpFormatter if "\n" in example else
+                                  argparse.HelpFormatter)
         sub.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
         sub.set_defaults(function=function, needs=lambda _: [], by_itself=False)
         return sub
@@ -508,7 +510,6 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
     node.add_parameters(sub)
 
     sub = command("new", new, "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
-    sub.formatter_class = argparse.RawDescriptionHelpFormatter
     sub.set_defaults(needs=lambda _: None)
     sub.add_argument("what", metavar="WHAT", choices=["module", "model", "mission", "project"],
                      help="module, model, mission or project")

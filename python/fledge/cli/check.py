@@ -93,7 +93,7 @@ def _summary(process: Any) -> str:
 # --- its files, by what reads them in other commands -----------------------------------------------
 
 def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
-    """What reads each of its files, and says of it what it holds. whole: those about flight's messages, too."""
+    """The reader of each of its files, which returns a summary. whole: those about flight's messages, too."""
     from functools import partial
 
     assert sim.mission
@@ -119,7 +119,7 @@ def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
 
 
 def _keys(path: Path) -> set[str]:
-    """The keys of a TOML file; none if it cannot be read, which its reader tells."""
+    """The keys of a TOML file; none if it cannot be read, which its reader reports."""
     import tomllib
 
     try:

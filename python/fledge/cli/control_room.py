@@ -191,7 +191,7 @@ def _show(entry: dict[str, Any]) -> None:
 
 
 def _ask(question: str, yes: bool, prompt: Callable[[str], tuple[bool, str]] | None) -> tuple[bool, str]:
-    """(the answer of the operator, who that was)."""
+    """(the answer, the name of the operator)."""
     if yes:
         return True, "by --yes"
     if prompt:

@@ -328,7 +328,7 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
     rows: list[tuple[str, Flown | None, str, str]] = []
-    wrong: dict[str, list[str]] = {name: [] for name in ("desktop", *runs)}     # of each run that was asked for
+    wrong: dict[str, list[str]] = {name: [] for name in ("desktop", *runs)}     # of each run of the command
     notes: list[str] = []
     first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
     archives: dict[Path, Archive] = {}

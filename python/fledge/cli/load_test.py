@@ -276,7 +276,7 @@ def test_a_host_that_cannot_fly_is_refused_before_anything_is_built(server, tmp_
     (tmp_path / "user.pub").write_text("")      # it does not know this user
     assert cli.main(["load", host, "nadir_spin", "--ssh", ssh]) == 1
     assert "Permission denied" in (error := capsys.readouterr().err) and "must work before" in error
-    (tmp_path / "known").write_text("")         # the user has not said that it is the right host
+    (tmp_path / "known").write_text("")         # the user has not confirmed the host
     assert cli.main(["load", host, "nadir_spin", "--ssh", ssh]) == 1
     assert "Host key verification failed" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()

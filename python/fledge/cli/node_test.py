@@ -25,7 +25,7 @@ def command(*arguments):
 
 
 def fledge_(*arguments, code=0):
-    """Run the command line; returns what it said."""
+    """Run the command line; returns its output."""
     done = subprocess.run(command(*arguments), capture_output=True, text=True, env=ENVIRONMENT)
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout + done.stderr

@@ -83,7 +83,7 @@ def _texts(title: str) -> Iterator[str]:
 
 
 def _answer(flight: Flight, text: str, turns: int) -> None:
-    """Do what a text asks for, and print what flight says."""
+    """Send a text to flight, and print its answer."""
     from fledge.errors import Failure, SetupError
 
     word, _, rest = text.strip().partition(" ")

@@ -6,7 +6,7 @@ read first, then the command's own parser reads its words, and says what it need
 imported until that is there. The command then runs in the same program.
 
     context.py      the preset, the project, and the variables of programs that use the build
-    tools.py        programs that are started: log, progress, locks, and what is said when one fails
+    tools.py        programs that are started: log, progress, locks, and the message when one fails
     packages.py     Debian's packages
     build.py        Fledge's parts, and the project
     testing.py      `fledge test`

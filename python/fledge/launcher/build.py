@@ -53,7 +53,7 @@ class Build:
             text=True).stdout
 
     def make(self, context: Context, targets: Sequence[str], tests: bool) -> None:
-        """Configure the tree if it is not configured here, or if it is without the tests that are now asked for; then
+        """Configure the tree if it is not configured here, or if it is without the tests that are now requested; then
         build the targets. When a CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile:
         Ninja expects to be alone."""
         logs, preset = self.tree / "build", context.preset

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For whom the launcher works: a command, with a build of Fledge, in a project or none."""
+"""What the launcher works for: a command, with a build of Fledge, in a project or none."""
 from __future__ import annotations
 
 import os

@@ -136,7 +136,7 @@ def sizes(built: Path, tool: str = "size") -> tuple[int, int]:
 def once(name: str, recipe: str, what: str) -> Iterator[tuple[Path, bool]]:
     """(the folder of what is built once for all missions, whether it must be built now by this recipe): build/NAME, or,
     where this user may not write there and it is not built, ~/.cache/fledge/NAME. Others wait meanwhile; once it is
-    whole, the folder has its stamp. `what` is said when it is built."""
+    whole, the folder has its stamp. `what` is printed when it is built."""
     ours = build_folder().parent
     others = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fledge"
     places = [*([ours / name] if ours.name == "build" else []), others / name]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the program of a board stopped: what it said of a fault, or of a trap, as module, function, file and line."""
+"""Where the program of a board stopped: its log of a fault or trap, as module, function, file and line."""
 from __future__ import annotations
 
 import re

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a board says of a fault is reported as module, function, file and line."""
+"""A fault in a board's log is reported as module, function, file and line."""
 import re
 import subprocess
 

@@ -44,7 +44,7 @@ def copy(program: Path, host: str, ssh: str, folder: str, name: str = "") -> str
 
 
 def _there(host: str, ssh: str, command: str, file: str | os.PathLike[str] | None = None) -> str:
-    """What a command says there, whose input is a file."""
+    """The output of a command there, whose input is a file."""
     if not re.fullmatch(r"[\w.@:%\[\]-]+", host) or host.startswith("-"):
         raise Failure(f"load: expected ssh:HOST or ssh:USER@HOST; found 'ssh:{host}'")
     words = [*shlex.split(ssh), "--", host, command]

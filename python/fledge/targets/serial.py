@@ -79,7 +79,7 @@ class Serial(Target):
         return ["--line", f"{self.device}?{query}" if query else self.device, "--line-record", record]
 
     def reason(self, log: str) -> str:
-        """What its node says of the line or the board."""
+        """The messages of its node about the line or the board."""
         lines = re.findall(rf"^{re.escape(self.process)}: fledge_board_node: (.*{re.escape(self.device)}\b.*)$", log,
                            re.MULTILINE)
         return lines[-1] if lines else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last line of `fledge fly`: every target that was asked for, and what is wrong with it."""
+"""The last line of `fledge fly`: every target of the command, and what is wrong with it."""
 
 import re
 import signal

@@ -57,7 +57,7 @@ def core(built):
 
 
 def housekeeping(core, first=None):
-    """What the app tells when asked; `first` is said before."""
+    """The housekeeping that the app sends on request, after the line `first`."""
     core.send(command(SEND_HK, 0))
     if first:
         core.until(first)
