@@ -25,9 +25,9 @@ namespace fledge::ground {
 ///   that continues an earlier one begins inside of them or of the packet before. A part that continues none has a
 ///   note, and so has a packet in which packets that continue others begin.
 /// - Behind bytes that are no packet, the next packet is the first that continues an earlier one or that one of the
-///   next 64 continues, and behind which two more packets follow or the file ends. If there is none, it is a packet that
-///   ends with the file, of an application that had packets before or in a file that had none. Other bytes are skipped
-///   and counted.
+///   next 64 continues, and behind which two more packets follow or the file ends. If there is none, it is a packet
+///   that ends with the file, of an application that had packets before or in a file that had none. Other bytes are
+///   skipped and counted.
 /// - A packet before such bytes is dropped if the next packet begins inside of it, else it has a note that it may be
 ///   damaged. The same holds for up to four packets before them that continue none.
 std::vector<Piece> packets_of_bytes(std::span<const std::uint8_t> bytes, std::size_t skip);
