@@ -25,30 +25,31 @@ GIT = ["git", "--no-optional-locks", "-c", "core.fsmonitor=false"]  # reads only
 
 def instances(processes: Any) -> dict[str, str]:
     """The types of all instances: "flight.control" -> "MrpFeedback"."""
-    return {objects.path(one): objects.struct(one).name for process in processes for one in process}
+    return {objects.path(instance): objects.struct(instance).name for process in processes for instance in process}
 
 
 def wires(simulation: Simulation) -> dict[str, str]:
     """The wires from their ends: "flight.control.error" -> "flight.tracking.error"; of several into an input, as
     "flight.a.error (newest), flight.b.error (newest)"."""
-    found: dict[str, str] = {}
+    sources: dict[str, str] = {}
     for source, target, _, _, choice in simulation.wires:
-        found[target] = (f"{found[target]}, " if target in found else "") + source + (f" ({choice})" if choice else "")
-    return found
+        before = f"{sources[target]}, " if target in sources else ""
+        sources[target] = before + source + (f" ({choice})" if choice else "")
+    return sources
 
 
 def parameters(processes: Any) -> dict[str, str]:
     """The parameters of all instances now: "flight.control.K" -> "2.531 N m", numbers and lists as JSON writes them."""
-    found = {}
-    for instance in (one for process in processes for one in process):
+    values = {}
+    for instance in (member for process in processes for member in process):
         for field in objects.struct(instance).fields:
             if field.group == "par" and not field.spare:
                 for name, owner, member in members(instance, field):
                     unit = "" if member.unit in ("", "-") else f" {member.unit}"
-                    found[f"{objects.path(instance)}.{name}"] = json.dumps(plain(owner, member)) + unit
-        for name, one in added(instance):
-            found[f"{objects.path(instance)}.{name}"] = json.dumps(in_words(instance, name), ensure_ascii=False)
-    return found
+                    values[f"{objects.path(instance)}.{name}"] = json.dumps(plain(owner, member)) + unit
+        for name, prop in added(instance):
+            values[f"{objects.path(instance)}.{name}"] = json.dumps(in_words(instance, name), ensure_ascii=False)
+    return values
 
 
 def members(owner: Any, field: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -56,9 +57,9 @@ def members(owner: Any, field: Any) -> Iterator[tuple[str, Any, Any]]:
     if field.type != "struct":
         yield field.name, owner, field
         return
-    found = getattr(owner, field.name)
-    for i, message in enumerate(found if isinstance(found, tuple) else [found]):
-        start = f"{field.name}[{i}]" if isinstance(found, tuple) else field.name
+    value = getattr(owner, field.name)
+    for i, message in enumerate(value if isinstance(value, tuple) else [value]):
+        start = f"{field.name}[{i}]" if isinstance(value, tuple) else field.name
         for member in objects.struct(message).fields:
             if not member.spare:
                 for name, inner, leaf in members(message, member):
@@ -67,24 +68,24 @@ def members(owner: Any, field: Any) -> Iterator[tuple[str, Any, Any]]:
 
 def plain(owner: Any, field: Any) -> Any:
     """A field as a number, a list, or a text: the name of an enumerator."""
-    found = getattr(owner, field.name)
-    return found.tolist() if hasattr(found, "tolist") else getattr(found, "name", found)
+    value = getattr(owner, field.name)
+    return value.tolist() if hasattr(value, "tolist") else getattr(value, "name", value)
 
 
 def added(instance: Any) -> list[tuple[str, property]]:
     """The properties that Python adds to a model: its parts, the bodies that attract it, its orbit."""
-    return [(name, one) for name, one in vars(type(instance)).items() if isinstance(one, property)]
+    return [(name, prop) for name, prop in vars(type(instance)).items() if isinstance(prop, property)]
 
 
 def in_words(instance: Any, name: str) -> str:
     """What such a property holds, in words. "" for nothing."""
     try:
-        found = getattr(instance, name)
+        content = getattr(instance, name)
     except (SetupError, AttributeError):
         return ""
-    return "; ".join(objects.path(one) if isinstance(one, objects.Model) else one if isinstance(one, str)
-                     else repr(one).strip("<>")
-                     for one in (found if isinstance(found, (list, tuple)) else [found]) if one is not None)
+    return "; ".join(objects.path(value) if isinstance(value, objects.Model) else value if isinstance(value, str)
+                     else repr(value).strip("<>")
+                     for value in (content if isinstance(content, (list, tuple)) else [content]) if value is not None)
 
 
 # --- revisions -------------------------------------------------------------------------------------
@@ -144,14 +145,14 @@ def identity(mission: Path) -> dict[str, str]:
     Where git knows none, or files differ from it, a digest stands for them: of the mission's Python files, or of
     Fledge's and the extension `_core`, as it is built here.
     """
-    found = Revisions(mission).read()
+    revisions = Revisions(mission).read()
     if mission.is_relative_to(ROOT):
-        found.setdefault("mission", found.get("fledge", ""))
-    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), extension()]
-    for name, files in (("fledge", own), ("mission", list(mission.rglob("*.py")))):
-        text = found.get(name, "")
+        revisions.setdefault("mission", revisions.get("fledge", ""))
+    for name in ("fledge", "mission"):
+        text = revisions.get(name, "")
         if not text or text.endswith("-dirty"):
-            found[name] = f"{text or __version__} with files {digest(name, mission)}"
+            revisions[name] = f"{text or __version__} with files {digest(name, mission)}"
+    return revisions
 
 
 def digest(name: str, mission: Path) -> str:
@@ -160,4 +161,3 @@ def digest(name: str, mission: Path) -> str:
     files = [*(Path(__file__).resolve().parents[1] if own else mission).rglob("*.py"), *([extension()] if own else ())]
     parts = sorted(file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
     return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
-    return found
