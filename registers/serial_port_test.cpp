@@ -111,7 +111,7 @@ TEST(SerialPort, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
         char opened = unshare(CLONE_NEWUSER | CLONE_NEWNS) == 0 &&
                       mount("devpts", pts.c_str(), "devpts", 0, "newinstance,ptmxmode=0666") == 0;
         for (int fd = -1; opened && fd < 0;) {
-            opened = open((pts + "/ptmx").c_str(), O_RDWR | O_NOCTTY) >= 0;
+            opened = unlockpt(open((pts + "/ptmx").c_str(), O_RDWR | O_NOCTTY)) == 0;
             fd = open((pts + "/" + number).c_str(), O_RDWR | O_NOCTTY);
         }
         _exit(write(ready[1], &opened, 1) == 1 && read(end[0], &opened, 1) == 0 ? 0 : 1);

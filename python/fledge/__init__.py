@@ -94,18 +94,18 @@ def __getattr__(name: str) -> object:
 
     module, attribute = _LAZY[name]
     try:
-        found = import_module(module if module.startswith("_") else f"fledge.{module}")
+        module_ = import_module(module if module.startswith("_") else f"fledge.{module}")
     except ModuleNotFoundError as error:
         if error.name not in ("_core", "_cosim", "_emulator", "_ground"):
             raise
         raise ImportError(f"the extension {error.name} is not built, or not on PYTHONPATH; ./fledge setup builds it"
                           ) from None
     if module.startswith("_"):
-        place = os.path.dirname(os.path.abspath(str(found.__file__)))
+        place = os.path.dirname(os.path.abspath(str(module_.__file__)))
         if place != _BESIDE and os.path.exists(f"{place}/fledge/__init__.py"):
             raise ImportError(f"Fledge is that of {_BESIDE}, and its extension that of another one, {place}: start "
                               "Python by './fledge exec' of the one you mean, or mend PYTHONPATH")
-    value = found if attribute is None else getattr(found, attribute)
+    value = module_ if attribute is None else getattr(module_, attribute)
     globals()[name] = value
     return value
 

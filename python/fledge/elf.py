@@ -77,7 +77,7 @@ def _read(path: Path, data: bytes) -> Elf:
 
     kind, machine, _ = struct.unpack_from(order + "HHI", data, 16)
     entry, at, _, flags, _, size, n = struct.unpack_from(order + _HEADER[bits], data, 24)
-    found = Elf(path, MACHINES.get(machine, f"processor {machine}"), bits, order == ">", kind, flags, entry)
+    elf = Elf(path, MACHINES.get(machine, f"processor {machine}"), bits, order == ">", kind, flags, entry)
     form, places = _SEGMENT[bits]
     for i in range(n):
         row = struct.unpack_from(order + form, data, at + i * size)
@@ -85,10 +85,10 @@ def _read(path: Path, data: bytes) -> Elf:
         if which == _LOAD and wide:
             if offset + stored > len(data):
                 raise Failure(f"{path} is cut off: it ends within its segments; build or copy it again")
-            found.segments.append(Segment(load, stored, begin, wide))
+            elf.segments.append(Segment(load, stored, begin, wide))
     # The note of the linker, wherever its script has put it.
     length = re.search(re.escape(struct.pack(order + "I", 4)) + b"(....)"
                        + re.escape(struct.pack(order + "I", _BUILD_ID)) + b"GNU\0", data, re.DOTALL)
     if length:
-        found.build_id = data[length.end():length.end() + struct.unpack(order + "I", length[1])[0]].hex()
-    return found
+        elf.build_id = data[length.end():length.end() + struct.unpack(order + "I", length[1])[0]].hex()
+    return elf

@@ -25,8 +25,8 @@ class Failure(Exception):
 
 
 class Stopped(Failure):
-    """A run has ended at the first violation of a requirement, as was asked. outcomes: of those violated; the
-    simulation keeps its state."""
+    """A run has ended at the first violation of a requirement, as the user chose. outcomes: of the violated
+    requirements; the simulation keeps its state."""
 
     def __init__(self, text: str, outcomes: Sequence[Any]) -> None:
         super().__init__(text, 1)
@@ -44,7 +44,7 @@ _FORMULA = re.compile("[\\s'\"\u2018-\u201f`]*[=+\\-@\uff1d\uff0b\uff0d\uff20]|[
 def printable(text: str, lines: bool = True) -> str:
     """A text of a file, a spacecraft or another program as it is shown: an escape is \u27e81B\u27e9, so that it drives
     no terminal and hides nothing. lines: line feeds and tabs stay."""
-    text = _HIDDEN.sub(lambda one: f"\u27e8{ord(one[0]):02X}\u27e9", text)
+    text = _HIDDEN.sub(lambda match: f"\u27e8{ord(match[0]):02X}\u27e9", text)
     return text if lines else text.replace("\n", "\u27e80A\u27e9").replace("\t", "\u27e809\u27e9")
 
 
@@ -64,15 +64,15 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     from difflib import get_close_matches
 
     names = list(known)
-    same = [one for one in names if one.lower() == name.lower()]
+    same = [other for other in names if other.lower() == name.lower()]
     return next(iter(same or get_close_matches(name, names, 1, cutoff)), "")
 
 
-def refuse_misspelt(one: object, name: str, settings: Iterable[str]) -> None:
+def refuse_misspelt(owner: object, name: str, settings: Iterable[str]) -> None:
     """Raise AttributeError if an attribute that is to be set has almost the name of a setting, which it would miss."""
     near = "" if name.startswith("_") else nearest(name, settings, 0.8)
     if near not in ("", name):
-        raise AttributeError(f"{type(one).__name__} has no '{name}' to set; did you mean '{near}'?")
+        raise AttributeError(f"{type(owner).__name__} has no '{name}' to set; did you mean '{near}'?")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -87,16 +87,16 @@ def suggesting(**synonyms: str) -> Callable[[Named], Named]:
 
     synonyms: keyword that others use -> the one here, as inc="i"
     """
-    def decorate(one: Any) -> Any:
-        if not isinstance(one, type):
-            return _suggesting(one, synonyms)
-        for name, value in list(vars(one).items()):
-            made = type(value) if isinstance(value, (classmethod, staticmethod)) else None
-            function = value.__func__ if made else value
+    def decorate(item: Any) -> Any:
+        if not isinstance(item, type):
+            return _suggesting(item, synonyms)
+        for name, value in list(vars(item).items()):
+            wrapper = type(value) if isinstance(value, (classmethod, staticmethod)) else None
+            function = value.__func__ if wrapper else value
             if isinstance(function, FunctionType) and (name == "__init__" or not name.startswith("_")):
-                wrapped = _suggesting(function, synonyms, made is not staticmethod)
-                setattr(one, name, made(wrapped) if made else wrapped)
-        return one
+                wrapped = _suggesting(function, synonyms, wrapper is not staticmethod)
+                setattr(item, name, wrapper(wrapped) if wrapper else wrapped)
+        return item
 
     return decorate
 

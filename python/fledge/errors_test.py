@@ -133,7 +133,7 @@ def test_enumerators_have_short_and_whole_names():
          lambda: make(model="WMN"))
     assert make(model="WMM").model == make(model="FIELD_WMM").model == make(model=2).model == 2
     model = type(make().model)
-    assert model(2).name == "WMM" and model.WMM is model.FIELD_WMM and [one.value for one in model] == [0, 1, 2]
+    assert model(2).name == "WMM" and model.WMM is model.FIELD_WMM and [member.value for member in model] == [0, 1, 2]
     assert model is fsw.FieldModel and "FieldModel" in dir(fsw) and world.RadioState.LOCKED == 1
 
 
@@ -167,11 +167,12 @@ def test_a_misspelt_argument(make, text):
 def test_every_constructor_of_the_world_says_what_it_takes():
     """Whatever stands in fledge.world and can be called with arguments."""
     for name in dir(world):
-        one = getattr(world, name)
-        other = issubclass(one, (Exception, Enum)) if isinstance(one, type) else one is world.RK4
-        if callable(one) and not other:
+        constructor = getattr(world, name)
+        is_class = isinstance(constructor, type)
+        other = issubclass(constructor, (Exception, Enum)) if is_class else constructor is world.RK4
+        if callable(constructor) and not other:
             with pytest.raises(TypeError) as error:
-                one(nonsense=1)
+                constructor(nonsense=1)
             assert f"{name} has no " in str(error.value) and "'nonsense'" in str(error.value)
 
 
@@ -435,8 +436,8 @@ def test_what_an_event_does():
     f.event("a", when=when, arm="b", disarm=["c"], set=[(f.watch(f.flags.kinds).x, 1)])
     with pytest.raises(SetupError) as error:
         sim.prepare()
-    told = [line.partition(": ")[2] for line in str(error.value).splitlines()]      # after file and line
-    assert told[:3] == [
+    texts = [line.partition(": ")[2] for line in str(error.value).splitlines()]      # after file and line
+    assert texts[:3] == [
         "event flight.a arms b; the events of flight are a", "event flight.a disarms c; the events of flight are a",
         "event flight.a sets flight.flags.kinds, which follows from the parameters of a module in no task: set those"]
 
@@ -507,13 +508,13 @@ def test_a_text_from_outside_is_shown_and_drives_nothing():
     assert printable("a\x1b[2J\x9b\u202eb\u200b\ud800") == \
         "a\u27e81B\u27e9[2J\u27e89B\u27e9\u27e8202E\u27e9b\u27e8200B\u27e9\u27e8D800\u27e9"
     for point in range(0x110000):
-        one, kind = chr(point), unicodedata.category(chr(point))
-        if kind in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(one) in (
+        character, kind = chr(point), unicodedata.category(chr(point))
+        if kind in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(character) in (
                 "LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"):
-            assert (printable(one) != one) == (one not in "\n\t"), hex(point)
-            assert printable(one, lines=False).isprintable()
-        elif kind[0] in "LNPS" or one == " ":
-            assert printable(one) == one, hex(point)
+            assert (printable(character) != character) == (character not in "\n\t"), hex(point)
+            assert printable(character, lines=False).isprintable()
+        elif kind[0] in "LNPS" or character == " ":
+            assert printable(character) == character, hex(point)
 
 
 @pytest.mark.parametrize("before", ["", " ", "\t", "\r", "\n", '"', "'", " ' \"", "\u00a0", "\u2018", "\u3000"])
@@ -526,4 +527,4 @@ def test_no_text_is_a_formula_in_a_table(before, begin):
 
 
 def test_a_plain_text_is_itself_in_a_table():
-    assert [field(one) for one in ("a=b", "POINT", "1e5", "")] == ["a=b", "POINT", "1e5", ""]
+    assert [field(text) for text in ("a=b", "POINT", "1e5", "")] == ["a=b", "POINT", "1e5", ""]

@@ -66,8 +66,8 @@ def create(part: Path) -> int:
                 raise OSError(error.errno, f"{part.name} {text}", str(part)) from None
         ours = False
         try:
-            found = os.fstat(file)
-            if not stat.S_ISREG(found.st_mode):
+            opened = os.fstat(file)
+            if not stat.S_ISREG(opened.st_mode):
                 raise FileExistsError(errno.EEXIST, f"{part.name} is no regular file", str(part))
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -81,7 +81,7 @@ def create(part: Path) -> int:
                 there = os.lstat(part)
             except FileNotFoundError:
                 continue
-            if (there.st_dev, there.st_ino) == (found.st_dev, found.st_ino):
+            if (there.st_dev, there.st_ino) == (opened.st_dev, opened.st_ino):
                 ours = fresh
                 if not fresh:
                     part.unlink()
@@ -100,13 +100,13 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
-    fresh, made = [], []
+    fresh, created = [], []
     locks = []
     done = False
     try:
         for name, content in files.items():
             part = folder / (name + ".part")
-            made += make(part.parent)
+            created += make(part.parent)
             locks.append(create(part))
             fresh.append((part, folder / name))
             part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
@@ -121,20 +121,20 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
             part.unlink(missing_ok=True)
         for lock in locks:
             os.close(lock)
-        for one in reversed([] if done else made):
-            one.rmdir()
+        for parent in reversed([] if done else created):
+            parent.rmdir()
     return [whole for _, whole in fresh]
 
 
 def make(folder: Path, mode: int = 0o777) -> list[Path]:
     """Make a folder and those above it; returns those that were not there. mode: 0o700 of runs, which are their
     owner's."""
-    made = [one for one in (folder, *folder.parents) if not one.exists()][::-1]
-    for one in made:
-        one.mkdir(mode, exist_ok=True)
+    created = [parent for parent in (folder, *folder.parents) if not parent.exists()][::-1]
+    for parent in created:
+        parent.mkdir(mode, exist_ok=True)
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
-    return made
+    return created
 
 
 def build_folder() -> Path:

@@ -33,12 +33,12 @@ def of_missions() -> Iterator[Path]:
 
 def missions() -> dict[str, Path]:
     """The folder of each mission by its name."""
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for place in of_missions():
         for folder in sorted(place.iterdir()) if place.is_dir() else ():
             if is_mission(folder):
-                found.setdefault(folder.name, folder)
-    return found
+                folders.setdefault(folder.name, folder)
+    return folders
 
 
 def is_mission(folder: Path) -> bool:
@@ -50,7 +50,7 @@ def summaries(mission: Path, of_functions: str = "scenarios.py") -> dict[str, st
     "dispersions.py"."""
     import ast
 
-    found = {"": ""}
+    names = {"": ""}
     for file in ("mission.py", "flight.py", of_functions):
         path = mission / file
         if not path.exists():
@@ -60,12 +60,12 @@ def summaries(mission: Path, of_functions: str = "scenarios.py") -> dict[str, st
         except SyntaxError as error:
             return {"": f"{path}, line {error.lineno}: {error.msg}"}
         if file != of_functions:
-            found[""] = first_line(ast.get_docstring(tree)) or found[""]
+            names[""] = first_line(ast.get_docstring(tree)) or names[""]
         else:
-            found.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
+            names.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
                          if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
                          and len(node.args.args) == 1)
-    return found
+    return names
 
 
 def first_line(text: str | None) -> str:

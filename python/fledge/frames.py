@@ -55,12 +55,12 @@ class Frames:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Frames:
         """Those of a module's parameters."""
-        found: dict[str, Any] = {name: int(values[name]) for name in (*OPTIONS, "secured")}
-        found["frame_size"] = found["frame_size"] or 1024
-        found["window"] = found["window"] or 128
-        if found["secured"]:
-            found["keys"] = (*(int(role["key"]) for role in values["roles"]), int(values["telemetry_key"]))
-        return cls(**found)
+        settings: dict[str, Any] = {name: int(values[name]) for name in (*OPTIONS, "secured")}
+        settings["frame_size"] = settings["frame_size"] or 1024
+        settings["window"] = settings["window"] or 128
+        if settings["secured"]:
+            settings["keys"] = (*(int(role["key"]) for role in values["roles"]), int(values["telemetry_key"]))
+        return cls(**settings)
 
     @classmethod
     def parse(cls, text: str) -> Frames:

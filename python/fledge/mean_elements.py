@@ -77,18 +77,18 @@ def read(source: str | os.PathLike[str], name: str | int | None = None) -> MeanE
     """
     sets = read_all(source)
     where = "the text" if _is_text(source) else str(shown(source))
-    found = [one for one in sets if name is None or _is_named(one, name)]
-    if not found:
-        names = [one.name or str(one.number) for one in sets]
+    matches = [e for e in sets if name is None or _is_named(e, name)]
+    if not matches:
+        names = [e.name or str(e.number) for e in sets]
         raise SetupError(f"{where}: has no object {name!r}{did_you_mean(str(name), names)} it has "
-                         f"{listed([one.title for one in sets], 10)}")
-    if len(found) > 1:
-        several = len({one.number for one in found}) > 1
+                         f"{listed([e.title for e in sets], 10)}")
+    if len(matches) > 1:
+        several = len({e.number for e in matches}) > 1
         what = ("objects; give the name or the number of one" if several else
                 "element sets of one object; give a file of one, or choose among read_all(...)")
-        raise SetupError(f"{where}: has {len(found)} {what}: "
-                         f"{listed([one.title if several else f'{one.title} of {one.utc}' for one in found], 10)}")
-    return found[0]
+        raise SetupError(f"{where}: has {len(matches)} {what}: "
+                         f"{listed([e.title if several else f'{e.title} of {e.utc}' for e in matches], 10)}")
+    return matches[0]
 
 
 def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
@@ -104,19 +104,19 @@ def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
         except (OSError, ValueError) as error:
             raise SetupError(printable(f"{where}: expected a file of elements, or their text of several lines; "
                                        f"{getattr(error, 'strerror', error)}")) from None
-    found = list(_reader(text)(text, where))
-    if not found:
+    sets = list(_reader(text)(text, where))
+    if not sets:
         raise SetupError(f"{where}: expected two-line elements, or an OMM in KVN, XML, JSON or CSV; it has none")
-    return found
+    return sets
 
 
 def _is_text(source: object) -> bool:
     return isinstance(source, str) and ("\n" in source or source.lstrip()[:1] in ("<", "{", "["))
 
 
-def _is_named(one: MeanElements, name: object) -> bool:
+def _is_named(elements: MeanElements, name: object) -> bool:
     text = str(name).strip()
-    return one.name.casefold() == text.casefold() or (text.isdecimal() and one.number == int(text))
+    return elements.name.casefold() == text.casefold() or (text.isdecimal() and elements.number == int(text))
 
 
 def _reader(text: str) -> Callable[[str, str], Iterator[MeanElements]]:
@@ -136,8 +136,8 @@ def _refuse(place: str, text: str) -> NoReturn:
     raise SetupError(printable(f"{place}: {text}"))
 
 
-def _made(places: Callable[[str], str], name: str, number: int, designator: str, epoch: int,
-          values: Mapping[str, float], source: str) -> MeanElements:
+def _elements(places: Callable[[str], str], name: str, number: int, designator: str, epoch: int,
+              values: Mapping[str, float], source: str) -> MeanElements:
     """MeanElements, of published units. places: where a value stands, by its name in an OMM."""
     for key, least, most in (("ECCENTRICITY", 0.0, 1.0), ("INCLINATION", 0.0, 180.0)):
         if not least <= values[key] <= most or (key == "ECCENTRICITY" and values[key] == 1.0):
@@ -244,26 +244,26 @@ def _lines(text: str, where: str) -> Iterator[MeanElements]:
                     f"expected line 2 of the element set, '2 nnnnn...'; found "
                     f"{repr(rows[at][1]) if at < len(rows) else 'the end'}")
         second = f"{where}, line {rows[at][0]}"
-        one, two = _columns(line, place), _columns(rows[at][1], second)
+        row_1, row_2 = _columns(line, place), _columns(rows[at][1], second)
         at += 1
-        if one["number"] != two["number"]:
-            _refuse(second, f"columns 3 to 7: expected {one['number']}, as in line 1; found {two['number']}")
-        if one["type"] not in " 023":
-            _refuse(place, f"column 63: expected elements of SGP4, 0; found {one['type']}"
-                           f"{', which are of SGP4-XP' if one['type'] == '4' else ''}")
-        year = int(one["epoch"][:2])
+        if row_1["number"] != row_2["number"]:
+            _refuse(second, f"columns 3 to 7: expected {row_1['number']}, as in line 1; found {row_2['number']}")
+        if row_1["type"] not in " 023":
+            _refuse(place, f"column 63: expected elements of SGP4, 0; found {row_1['type']}"
+                           f"{', which are of SGP4-XP' if row_1['type'] == '4' else ''}")
+        year = int(row_1["epoch"][:2])
         first = date(year + (1900 if year >= 57 else 2000), 1, 1)
-        day, within = int(one["epoch"][2:5]), int(one["epoch"][6:]) * (DAY // 10**8)
+        day, within = int(row_1["epoch"][2:5]), int(row_1["epoch"][6:]) * (DAY // 10**8)
         most = (date(first.year + 1, 1, 1) - first).days
         if not 1 <= day <= most:
             _refuse(place, f"columns 21 to 32: expected a day of {first.year}, 1 to {most}; found {day}")
-        values = {key: float(two[key]) for key in two if key.isupper()} | {
-            "ECCENTRICITY": float("0." + two["ECCENTRICITY"]), "BSTAR": _power(one["bstar"])}
-        launch = one["designator"].strip()
+        values = {key: float(row_2[key]) for key in row_2 if key.isupper()} | {
+            "ECCENTRICITY": float("0." + row_2["ECCENTRICITY"]), "BSTAR": _power(row_1["bstar"])}
+        launch = row_1["designator"].strip()
         if launch:
             launch = f"{'19' if launch[:2] >= '57' else '20'}{launch[:2]}-{launch[2:]}"
         epoch = ((first - J2000.date()).days + day - 1) * DAY + within - DAY // 2
-        yield _made(lambda _: second, name, _catalogue(one["number"]), launch, epoch, values, place)
+        yield _elements(lambda _: second, name, _catalogue(row_1["number"]), launch, epoch, values, place)
         name = ""
     if name:
         _refuse(place, f"expected line 1 of a two-line element set after the name {name!r}; found the end")
@@ -316,9 +316,9 @@ def _of_omm(fields: Mapping[str, _Value], where: str, line: int, strict: bool) -
     catalogue = value("NORAD_CAT_ID") or "0"
     if not re.fullmatch(f"\\d{{1,9}}|[{LETTERS}]\\d{{4}}", catalogue):
         _refuse(place("NORAD_CAT_ID"), f"NORAD_CAT_ID: expected up to nine digits, or Alpha-5; found {catalogue!r}")
-    return _made(place, value("OBJECT_NAME"), _catalogue(catalogue), value("OBJECT_ID"),
-                 _epoch(value("EPOCH"), place("EPOCH")), {key: number(key) for key in _REQUIRED if key != "EPOCH"},
-                 f"{where}, line {line}")
+    return _elements(place, value("OBJECT_NAME"), _catalogue(catalogue), value("OBJECT_ID"),
+                     _epoch(value("EPOCH"), place("EPOCH")), {key: number(key) for key in _REQUIRED if key != "EPOCH"},
+                     f"{where}, line {line}")
 
 
 def _epoch(text: str, place: str) -> int:
@@ -361,7 +361,7 @@ def _kvn(text: str, where: str) -> Iterator[MeanElements]:
 
 
 def _xml(text: str, where: str) -> Iterator[MeanElements]:
-    found: list[tuple[int, dict[str, _Value]]] = []
+    entries: list[tuple[int, dict[str, _Value]]] = []
     open_ones: list[tuple[str, int, str, list[str]]] = []       # name, line, unit, pieces of its text
     parser = expat.ParserCreate()
     before = text.index("<")            # no line feed may stand before the declaration
@@ -370,13 +370,13 @@ def _xml(text: str, where: str) -> Iterator[MeanElements]:
     def start(name: str, attributes: dict[str, str]) -> None:
         name, line = name.rpartition(":")[2], parser.CurrentLineNumber + skipped
         if name == "omm":
-            found.append((line, {}))
+            entries.append((line, {}))
         open_ones.append((name, line, attributes.get("units", ""), []))
 
     def end(_: str) -> None:
         name, line, unit, pieces = open_ones.pop()
-        if found and name.isupper():
-            fields = found[-1][1]
+        if entries and name.isupper():
+            fields = entries[-1][1]
             if name in fields and name in _REQUIRED:
                 _refuse(f"{where}, line {line}", f"{name} is given twice; the first is in line {fields[name].line}")
             fields[name] = _Value("".join(pieces), line, unit)
@@ -387,7 +387,7 @@ def _xml(text: str, where: str) -> Iterator[MeanElements]:
         parser.Parse(text[before:], True)
     except expat.ExpatError as error:
         _refuse(f"{where}, line {error.lineno + skipped}", f"expected XML; {expat.ErrorString(error.code)}")
-    for line, fields in found:
+    for line, fields in entries:
         yield _of_omm(fields, where, line, True)
 
 
@@ -397,13 +397,13 @@ def _json(text: str, where: str) -> Iterator[MeanElements]:
     except (json.JSONDecodeError, RecursionError) as error:
         _refuse(f"{where}, line {getattr(error, 'lineno', 1)}", f"expected JSON; {getattr(error, 'msg', error)}")
     at = 0
-    for one in sets if isinstance(sets, list) else [sets]:
+    for entry in sets if isinstance(sets, list) else [sets]:
         at = text.find("{", at)
         line = text.count("\n", 0, max(at, 0)) + 1
-        if not isinstance(one, dict):
-            _refuse(f"{where}, line {line}", f"expected an object with the fields of an OMM; found {one!r}")
+        if not isinstance(entry, dict):
+            _refuse(f"{where}, line {line}", f"expected an object with the fields of an OMM; found {entry!r}")
         end, fields = at, {}
-        for key, value in one.items():
+        for key, value in entry.items():
             if isinstance(value, (dict, list, bool)):
                 _refuse(f"{where}, line {line}", f"{key}: expected a text or a number; found {value!r}")
             end = max(end, text.find(f'"{key}"', at))

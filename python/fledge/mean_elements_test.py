@@ -74,11 +74,12 @@ def lines():
 
 def test_two_lines_are_as_another_reader_has_them():
     assert len(lines()) == 30
-    for one, two in lines():
-        if one[2:7] == "28872":     # which falls within the hour
-            refused(f"{one}\n{two}\n", "line 2: its perigee is 49 km below the Earth's surface: the object has decayed")
+    for first, second in lines():
+        if first[2:7] == "28872":     # which falls within the hour
+            refused(f"{first}\n{second}\n",
+                    "line 2: its perigee is 49 km below the Earth's surface: the object has decayed")
         else:
-            is_as(mean_elements.read(f"{one}\n{two}\n"), sgp4.Satrec.twoline2rv(one, two))
+            is_as(mean_elements.read(f"{first}\n{second}\n"), sgp4.Satrec.twoline2rv(first, second))
 
 
 def in_xml(fields):
@@ -97,10 +98,10 @@ def in_csv(fields):
 
 def test_all_formats_give_the_same_elements(tmp_path):
     exporter = pytest.importorskip("sgp4.exporter")
-    for one, two in lines():
-        if one[2:7] in ("28872", "11801", "88888"):     # the last two were not launched, as far as they say
+    for first, second in lines():
+        if first[2:7] in ("28872", "11801", "88888"):     # the last two were not launched, as far as they say
             continue
-        theirs = sgp4.Satrec.twoline2rv(one, two)
+        theirs = sgp4.Satrec.twoline2rv(first, second)
         fields = {key: str(value) for key, value in exporter.export_omm(theirs, "A, B").items()}
         texts = {"kvn": "CCSDS_OMM_VERS = 2.0\n" + "".join(f"{key} = {value}\n" for key, value in fields.items()),
                  "xml": in_xml(fields), "json": json.dumps([fields], indent=1), "csv": in_csv(fields)}
@@ -141,7 +142,7 @@ def test_one_of_several():
     second = changed("25544", "00005", "0 VANGUARD 1\n" + ISS.split("\n", 1)[1])
     both = ISS + "\n" + second
     assert mean_elements.read(both, "vanguard 1").number == 5 and mean_elements.read(both, 25544).name == "ISS (ZARYA)"
-    assert [one.source for one in mean_elements.read_all(both)] == ["the text, line 2", "the text, line 6"]
+    assert [elements.source for elements in mean_elements.read_all(both)] == ["the text, line 2", "the text, line 6"]
     refused(both, "the text: has 2 objects; give the name or the number of one: ISS (ZARYA) (25544), VANGUARD 1 (5)")
     refused(both, "the text: has no object 'VANGARD 1'; did you mean 'VANGUARD 1'? it has ISS (ZARYA) (25544), "
                   "VANGUARD 1 (5)", "VANGARD 1")
@@ -211,8 +212,8 @@ def test_any_damage_is_refused_or_harmless():
 def test_the_module_flies_the_elements_where_another_program_does():
     """In N, by the whole theories of 1976 and 1980: 2 m, what the nutation on board leaves out."""
     erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
-    _, one, two = ISS.splitlines()
-    theirs, elements = sgp4.Satrec.twoline2rv(one, two), mean_elements.read(ISS)
+    _, first, second = ISS.splitlines()
+    theirs, elements = sgp4.Satrec.twoline2rv(first, second), mean_elements.read(ISS)
     m = fsw.OrbitOnBoard(**elements.parameters(), age_max=86400)
     m.time.head.quality = "GOOD"
     for minutes in range(-1000, 2000, 100):

@@ -115,7 +115,7 @@ def _from_prototype(what: str, source: str, name: str, path: str, root: Path, na
         raise NewError(f"--from {source}: {error}") from None
     if cls._kind.value != what:
         raise NewError(f"--from {source}: it is a {cls._kind.value}: ./fledge new {cls._kind.value} {name} --from ...")
-    declared = {one: str(header) for tree in (FLEDGE, root) for one, header in _declared(tree)}
+    declared = dict((type_, str(header)) for tree in (FLEDGE, root) for type_, header in _declared(tree))
     return frame.files(cls, Path(source.rpartition(":")[0]).resolve(), name, path, root.resolve(), namespace, declared)
 
 
@@ -147,7 +147,7 @@ def mission(name: str, project: Path | str | None = None, source: str | None = N
 def _missions(root: Path) -> dict[str, Path]:
     """The folder of each mission that a project finds, by its name."""
     own = [path for path in sorted((root / "missions").glob("*")) if folders.is_mission(path)]
-    return folders.missions() | {one.name: one for one in own}
+    return folders.missions() | {mission.name: mission for mission in own}
 
 
 def _source(source: str, root: Path, known: Mapping[str, Path]) -> Path:
@@ -166,7 +166,7 @@ def _source(source: str, root: Path, known: Mapping[str, Path]) -> Path:
         sources = ", ".join(str(header.with_suffix(".*")) for header in own.values())
         raise NewError(f"--from {source}: it flies {', '.join(own)} of the project {home}; first copy {sources} "
                        "and the lines in CMakeLists.txt")
-    for other in {one[1:] for one in used if one.startswith(".")} - known.keys():
+    for other in {module[1:] for module in used if module.startswith(".")} - known.keys():
         if folders.is_mission(folder.parent / other) and not (folder / f"{other}.py").exists():
             raise NewError(f"--from {source}: it imports from the mission {other} beside it; copy that first")
     return folder
@@ -199,7 +199,7 @@ def _copied(source: Path, folder: Path) -> dict[Path, str | bytes]:
     first = [source / name for name in ("flight.py", "world.py", "scenarios.py")]      # as one reads them
     for file in dict.fromkeys([*first, *sorted(source.rglob("*"))]):
         part = file.relative_to(source)
-        hidden = any(one == "__pycache__" or one.startswith(".") for one in part.parts)
+        hidden = any(name == "__pycache__" or name.startswith(".") for name in part.parts)
         if hidden or part.name == "README.md" or not file.is_file():
             continue
         there = folder / part.with_name(re.sub(rf"^{re.escape(source.name)}(?=_test\.py$)", folder.name, part.name))
@@ -287,10 +287,10 @@ def _last(file: Path, what: str, *patterns: str) -> re.Match:
         text = file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise NewError(f"there is no {file}; './fledge new project' makes one") from None
-    found = next(filter(None, (list(re.finditer(pattern, text, re.M)) for pattern in patterns)), None)
-    if not found:
+    matches = next(filter(None, (list(re.finditer(pattern, text, re.M)) for pattern in patterns)), None)
+    if not matches:
         raise NewError(f"{file}: cannot find {what}")
-    return found[-1]
+    return matches[-1]
 
 
 def _namespace(root: Path) -> str:
@@ -301,24 +301,24 @@ def _namespace(root: Path) -> str:
 def _project_line(root: Path, list_: str, path: str) -> tuple[Path, str]:
     """(CMakeLists.txt, its text with the path at the end of a list of fledge_project())."""
     file = root / "CMakeLists.txt"
-    found = _last(file, f"a line {list_} in fledge_project(), for {path}", rf"^( *){list_}\n(?:\1 +[\w/]+\n)*")
-    return file, f"{found.string[:found.end()]}{found[1]}    {path}\n{found.string[found.end():]}"
+    match = _last(file, f"a line {list_} in fledge_project(), for {path}", rf"^( *){list_}\n(?:\1 +[\w/]+\n)*")
+    return file, f"{match.string[:match.end()]}{match[1]}    {path}\n{match.string[match.end():]}"
 
 
 def _module_line(root: Path, path: str) -> tuple[Path, str]:
     """The same for Fledge's own: after the modules of the same folder, else after all."""
     file, short = root / "flight/CMakeLists.txt", path.removeprefix("flight/")
-    found = _last(file, "the list of flight_module(...)", rf"^flight_module\({short.rpartition('/')[0]}/.*\)\n",
+    match = _last(file, "the list of flight_module(...)", rf"^flight_module\({short.rpartition('/')[0]}/.*\)\n",
                   r"^flight_module\(.*\)\n")
-    return file, f"{found.string[:found.end()]}flight_module({short})\n{found.string[found.end():]}"
+    return file, f"{match.string[:match.end()]}flight_module({short})\n{match.string[match.end():]}"
 
 
 def _model_line(root: Path, path: str, tested: bool) -> tuple[Path, str]:
     """The same for Fledge's own: among the sources, and a test, if that is in C++."""
     file, short = root / "world/CMakeLists.txt", path.removeprefix("world/")
-    found = _last(file, "the sources of fledge_world", r"^add_library\(fledge_world STATIC\n((?: +.*\n)+)\)")
-    sources = sorted([*found[1].splitlines(), f"    {short}_model.cpp"])
-    text = found.string[:found.start(1)] + "\n".join(sources) + "\n" + found.string[found.end(1):]
+    match = _last(file, "the sources of fledge_world", r"^add_library\(fledge_world STATIC\n((?: +.*\n)+)\)")
+    sources = sorted([*match[1].splitlines(), f"    {short}_model.cpp"])
+    text = match.string[:match.start(1)] + "\n".join(sources) + "\n" + match.string[match.end(1):]
     test = f"world_{short.replace('/', '_')}_test"
     line = f"fledge_add_test({test}\n    SOURCES {short}_model_test.cpp LIBRARIES fledge::world)\n"
     return file, text + line * tested

@@ -27,7 +27,8 @@ def flown(seed, path=None):
     """(simulation, log of all its outputs) of a random mission."""
     sim = build(seed)
     dice = random.Random(seed)
-    log = sim.record(*(one for process in sim.processes for one in process), every=dice.choice([0, 0.01, 0.05]))
+    instances = [instance for process in sim.processes for instance in process]
+    log = sim.record(*instances, every=dice.choice([0, 0.01, 0.05]))
     if path:
         sim.archive(path)
     sim.run(DURATION)
@@ -96,7 +97,7 @@ def tables(archive, folder):
 @pytest.mark.parametrize("seed", long_after(30, range(100_000 if LONG else 60), "more draws"))
 def test_what_executives_say_is_what_a_second_run_sees(seed):
     sim, _ = flown(seed)
-    said = {process.name: dict(modes(sim.activity)).get(process.name, []) for process in sim.processes}
+    activity = {process.name: dict(modes(sim.activity)).get(process.name, []) for process in sim.processes}
     other = build(seed)
     seen, fired = {process.name: [] for process in other.processes}, []
     before = {}
@@ -112,13 +113,13 @@ def test_what_executives_say_is_what_a_second_run_sees(seed):
                 if event.fired_at is not None and event.fired_at != before.get((process.name, event.name)):
                     before[process.name, event.name] = event.fired_at
                     fired.append((event.fired_at, process.name, event.name))
-    for process, rows in said.items():
+    for process, rows in activity.items():
         assert [mode for _, mode in rows] == [mode for _, mode in seen[process]]
         assert rows[1:] == seen[process][1:]    # it says the first one at its first instant
-        counted = {mode: sum(one == mode for _, one in rows) for _, mode in rows}
+        counted = {mode: sum(name == mode for _, name in rows) for _, mode in rows}
         for mode, (n, first) in sim.process(process).entered.items():
             assert n == counted.get(mode, 0)
-            assert first == next((t for t, one in rows if one == mode), None)
+            assert first == next((t for t, name in rows if name == mode), None)
     assert sorted((happening.t, happening.process, happening.name)
                   for happening in happenings(sim.activity) if happening.kind == "event") \
         == sorted(fired)

@@ -8,6 +8,7 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -89,28 +90,28 @@ void bind_batch(py::module_ &m)
         .def(py::init([](std::size_t clones, sim::Ns every, unsigned threads, const sim::CampaignPlan *campaign) {
                  return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}};
              }),
-             py::arg("clones"), py::arg("every"), py::arg("threads"), py::arg("campaign"))
+             "clones"_a, "every"_a, "threads"_a, "campaign"_a)
         .def(
             "act",
             [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
                std::vector<std::string> names) { add_field(plan.actions, object, field, first, std::move(names)); },
-            py::arg("object"), py::arg("field"), py::arg("first"), py::arg("names"))
+            "object"_a, "field"_a, "first"_a, "names"_a)
         .def(
             "observe",
             [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
                std::vector<std::string> names) {
                 add_field(plan.observations, object, field, first, std::move(names));
             },
-            py::arg("object"), py::arg("field"), py::arg("first"), py::arg("names"));
+            "object"_a, "field"_a, "first"_a, "names"_a);
 
     py::class_<Batch>(m, "Batch")
-        .def(py::init<const sim::Simulation &, BatchPlan>(), py::arg("simulation"), py::arg("plan"))
-        .def("reset", reset, py::arg("which"), py::arg("seeds"), py::arg("runs"), py::arg("snapshot"))
-        .def("step", step_clones, py::arg("actions"),
+        .def(py::init<const sim::Simulation &, BatchPlan>(), "simulation"_a, "plan"_a)
+        .def("reset", reset, "which"_a, "seeds"_a, "runs"_a, "snapshot"_a)
+        .def("step", step_clones, "actions"_a,
              "The observations after the step; `actions` must have a row for each clone.")
         .def("observe", observe)
-        .def("failure", &Batch::failure, py::arg("clone"))
-        .def("copy", &Batch::copy, py::arg("clone"))
+        .def("failure", &Batch::failure, "clone"_a)
+        .def("copy", &Batch::copy, "clone"_a)
         .def(
             "repeat",
             [](const Batch &b, std::size_t clone, const Rows &rows) {
@@ -118,7 +119,7 @@ void bind_batch(py::module_ &m)
                 return b.repeat(clone, static_cast<std::size_t>(rows.shape(0)),
                                 {rows.data(), static_cast<std::size_t>(rows.size())});
             },
-            py::arg("clone"), py::arg("rows"))
+            "clone"_a, "rows"_a)
         .def_property_readonly(
             "failed",
             [](const Batch &b) { return column<bool>(b, [&](std::size_t i) { return !b.failure(i).empty(); }); })

@@ -10,6 +10,7 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -176,9 +177,8 @@ void bind_campaign(py::module_ &m)
 {
     using Plan = sim::CampaignPlan;
     py::class_<Distribution>(m, "Distribution")
-        .def(py::init(&distribution), py::arg("kind"), py::arg("a") = 0.0, py::arg("b") = 0.0,
-             py::arg("lo") = Distribution().lo, py::arg("hi") = Distribution().hi, py::arg("scale") = "",
-             py::arg("choices") = std::vector<double>(), py::arg("stride") = 1,
+        .def(py::init(&distribution), "kind"_a, "a"_a = 0.0, "b"_a = 0.0, "lo"_a = Distribution().lo,
+             "hi"_a = Distribution().hi, "scale"_a = "", "choices"_a = std::vector<double>(), "stride"_a = 1,
              "scale: '' (values), 'about' (added to the nominal value) or 'relative' (factors of it).");
     py::class_<Plan>(m, "CampaignPlan")
         .def(py::init<>())
@@ -188,20 +188,18 @@ void bind_campaign(py::module_ &m)
         .def_readwrite("every", &Plan::every)
         .def_readwrite("first", &Plan::first)
         .def_readwrite("points", &Plan::points)
-        .def("disperse", add_dispersion, py::arg("nominal"), py::arg("path"), py::arg("elements"), py::arg("drawn"))
+        .def("disperse", add_dispersion, "nominal"_a, "path"_a, "elements"_a, "drawn"_a)
         .def("clear_draws",
              [](Plan &plan) {
                  plan.dispersions.clear();
                  plan.compositions.clear();
              })
-        .def("orbit", add_orbit, py::arg("nominal"), py::arg("craft"), py::arg("names"), py::arg("distributions"),
-             py::arg("shape"), py::arg("elements"), py::arg("drawn"), py::arg("mu"), py::arg("radius"),
-             py::arg("surface"), py::arg("axes"), py::arg("origin"))
-        .def("retain", add_retained, py::arg("nominal"), py::arg("port"), py::arg("offset"), py::arg("elements"),
-             py::arg("field"), py::arg("raw"))
+        .def("orbit", add_orbit, "nominal"_a, "craft"_a, "names"_a, "distributions"_a, "shape"_a, "elements"_a,
+             "drawn"_a, "mu"_a, "radius"_a, "surface"_a, "axes"_a, "origin"_a)
+        .def("retain", add_retained, "nominal"_a, "port"_a, "offset"_a, "elements"_a, "field"_a, "raw"_a)
         .def(
             "check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); },
-            py::arg("nominal"));
+            "nominal"_a);
 
     py::class_<sim::CampaignResult>(m, "CampaignResult")
         .def_readonly("failures", &sim::CampaignResult::failures)
@@ -226,19 +224,18 @@ void bind_campaign(py::module_ &m)
             "an array (runs, samples, elements) of each variable");
 
     m.def(
-        "callables", [](const sim::Simulation &s) { return sim::callables(s); }, py::arg("s"));
-    m.def("mode_names", sim::mode_names, py::arg("simulation"));
+        "callables", [](const sim::Simulation &s) { return sim::callables(s); }, "s"_a);
+    m.def("mode_names", sim::mode_names, "simulation"_a);
     m.def(
         "fly_one",
         [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
             py::gil_scoped_release release;
             return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
         },
-        py::arg("simulation"), py::arg("plan"), py::arg("index"),
-        "The result of one run, flown in a simulation made for it.");
-    m.def("disperse", sim::disperse, py::arg("nominal"), py::arg("simulation"), py::arg("plan"), py::arg("index"),
+        "simulation"_a, "plan"_a, "index"_a, "The result of one run, flown in a simulation made for it.");
+    m.def("disperse", sim::disperse, "nominal"_a, "simulation"_a, "plan"_a, "index"_a,
           "Set seed and parameters of one run; returns the draws.");
-    m.def("fly", fly, py::arg("nominal"), py::arg("plan"), py::arg("threads"), py::arg("progress") = py::none(),
+    m.def("fly", fly, "nominal"_a, "plan"_a, "threads"_a, "progress"_a = py::none(),
           "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");
 }
 

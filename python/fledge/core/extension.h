@@ -87,17 +87,6 @@ template <class T> T named(const char *const *names, const std::string &name)
 /// Python's names of ExecRelation, and of Judge::Relation.
 inline constexpr const char *relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
 
-/// What `make` gives for each of a range. A list of Python, whose type follows from that of `make`.
-template <class Range, class F> auto list_of(const Range &range, F make)
-{
-    std::vector<decltype(make(*std::begin(range)))> list;
-    list.reserve(range.size());
-    for (const auto &one : range) {
-        list.push_back(make(one));
-    }
-    return list;
-}
-
 /// The instance of a module or model. Throws TypeError for anything else.
 std::shared_ptr<sim::Instance> instance_of(pybind11::handle object);
 

@@ -32,30 +32,31 @@ std::string shape_of(int ndim, const npy_intp *shape)
 }
 
 /// Set TypeError: "vec_add: b: expected shape (3,); found the shape (2,)".
-bool refuse(const FledgeFunction &f, const FledgeArgument &one, PyObject *value)
+bool refuse(const FledgeFunction &f, const FledgeArgument &argument, PyObject *value)
 {
     PyErr_Clear();
-    const npy_intp wanted[] = {one.shape[0], one.shape[1]};
+    const npy_intp wanted[] = {argument.shape[0], argument.shape[1]};
     const std::string expected =
-        one.ndim ? "numbers of the shape " + shape_of(static_cast<int>(one.ndim), wanted) : "a number";
+        argument.ndim ? "numbers of the shape " + shape_of(static_cast<int>(argument.ndim), wanted) : "a number";
     if (PyArray_Check(value)) {
         auto *array = reinterpret_cast<PyArrayObject *>(value);
-        PyErr_Format(PyExc_TypeError, "%s: %s: expected %s; found the shape %s", f.name, one.name, expected.c_str(),
-                     shape_of(PyArray_NDIM(array), PyArray_DIMS(array)).c_str());
+        PyErr_Format(PyExc_TypeError, "%s: %s: expected %s; found the shape %s", f.name, argument.name,
+                     expected.c_str(), shape_of(PyArray_NDIM(array), PyArray_DIMS(array)).c_str());
     } else {
-        PyErr_Format(PyExc_TypeError, "%s: %s: expected %s; found %.100R", f.name, one.name, expected.c_str(), value);
+        PyErr_Format(PyExc_TypeError, "%s: %s: expected %s; found %.100R", f.name, argument.name, expected.c_str(),
+                     value);
     }
     return false;
 }
 
-bool take(const FledgeFunction &f, const FledgeArgument &one, PyObject *value, Numbers9 &into)
+bool take(const FledgeFunction &f, const FledgeArgument &argument, PyObject *value, Numbers9 &into)
 {
-    if (!one.ndim) {
+    if (!argument.ndim) {
         if (!is_plain_number(value) && PyArray_Check(value) && PyArray_NDIM(reinterpret_cast<PyArrayObject *>(value))) {
-            return refuse(f, one, value);
+            return refuse(f, argument, value);
         }
         into[0] = PyFloat_AsDouble(value);
-        return into[0] != -1.0 || !PyErr_Occurred() || refuse(f, one, value);
+        return into[0] != -1.0 || !PyErr_Occurred() || refuse(f, argument, value);
     }
     // Only conversions without loss: no texts, no complex numbers, no quantities with units.
     PyObject *plain = PyArray_FROM_O(value);
@@ -64,27 +65,27 @@ bool take(const FledgeFunction &f, const FledgeArgument &one, PyObject *value, N
     PyObject *array = safe ? PyArray_FROM_OTF(plain, NPY_DOUBLE, NPY_ARRAY_IN_ARRAY) : nullptr;
     Py_XDECREF(plain);
     if (!array) {
-        return refuse(f, one, value);
+        return refuse(f, argument, value);
     }
     auto *numbers = reinterpret_cast<PyArrayObject *>(array);
-    const bool fits = PyArray_NDIM(numbers) == static_cast<int>(one.ndim) &&
-                      std::equal(one.shape, one.shape + one.ndim, PyArray_DIMS(numbers));
+    const bool fits = PyArray_NDIM(numbers) == static_cast<int>(argument.ndim) &&
+                      std::equal(argument.shape, argument.shape + argument.ndim, PyArray_DIMS(numbers));
     if (fits) {
         std::memcpy(into.data(), PyArray_DATA(numbers), static_cast<std::size_t>(PyArray_NBYTES(numbers)));
     } else {
-        refuse(f, one, array);
+        refuse(f, argument, array);
     }
     Py_DECREF(array);
     return fits;
 }
 
-PyObject *give(const FledgeArgument &one, const Numbers9 &from)
+PyObject *give(const FledgeArgument &argument, const Numbers9 &from)
 {
-    if (!one.ndim) {
-        return one.whole ? PyLong_FromDouble(from[0]) : PyFloat_FromDouble(from[0]);
+    if (!argument.ndim) {
+        return argument.whole ? PyLong_FromDouble(from[0]) : PyFloat_FromDouble(from[0]);
     }
-    npy_intp shape[] = {one.shape[0], one.shape[1]};
-    PyObject *array = PyArray_SimpleNew(static_cast<int>(one.ndim), shape, NPY_DOUBLE);
+    npy_intp shape[] = {argument.shape[0], argument.shape[1]};
+    PyObject *array = PyArray_SimpleNew(static_cast<int>(argument.ndim), shape, NPY_DOUBLE);
     if (array) {
         auto *numbers = reinterpret_cast<PyArrayObject *>(array);
         std::memcpy(PyArray_DATA(numbers), from.data(), static_cast<std::size_t>(PyArray_NBYTES(numbers)));
@@ -117,11 +118,11 @@ PyObject *call(PyObject *self, PyObject *const *arguments, Py_ssize_t n)
     }
     PyObject *all = PyTuple_New(f.n_out);
     for (std::uint32_t i = 0; all && i < f.n_out; i++) {
-        PyObject *one = give(f.out[i], out[i]);
-        if (!one) {
+        PyObject *result = give(f.out[i], out[i]);
+        if (!result) {
             Py_CLEAR(all);
         } else {
-            PyTuple_SET_ITEM(all, i, one);
+            PyTuple_SET_ITEM(all, i, result);
         }
     }
     return all;
@@ -130,9 +131,11 @@ PyObject *call(PyObject *self, PyObject *const *arguments, Py_ssize_t n)
 std::string doc_of(const FledgeFunction &f)
 {
     std::string names, shapes;
-    const auto shape = [](const FledgeArgument &one) {
-        const npy_intp of[] = {one.shape[0], one.shape[1]};
-        return one.ndim ? "shape " + shape_of(static_cast<int>(one.ndim), of) : one.whole ? "int" : "float";
+    const auto shape = [](const FledgeArgument &argument) {
+        const npy_intp of[] = {argument.shape[0], argument.shape[1]};
+        return argument.ndim    ? "shape " + shape_of(static_cast<int>(argument.ndim), of)
+               : argument.whole ? "int"
+                                : "float";
     };
     for (std::uint32_t i = 0; i < f.n_in; i++) {
         names += std::string(f.in[i].name) + ", ";

@@ -10,6 +10,7 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -46,10 +47,10 @@ int source_of_field(Judge &judge, sim::Simulation &simulation, const std::string
     sim::Process &process = simulation.process(instance.substr(0, separator));
     const std::shared_ptr<sim::Instance> found =
         separator == std::string::npos ? process.executive().instance() : process.find(instance.substr(separator + 1));
-    for (const FledgeField &one : sim::fields(found->type())) {
-        if (one.name == port) {
-            return judge.source(found, one.offset + offset, field.type, elements,
-                                of_message ? std::optional(one.offset) : std::nullopt);
+    for (const FledgeField &candidate : sim::fields(found->type())) {
+        if (candidate.name == port) {
+            return judge.source(found, candidate.offset + offset, field.type, elements,
+                                of_message ? std::optional(candidate.offset) : std::nullopt);
         }
     }
     throw std::invalid_argument(instance + " has no " + port);
@@ -91,37 +92,37 @@ void bind_judge(py::module_ &m)
 {
     py::class_<Judge, std::shared_ptr<Judge>>(m, "Judge", "Judges formulas on signals. See sim/judge.h.")
         .def(py::init())
-        .def("source", source_of_field, py::arg("simulation"), py::arg("instance"), py::arg("port"), py::arg("offset"),
-             py::arg("field"), py::arg("elements"), py::arg("of_message"))
-        .def("event", source_of_event, py::arg("simulation"), py::arg("process"), py::arg("name"))
+        .def("source", source_of_field, "simulation"_a, "instance"_a, "port"_a, "offset"_a, "field"_a, "elements"_a,
+             "of_message"_a)
+        .def("event", source_of_event, "simulation"_a, "process"_a, "name"_a)
         .def(
-            "given", [](Judge &judge, std::size_t elements) { return judge.source(elements); }, py::arg("elements"))
+            "given", [](Judge &judge, std::size_t elements) { return judge.source(elements); }, "elements"_a)
         .def(
             "constant", [](Judge &judge, const std::vector<double> &numbers) { return judge.constant(numbers); },
-            py::arg("numbers"))
+            "numbers"_a)
         .def(
             "expression",
             [](Judge &judge, const std::string &operation, int a, int b, double number) {
                 return judge.expression(named<Judge::Operation>(operations, operation), a, b, number);
             },
-            py::arg("operation"), py::arg("a"), py::arg("b"), py::arg("number"))
+            "operation"_a, "a"_a, "b"_a, "number"_a)
         .def(
             "atom",
             [](Judge &judge, int value, const std::string &relation, double limit, double scale) {
                 return judge.atom(value, named<Judge::Relation>(relations, relation), limit, scale);
             },
-            py::arg("value"), py::arg("relation"), py::arg("limit"), py::arg("scale"))
-        .def("formula", formula, py::arg("rows"))
+            "value"_a, "relation"_a, "limit"_a, "scale"_a)
+        .def("formula", formula, "rows"_a)
         .def_readwrite("stops", &Judge::stops)
         .def_readwrite("stop", &Judge::stop)
         .def_readwrite("traces", &Judge::traces)
         .def_readwrite("every", &Judge::every)
         .def(
-            "watch", [](const std::shared_ptr<Judge> &judge, sim::Simulation &s) { s.recorder().watch(judge); },
-            py::arg("s"), py::keep_alive<1, 2>())
-        .def("play", play_signals, py::arg("times"), py::arg("sources"))
-        .def("finish", &Judge::finish, py::arg("t"))
-        .def("value", value, py::arg("formula"))
+            "watch", [](const std::shared_ptr<Judge> &judge, sim::Simulation &s) { s.recorder().watch(judge); }, "s"_a,
+            py::keep_alive<1, 2>())
+        .def("play", play_signals, "times"_a, "sources"_a)
+        .def("finish", &Judge::finish, "t"_a)
+        .def("value", value, "formula"_a)
         .def_property_readonly("went_back", &Judge::went_back)
         .def_property_readonly("times",
                                [](const Judge &judge) {
@@ -134,7 +135,7 @@ void bind_judge(py::module_ &m)
                 const std::vector<double> found = judge.trace(atom);
                 return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
             },
-            py::arg("atom"));
+            "atom"_a);
 }
 
 } // namespace fledge::core

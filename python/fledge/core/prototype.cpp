@@ -11,6 +11,7 @@
 #include <algorithm>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -180,16 +181,15 @@ PyObject *attribute_of_class(PyObject *self, PyObject *name)
 
 void bind_prototypes(py::module_ &m)
 {
-    m.def("declare", declare, py::arg("struct"), py::arg("structs"), py::arg("schema"));
-    m.def("make_prototype", make, py::arg("python"), py::arg("cls"), py::arg("keywords"));
+    m.def("declare", declare, "struct"_a, "structs"_a, "schema"_a);
+    m.def("make_prototype", make, "python"_a, "cls"_a, "keywords"_a);
     m.def(
         "class_of", [](const AnyInstance &object) -> Typed<py::object, "type | None"> {
             PyObject *cls = class_of(*instance_of(object));
             return cls ? py::reinterpret_borrow<py::object>(cls) : py::none();
         },
-        py::arg("object"), "The class of a prototype; None for other modules and models.");
-    m.def("draw", draw, py::arg("object"), py::arg("normal"),
-          "The next normal, or uniform, number of a prototype of the world.");
+        "object"_a, "The class of a prototype; None for other modules and models.");
+    m.def("draw", draw, "object"_a, "normal"_a, "The next normal, or uniform, number of a prototype of the world.");
 }
 
 } // namespace fledge::core

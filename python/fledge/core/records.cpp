@@ -8,6 +8,7 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -60,7 +61,7 @@ void bind_records(py::module_ &m)
 {
     using record::Scan;
     py::class_<Scan>(m, "McapScan", "What an MCAP file has; declare is called for each channel.")
-        .def(py::init(&scan), py::arg("file"), py::arg("declare"))
+        .def(py::init(&scan), "file"_a, "declare"_a)
         .def_readonly("profile", &Scan::profile)
         .def_readonly("library", &Scan::library)
         .def_readonly("problem", &Scan::problem)
@@ -77,7 +78,7 @@ void bind_records(py::module_ &m)
         });
     m.def(
         "mcap_metadata", [](const py::buffer &file) { return by_name(record::metadata_of(bytes_of(file.request()))); },
-        py::arg("file"), "The metadata records of an MCAP file, without its messages.");
+        "file"_a, "The metadata records of an MCAP file, without its messages.");
 }
 
 } // namespace fledge::core

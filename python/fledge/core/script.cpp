@@ -174,8 +174,8 @@ PyObject *take_script(Root &root, PyObject *keywords)
             Py_DECREF(done);
         }
     }
-    for (PyObject *one : given) {
-        Py_XDECREF(one);
+    for (PyObject *object : given) {
+        Py_XDECREF(object);
     }
     return rest;
 }
@@ -193,14 +193,14 @@ void give_class(sim::Instance &instance, PyObject *cls)
     instance.script.update = Call(update.ptr(), cls);
     instance.script.shares = false; // prototypes that would are refused
     if (reset && instance.model()) {
-        instance.script.begin = [call = Call(reset.ptr(), cls)](sim::Instance &one, Tick t) { call.begin(one, t); };
+        instance.script.begin = [call = Call(reset.ptr(), cls)](sim::Instance &self, Tick t) { call.begin(self, t); };
     } else if (reset) {
         instance.script.reset = Call(reset.ptr(), cls);
     }
     if (prepare && instance.model()) {
-        instance.script.prepare = [call = Call(prepare.ptr(), cls)](sim::Instance &one) {
+        instance.script.prepare = [call = Call(prepare.ptr(), cls)](sim::Instance &self) {
             try {
-                call.outside_update(one, "before the run");
+                call.outside_update(self, "before the run");
             } catch (py::error_already_set &error) {
                 const py::gil_scoped_acquire gil;
                 if (!error.matches(run_error())) {

@@ -16,6 +16,7 @@
 #include <map>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -98,11 +99,11 @@ std::vector<std::pair<std::uint32_t, py::bytes>> encode(const AnyObject &object,
     const auto given = instance->given, bare = instance->bare;
     const Stored stored = store(object.ptr(), member, value.ptr());
     std::vector<std::pair<std::uint32_t, py::bytes>> written;
-    for (const Member *one : {&member, member.count}) {
-        if (one) {
-            const std::byte *at = to.memory + one->field->offset;
+    for (const Member *part : {&member, member.count}) {
+        if (part) {
+            const std::byte *at = to.memory + part->field->offset;
             written.emplace_back(static_cast<std::uint32_t>(at - instance->memory()),
-                                 py::bytes(reinterpret_cast<const char *>(at), one->field->size));
+                                 py::bytes(reinterpret_cast<const char *>(at), part->field->size));
         }
     }
     std::copy(before.begin(), before.end(), instance->memory());
@@ -290,21 +291,21 @@ void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t t
         dictionary->blocks.push_back(std::move(block));
     }
     for (const auto &[instance, offset, size, runs] : outputs) {
-        sim::Dictionary::Output one{instance, offset, size, {}};
+        sim::Dictionary::Output output{instance, offset, size, {}};
         for (const auto &[width, n] : runs) {
-            one.runs.push_back({width, n});
+            output.runs.push_back({width, n});
         }
-        dictionary->outputs.push_back(std::move(one));
+        dictionary->outputs.push_back(std::move(output));
     }
     process.set_dictionary(std::move(dictionary));
 }
 
 auto reports(sim::Process &process)
 {
-    return list_of(process.take_reports(), [](const sim::CommandReply &one) {
-        const CommandReport &r = one.report;
+    return list_of(process.take_reports(), [](const sim::CommandReply &reply) {
+        const CommandReport &r = reply.report;
         return std::tuple(r.t, r.sequence, r.code, r.executed, r.reason, r.detail,
-                          py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.origin);
+                          py::bytes(reinterpret_cast<const char *>(reply.data.data()), reply.data.size()), r.origin);
     });
 }
 
@@ -328,10 +329,16 @@ void set_keys(sim::Process &process, const std::string &path)
     process.keys = std::shared_ptr<const void>(made, &made->provider);
 }
 
+std::vector<std::uint8_t> octets(const py::bytes &bytes)
+{
+    const std::string_view view = bytes;
+    return {view.begin(), view.end()};
+}
+
 TimedBytes timed(const std::vector<sim::Packet> &packets)
 {
-    return list_of(packets, [](const sim::Packet &one) {
-        return std::pair(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
+    return list_of(packets, [](const sim::Packet &packet) {
+        return std::pair(packet.t, py::bytes(reinterpret_cast<const char *>(packet.bytes.data()), packet.bytes.size()));
     });
 }
 
@@ -371,8 +378,8 @@ Typed<py::dict, "dict[str, Module | Model]"> wrap_instances(const sim::Process &
 void bind_conditions(py::module_ &m)
 {
     py::class_<Operand>(m, "Operand", "What a condition compares: of a field, or a constant.")
-        .def(py::init(&make_operand), py::arg("object"), py::arg("field"), py::arg("index"), py::arg("measure"))
-        .def(py::init(&make_constant), py::arg("x"))
+        .def(py::init(&make_operand), "object"_a, "field"_a, "index"_a, "measure"_a)
+        .def(py::init(&make_constant), "x"_a)
         .def_property_readonly(
             "path", [](const Operand &o) { return o.instance ? std::optional(o.instance->path) : std::nullopt; },
             "of its module or model; None of a constant")
@@ -385,13 +392,13 @@ void bind_conditions(py::module_ &m)
                  [](const Operand &left, const std::string &relation, const Operand &right, const std::string &text) {
                      return Condition({left, right, named<ExecRelation>(relations, relation)}, text);
                  }),
-             py::arg("left"), py::arg("relation"), py::arg("right"), py::arg("text"))
+             "left"_a, "relation"_a, "right"_a, "text"_a)
         .def(
             "__and__", [](const Condition &a, const Condition &b) { return Condition(EXEC_BOTH, a, b); },
-            py::is_operator(), py::arg("other"))
+            py::is_operator(), "other"_a)
         .def(
             "__or__", [](const Condition &a, const Condition &b) { return Condition(EXEC_EITHER, a, b); },
-            py::is_operator(), py::arg("other"))
+            py::is_operator(), "other"_a)
         .def("__invert__", &Condition::operator~)
         .def("__repr__", &Condition::text)
         .def("__bool__",
@@ -413,7 +420,7 @@ void bind_conditions(py::module_ &m)
             },
             "in postfix order: (operand, relation, operand) of a comparison, or '&', '|' of the two before, '~' of the "
             "one");
-    m.def("encode", encode, py::arg("object"), py::arg("name"), py::arg("value"));
+    m.def("encode", encode, "object"_a, "name"_a, "value"_a);
 }
 
 void bind_event(py::module_ &m)
@@ -469,86 +476,31 @@ void bind_log(py::module_ &m)
         });
 }
 
-void bind_process(py::module_ &m)
+using Process = py::class_<sim::Process>;
+
+/// Commands and telemetry of a flight process.
+void bind_commands(Process &process)
 {
-    py::class_<sim::Process>(m, "Process")
-        .def_readonly("name", &sim::Process::name)
-        .def(
-            "add",
-            [](sim::Process &p, const std::string &name, const AnyInstance &object, std::string file, int line) {
-                p.add(name, instance_of(object), {std::move(file), line});
-            },
-            py::arg("name"), py::arg("object"), py::arg("file"), py::arg("line"))
-        .def(
-            "add_task",
-            [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
-               const std::vector<AnyInstance> &run) {
-                p.add_task({name, period, offset, priority, list_of(run, instance_of)});
-            },
-            py::arg("name"), py::arg("period"), py::arg("offset"), py::arg("priority"), py::arg("run"))
-        .def(
-            "add_mode",
-            [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
-               std::vector<std::string> after, std::string file, int line) {
-                p.add_mode({name, std::move(tasks), std::move(when), std::move(after), {std::move(file), line}});
-            },
-            py::arg("name"), py::arg("tasks"), py::arg("when"), py::arg("after"), py::arg("file"), py::arg("line"))
-        .def("add_event", add_event, py::arg("name"), py::arg("when"), py::arg("until"), py::arg("hold"),
-             py::arg("count"), py::arg("once"), py::arg("armed"), py::arg("modes"), py::arg("mode"), py::arg("arms"),
-             py::arg("set"), py::arg("action"), py::arg("text"), py::arg("file"), py::arg("line"),
-             py::keep_alive<0, 1>())
-        .def("start_in", &sim::Process::start_in, py::arg("mode"))
-        .def(
-            "reset_by", [](sim::Process &p, const AnyPort &input, Ns down) { p.reset_by(port_of(input), down); },
-            py::arg("input"), py::arg("down"))
-        .def_property_readonly("reset",
-                               [](const sim::Process &p) {
-                                   const auto &line = p.reset_line();
-                                   return line ? std::optional(std::pair(line->input.path(), line->down))
-                                               : std::nullopt;
-                               })
-        .def_property_readonly("outages", &sim::Process::outages)
-        .def("play", play, py::arg("output"), py::arg("times"), py::arg("messages"), py::arg("sent"))
-        .def("play_executive", play_executive, py::arg("modes"), py::arg("happenings"),
-             "By (times, messages) of its modes, and of what happened.")
-        .def("fly_by", &sim::Process::fly_by, py::arg("flight"),
-             "A function of the time [ns] flies in place of the process' modules.")
-        .def("incoming", incoming, py::arg("input"), "The bytes of the message that is for an input at this instant.")
-        .def("put_out", put_out, py::arg("output"), py::arg("message"),
-             "Write the bytes of an output, as fly_by's function.")
-        .def("enter", &sim::Process::enter, py::arg("mode"))
-        .def_property_readonly("mode", &sim::Process::mode)
-        .def_property_readonly(
-            "entered",
-            [](const sim::Process &p) {
-                return list_of(p.modes(), [&](const sim::Mode &mode) { return tally(p.entered(mode)); });
-            },
-            "(how often, when first) of each mode")
-        .def_property_readonly("asked", &sim::Process::requested_mode)
-        .def("set_dictionary", set_dictionary, py::arg("stream"), py::arg("telemetry"), py::arg("version"),
-             py::arg("room"), py::arg("rows"), py::arg("outputs"))
+    process
+        .def("set_dictionary", set_dictionary, "stream"_a, "telemetry"_a, "version"_a, "room"_a, "rows"_a, "outputs"_a)
         .def(
             "command",
-            [](sim::Process &p, const py::bytes &bytes) {
-                const std::string_view view = bytes;
-                return static_cast<int>(p.command({view.begin(), view.end()}));
-            },
-            py::arg("bytes"))
+            [](sim::Process &p, const py::bytes &bytes) { return static_cast<int>(p.command(octets(bytes))); },
+            "bytes"_a)
         .def(
             "send_by",
             [](sim::Process &p, const AnyInstance &carrier, const py::bytes &bytes) {
-                const std::string_view view = bytes;
-                p.send_by(*instance_of(carrier), {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
+                p.send_by(*instance_of(carrier), octets(bytes));
             },
-            py::arg("carrier"), py::arg("bytes"))
+            "carrier"_a, "bytes"_a)
         .def(
             "take_from",
             [](sim::Process &p, const AnyInstance &carrier, Ns t) {
                 return timed(p.carrier(*instance_of(carrier)).take(t));
             },
-            py::arg("carrier"), py::arg("t"))
+            "carrier"_a, "t"_a)
         .def(
-            "take_heard", [](sim::Process &p) { return timed(p.received.take()); },
+            "take_received", [](sim::Process &p) { return timed(p.received.take()); },
             "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
         .def_property_readonly(
             "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },
@@ -556,26 +508,22 @@ void bind_process(py::module_ &m)
         .def(
             "set_script",
             [](sim::Process &p, const TimedBytes &rows) {
-                std::vector<sim::ScriptedCommand> script;
-                for (const auto &[after, packet] : rows) {
-                    const std::string_view view = packet;
-                    script.push_back({after, {view.begin(), view.end()}});
-                }
-                p.set_script(std::move(script));
+                p.set_script(list_of(rows, [](const auto &row) {
+                    return sim::ScriptedCommand{row.first, octets(row.second)};
+                }));
             },
-            py::arg("rows"))
+            "rows"_a)
         .def(
             "set_procedure_host",
             [](sim::Process &p, decltype(sim::ProcedureHost::start) start, decltype(sim::ProcedureHost::turn) turn,
                decltype(sim::ProcedureHost::end) end) {
                 p.set_procedure_host({std::move(start), std::move(turn), std::move(end)});
             },
-            py::arg("start"), py::arg("turn"), py::arg("end"),
+            "start"_a, "turn"_a, "end"_a,
             "What runs procedures: start(bytecode as numbers, sequence, turns), turn(t), end(t, killed, why).")
         .def(
             "command_mode",
-            [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); },
-            py::arg("mode"))
+            [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); }, "mode"_a)
         .def("take_reports", reports, "(t, sequence, code, stage, reason, detail, bytes read back) of each")
         .def(
             "take_packets", [](sim::Process &p) { return timed(p.telemetry.take()); },
@@ -583,15 +531,12 @@ void bind_process(py::module_ &m)
         .def(
             "play_telemetry",
             [](sim::Process &p, const TimedBytes &packets) {
-                std::vector<sim::Packet> all;
-                for (const auto &[t, bytes] : packets) {
-                    const std::string_view view = bytes;
-                    all.push_back({t, {view.begin(), view.end()}});
-                }
-                p.play_telemetry(std::move(all));
+                p.play_telemetry(list_of(packets, [](const auto &packet) {
+                    return sim::Packet{packet.first, octets(packet.second)};
+                }));
             },
-            py::arg("packets"))
-        .def("set_keys", set_keys, py::arg("path"), "Those of a link of frames, of a file.")
+            "packets"_a)
+        .def("set_keys", set_keys, "path"_a, "Those of a link of frames, of a file.")
         .def(
             "take_units", [](sim::Process &p) { return timed(p.units.take()); },
             "The same as frames, if flight speaks them.")
@@ -605,12 +550,72 @@ void bind_process(py::module_ &m)
                 return std::tuple(c.accepted, c.executed, c.refused,
                                   std::vector<std::uint32_t>(c.reasons, c.reasons + COMMAND_REASONS));
             },
-            "(accepted, executed, refused, refused for each reason)")
+            "(accepted, executed, refused, refused for each reason)");
+}
+
+/// What other programs and records do in place of a process or its modules.
+void bind_outside(Process &process)
+{
+    process.def("play", play, "output"_a, "times"_a, "messages"_a, "sent"_a)
+        .def("play_executive", play_executive, "modes"_a, "happenings"_a,
+             "By (times, messages) of its modes, and of what happened.")
+        .def("fly_by", &sim::Process::fly_by, "flight"_a,
+             "A function of the time [ns] flies in place of the process' modules.")
+        .def("incoming", incoming, "input"_a, "The bytes of the message that is for an input at this instant.")
+        .def("put_out", put_out, "output"_a, "message"_a, "Write the bytes of an output, as fly_by's function.")
+        .def(
+            "reset_by", [](sim::Process &p, const AnyPort &input, Ns down) { p.reset_by(port_of(input), down); },
+            "input"_a, "down"_a)
+        .def_property_readonly("reset",
+                               [](const sim::Process &p) {
+                                   const auto &line = p.reset_line();
+                                   return line ? std::optional(std::pair(line->input.path(), line->down))
+                                               : std::nullopt;
+                               })
+        .def_property_readonly("outages", &sim::Process::outages);
+}
+
+void bind_process(py::module_ &m)
+{
+    Process process(m, "Process");
+    process.def_readonly("name", &sim::Process::name)
+        .def(
+            "add",
+            [](sim::Process &p, const std::string &name, const AnyInstance &object, std::string file, int line) {
+                p.add(name, instance_of(object), {std::move(file), line});
+            },
+            "name"_a, "object"_a, "file"_a, "line"_a)
+        .def(
+            "add_task",
+            [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
+               const std::vector<AnyInstance> &run) {
+                p.add_task({name, period, offset, priority, list_of(run, instance_of)});
+            },
+            "name"_a, "period"_a, "offset"_a, "priority"_a, "run"_a)
+        .def(
+            "add_mode",
+            [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
+               std::vector<std::string> after, std::string file, int line) {
+                p.add_mode({name, std::move(tasks), std::move(when), std::move(after), {std::move(file), line}});
+            },
+            "name"_a, "tasks"_a, "when"_a, "after"_a, "file"_a, "line"_a)
+        .def("add_event", add_event, "name"_a, "when"_a, "until"_a, "hold"_a, "count"_a, "once"_a, "armed"_a, "modes"_a,
+             "mode"_a, "arms"_a, "set"_a, "action"_a, "text"_a, "file"_a, "line"_a, py::keep_alive<0, 1>())
+        .def("start_in", &sim::Process::start_in, "mode"_a)
+        .def("enter", &sim::Process::enter, "mode"_a)
+        .def_property_readonly("mode", &sim::Process::mode)
+        .def_property_readonly(
+            "entered",
+            [](const sim::Process &p) {
+                return list_of(p.modes(), [&](const sim::Mode &mode) { return tally(p.entered(mode)); });
+            },
+            "(how often, when first) of each mode")
+        .def_property_readonly("requested_mode", &sim::Process::requested_mode)
         .def_property_readonly("integrator", [](const sim::Process &p) { return p.integrator().describe(); })
         .def(
             "set_integrator",
             [](sim::Process &p, std::shared_ptr<sim::Integrator> method) { p.set_integrator(std::move(method)); },
-            py::arg("method"))
+            "method"_a)
         .def("wrap", wrap_instances)
         .def_property_readonly(
             "tasks",
@@ -644,6 +649,141 @@ void bind_process(py::module_ &m)
                 }
                 return list;
             });
+    bind_commands(process);
+    bind_outside(process);
+}
+
+using Simulation = py::class_<sim::Simulation>;
+
+/// Wires, feeds, and what keeps a simulation from running.
+void bind_wiring(Simulation &simulation)
+{
+    simulation
+        .def(
+            "connect",
+            [](sim::Simulation &s, const AnyPort &from, const AnyPort &to, int latency, Ns stale_after, int by,
+               const std::string &mode, bool more, std::string file, int line) {
+                s.connect(port_of(from), port_of(to),
+                          {latency, stale_after, ExecChoice(by), mode, more, {std::move(file), line}});
+            },
+            "from_"_a, "to"_a, "latency"_a, "stale_after"_a, "by"_a, "mode"_a, "more"_a, "file"_a, "line"_a)
+        .def_property_readonly(
+            "wires",
+            [](const sim::Simulation &s) {
+                return list_of(s.wires(), [](const sim::Wire &wire) {
+                    return std::tuple(wire.from.path(), wire.to.path(), wire.options.latency, wire.options.stale_after,
+                                      wire.options.choice());
+                });
+            },
+            "(from, to, latency, stale_after, choice) of each")
+        .def("feed", feed, "input"_a, "times"_a, "messages"_a, "always"_a, "linear"_a, "stale_after"_a, "source"_a)
+        .def_property_readonly(
+            "feeds",
+            [](const sim::Simulation &s) {
+                return list_of(s.feeds(), [](const sim::Feed &feed) {
+                    return std::tuple(feed.to.path(), feed.source, feed.stale_after);
+                });
+            },
+            "(to, source in words, stale_after) of each")
+        .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
+        .def_property_readonly(
+            "carriers",
+            [](const sim::Simulation &s) {
+                std::vector<std::pair<std::string, std::string>> found;
+                for (const auto &process : s.processes()) {
+                    for (const auto &instance : process->instances()) {
+                        if (const auto *carrier = dynamic_cast<const sim::Carrier *>(instance->model())) {
+                            found.emplace_back(instance->path, carrier->serves());
+                        }
+                    }
+                }
+                return found;
+            },
+            "(path, the flight process) of each model that carries units of bytes for flight.")
+        .def("isolate", &sim::Simulation::isolate, "process"_a)
+        .def(
+            "problems",
+            [](sim::Simulation &s) {
+                return list_of(s.problems(), [](const sim::Problem &problem) {
+                    return std::tuple(problem.at.file, problem.at.line, problem.text);
+                });
+            },
+            "(file, line, text) of each reason why it cannot run");
+}
+
+/// Logs and archives.
+void bind_records(Simulation &simulation)
+{
+    simulation
+        .def(
+            "record",
+            [](sim::Simulation &s, const AnyPort &view, Ns every, bool keep) {
+                const sim::Port port = port_of(view);
+                return s.recorder().record(port.instance, *port.field, every, keep);
+            },
+            "view"_a, "every"_a, "keep"_a)
+        .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
+        .def_property_readonly("followed", [](sim::Simulation &s) { return s.recorder().followed(); })
+        .def(
+            "record_executive",
+            [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
+                const auto &instance = s.process(process).executive().instance();
+                return s.recorder().record(instance, instance->type().fields[output], every);
+            },
+            "process"_a, "output"_a, "every"_a)
+        .def(
+            "open_archive",
+            [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {
+                s.recorder().open_archive(path, run);
+            },
+            "path"_a, "run"_a)
+        .def(
+            "resume_archive",
+            [](sim::Simulation &s, const std::string &path) { return s.recorder().resume_archive(path); }, "path"_a)
+        .def_property_readonly("resumed", [](sim::Simulation &s) { return s.recorder().resumed(); })
+        .def(
+            "archive_metadata",
+            [](sim::Simulation &s, const std::string &name, const sim::Pairs &pairs) {
+                s.recorder().archive_metadata(name, pairs);
+            },
+            "name"_a, "pairs"_a)
+        .def(
+            "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
+            "end"_a = sim::Pairs{})
+        .def("open_outputs", &sim::Simulation::open_outputs, "path"_a)
+        .def("close_outputs", &sim::Simulation::close_outputs)
+        .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); });
+}
+
+/// Snapshots and their blocks, for linearization and trim.
+void bind_state(Simulation &simulation)
+{
+    simulation.def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
+        .def(
+            "restore",
+            [](sim::Simulation &s, const py::bytes &bytes, bool edited) {
+                s.restore(std::as_bytes(std::span(std::string_view(bytes))), edited);
+            },
+            "snapshot"_a, "edited"_a = false)
+        .def(
+            "state_blocks",
+            [](const sim::Simulation &s) {
+                const char *const kinds[] = {"instance", "model", "held"};
+                return list_of(s.state_blocks(), [&](const sim::Simulation::StateBlock &block) {
+                    return std::tuple(kinds[block.kind], block.path, block.offset, block.size);
+                });
+            },
+            "(kind, path, offset, size) of the blocks of a snapshot")
+        .def("differential_states", differential_states,
+             "(path of a model, path of whose state it is, name, unit, places of value and rate in the model's memory)")
+        .def("follow", &sim::Simulation::follow, "next"_a)
+        .def(
+            "override_input",
+            [](sim::Simulation &s, const AnyPort &input, std::uint32_t place, double value) {
+                return s.override_input(port_of(input), place, value);
+            },
+            "input"_a, "place"_a, "value"_a)
+        .def("clone", &sim::Simulation::clone);
 }
 
 } // namespace
@@ -666,79 +806,28 @@ void bind_simulation(py::module_ &m)
         [](double relative, double absolute) {
             return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
         },
-        py::arg("relative"), py::arg("absolute"));
+        "relative"_a, "absolute"_a);
     bind_conditions(m);
     bind_event(m);
     bind_log(m);
     bind_process(m);
     bind_crashes(m);
 
-    py::class_<sim::Simulation>(m, "Simulation")
-        .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
-        .def("add_process", &sim::Simulation::add_process, py::arg("name"), py::return_value_policy::reference_internal)
+    Simulation simulation(m, "Simulation");
+    simulation.def(py::init<std::uint64_t>(), "seed"_a = 0)
+        .def("add_process", &sim::Simulation::add_process, "name"_a, py::return_value_policy::reference_internal)
         .def(
             "process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
-            py::arg("name"), py::return_value_policy::reference_internal)
-        .def(
-            "connect",
-            [](sim::Simulation &s, const AnyPort &from, const AnyPort &to, int latency, Ns stale_after, int by,
-               const std::string &mode, bool more, std::string file, int line) {
-                s.connect(port_of(from), port_of(to),
-                          {latency, stale_after, ExecChoice(by), mode, more, {std::move(file), line}});
-            },
-            py::arg("from_"), py::arg("to"), py::arg("latency"), py::arg("stale_after"), py::arg("by"), py::arg("mode"),
-            py::arg("more"), py::arg("file"), py::arg("line"))
-        .def_property_readonly(
-            "wires",
-            [](const sim::Simulation &s) {
-                return list_of(s.wires(), [](const sim::Wire &wire) {
-                    return std::tuple(wire.from.path(), wire.to.path(), wire.options.latency, wire.options.stale_after,
-                                      wire.options.choice());
-                });
-            },
-            "(from, to, latency, stale_after, choice) of each")
-        .def("feed", feed, py::arg("input"), py::arg("times"), py::arg("messages"), py::arg("always"),
-             py::arg("linear"), py::arg("stale_after"), py::arg("source"))
-        .def_property_readonly(
-            "feeds",
-            [](const sim::Simulation &s) {
-                return list_of(s.feeds(), [](const sim::Feed &one) {
-                    return std::tuple(one.to.path(), one.source, one.stale_after);
-                });
-            },
-            "(to, source in words, stale_after) of each")
-        .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
-        .def_property_readonly(
-            "carriers",
-            [](const sim::Simulation &s) {
-                std::vector<std::pair<std::string, std::string>> found;
-                for (const auto &process : s.processes()) {
-                    for (const auto &instance : process->instances()) {
-                        if (const auto *one = dynamic_cast<const sim::Carrier *>(instance->model())) {
-                            found.emplace_back(instance->path, one->serves());
-                        }
-                    }
-                }
-                return found;
-            },
-            "(path, the flight process) of each model that carries units of bytes for flight.")
-        .def("isolate", &sim::Simulation::isolate, py::arg("process"))
+            "name"_a, py::return_value_policy::reference_internal)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
-        .def(
-            "problems",
-            [](sim::Simulation &s) {
-                return list_of(s.problems(),
-                               [](const sim::Problem &one) { return std::tuple(one.at.file, one.at.line, one.text); });
-            },
-            "(file, line, text) of each reason why it cannot run")
         .def("prepare", &sim::Simulation::prepare)
         .def("set_up_again", &sim::Simulation::set_up_again)
-        .def("ready_for", &sim::Simulation::ready_for, py::arg("t"))
+        .def("ready_for", &sim::Simulation::ready_for, "t"_a)
         .def("reset", &sim::Simulation::reset)
         .def_property_readonly("now", &sim::Simulation::now)
         .def_property_readonly("time", &sim::Simulation::time)
-        .def("run_until", run_until, py::arg("t"), py::arg("pace"), py::arg("progress"))
-        .def("step", step, py::arg("n"))
+        .def("run_until", run_until, "t"_a, "pace"_a, "progress"_a)
+        .def("step", step, "n"_a)
         .def_property_readonly(
             "pace_report",
             [](const sim::Simulation &s) {
@@ -746,74 +835,11 @@ void bind_simulation(py::module_ &m)
                 return std::tuple(report.instants, report.overruns, report.worst);
             },
             "(instants, overruns, worst delay in ns of wall time)")
-        .def(
-            "record",
-            [](sim::Simulation &s, const AnyPort &view, Ns every, bool keep) {
-                const sim::Port port = port_of(view);
-                return s.recorder().record(port.instance, *port.field, every, keep);
-            },
-            py::arg("view"), py::arg("every"), py::arg("keep"))
-        .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
-        .def_property_readonly("followed", [](sim::Simulation &s) { return s.recorder().followed(); })
-        .def(
-            "record_executive",
-            [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
-                const auto &instance = s.process(process).executive().instance();
-                return s.recorder().record(instance, instance->type().fields[output], every);
-            },
-            py::arg("process"), py::arg("output"), py::arg("every"))
-        .def(
-            "open_archive",
-            [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {
-                s.recorder().open_archive(path, run);
-            },
-            py::arg("path"), py::arg("run"))
-        .def(
-            "resume_archive",
-            [](sim::Simulation &s, const std::string &path) { return s.recorder().resume_archive(path); },
-            py::arg("path"))
-        .def_property_readonly("resumed", [](sim::Simulation &s) { return s.recorder().resumed(); })
-        .def(
-            "archive_metadata",
-            [](sim::Simulation &s, const std::string &name, const sim::Pairs &pairs) {
-                s.recorder().archive_metadata(name, pairs);
-            },
-            py::arg("name"), py::arg("pairs"))
-        .def(
-            "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
-            py::arg("end") = sim::Pairs{})
-        .def("open_outputs", &sim::Simulation::open_outputs, py::arg("path"))
-        .def("close_outputs", &sim::Simulation::close_outputs)
-        .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
-        .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
-        .def(
-            "restore",
-            [](sim::Simulation &s, const py::bytes &bytes, bool edited) {
-                const std::string_view view = bytes;
-                s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()}, edited);
-            },
-            py::arg("snapshot"), py::arg("edited") = false)
-        .def(
-            "state_blocks",
-            [](const sim::Simulation &s) {
-                const char *const kinds[] = {"instance", "model", "held"};
-                return list_of(s.state_blocks(), [&](const sim::Simulation::StateBlock &one) {
-                    return std::tuple(kinds[one.kind], one.path, one.offset, one.size);
-                });
-            },
-            "(kind, path, offset, size) of the blocks of a snapshot")
-        .def("differential_states", differential_states,
-             "(path of a model, path of whose state it is, name, unit, places of value and rate in the model's memory)")
-        .def("follow", &sim::Simulation::follow, py::arg("next"))
-        .def(
-            "override_input",
-            [](sim::Simulation &s, const AnyPort &input, std::uint32_t place, double value) {
-                return s.override_input(port_of(input), place, value);
-            },
-            py::arg("input"), py::arg("place"), py::arg("value"))
-        .def("clone", &sim::Simulation::clone)
         .def_property_readonly("health", [](const sim::Simulation &s) { return health_rows(s.health()); })
         .def_property_readonly("assumptions", &sim::Simulation::assumptions);
+    bind_wiring(simulation);
+    bind_records(simulation);
+    bind_state(simulation);
 }
 
 } // namespace fledge::core

@@ -15,6 +15,7 @@
 #include <algorithm>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -115,47 +116,47 @@ void bind_sky(py::module_ &m)
             const world::HarmonicField field = world::read_gravity_field(path);
             return std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
         },
-        py::arg("path"), py::arg("degree"), "Of a SHADR or ICGEM file, up to a degree or whole.");
+        "path"_a, "degree"_a, "Of a SHADR or ICGEM file, up to a degree or whole.");
 
     py::class_<world::EarthData>(m, "EarthData")
-        .def(py::init(&make_earth), py::arg("iau1980"), py::arg("eop"), py::arg("ut1_tai"), py::arg("pole"));
+        .def(py::init(&make_earth), "iau1980"_a, "eop"_a, "ut1_tai"_a, "pole"_a);
     py::class_<Sky, std::shared_ptr<Sky>>(m, "Sky")
-        .def(py::init(&make_sky), py::arg("epoch"), py::arg("center"), py::arg("kernels"), py::arg("leap_seconds"),
-             py::arg("pck"), py::arg("earth"), py::arg("principal_axes"))
+        .def(py::init(&make_sky), "epoch"_a, "center"_a, "kernels"_a, "leap_seconds"_a, "pck"_a, "earth"_a,
+             "principal_axes"_a)
         .def_property_readonly("center", &Sky::center)
         .def_property_readonly("bodies", [](const Sky &sky) { return sky.ephemeris().bodies(); })
-        .def("state", state, py::arg("body"), py::arg("center"), py::arg("t"))
-        .def("orientation", orientation, py::arg("body"), py::arg("t"))
+        .def("state", state, "body"_a, "center"_a, "t"_a)
+        .def("orientation", orientation, "body"_a, "t"_a)
         .def(
-            "true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); }, py::arg("t"))
+            "true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); }, "t"_a)
         .def(
-            "gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); }, py::arg("t"))
+            "gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); }, "t"_a)
         .def(
-            "seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); }, py::arg("t"))
+            "seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); }, "t"_a)
         .def(
             "text",
             [](const Sky &sky, Ns t, const std::string &scale) {
                 return sky.time_system().text(sky.epoch_at(t), scale_of(scale));
             },
-            py::arg("t"), py::arg("scale"))
+            "t"_a, "scale"_a)
         .def(
             "time_of",
             [](const Sky &sky, const std::string &text) {
                 return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
             },
-            py::arg("text"));
+            "text"_a);
     m.def(
         "set_sky",
         [](const AnyInstance &object, std::shared_ptr<Sky> sky) { sky_user(object).set_sky(std::move(sky)); },
-        py::arg("object"), py::arg("sky"));
+        "object"_a, "sky"_a);
     m.def(
         "sky", [](const AnyInstance &object) { return std::const_pointer_cast<Sky>(sky_user(object).sky()); },
-        py::arg("object"));
+        "object"_a);
 
-    m.def("body_name", world::body_name, py::arg("id"));
+    m.def("body_name", world::body_name, "id"_a);
     m.def(
-        "body_id", [](const std::string &name) { return world::body_id(name); }, py::arg("name"));
-    m.def("body_mu", world::body_mu, py::arg("id"));
+        "body_id", [](const std::string &name) { return world::body_id(name); }, "name"_a);
+    m.def("body_mu", world::body_mu, "id"_a);
 }
 
 } // namespace fledge::core

@@ -273,8 +273,8 @@ Stored make_structs(PyObject *object, const Member &member, PyObject *value, Mad
                                          : "");
     }
     for (std::size_t i = 0; i < n; i++) {
-        PyObject *one = list ? PySequence_Fast_GET_ITEM(value, static_cast<Py_ssize_t>(i)) : value;
-        if (!make_row(object, member, i, one, made.bytes.data())) {
+        PyObject *element = list ? PySequence_Fast_GET_ITEM(value, static_cast<Py_ssize_t>(i)) : value;
+        if (!make_row(object, member, i, element, made.bytes.data())) {
             return Stored::no;
         }
     }

@@ -19,6 +19,7 @@ extern const FledgeLibrary fledge_library_world;
 }
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -131,12 +132,13 @@ const FledgeStruct &struct_of(py::handle object)
 using Enumeration =
     std::tuple<const char *, const char *, std::vector<std::tuple<const char *, std::int64_t, const char *>>>;
 
-std::optional<Enumeration> enumeration(const FledgeEnum *one)
+std::optional<Enumeration> enumeration(const FledgeEnum *table)
 {
-    if (!one) {
+    if (!table) {
         return std::nullopt;
     }
-    return Enumeration(one->name, one->doc, list_of(std::span(one->values, one->n), [](const FledgeEnumerator &value) {
+    return Enumeration(table->name, table->doc,
+                       list_of(std::span(table->values, table->n), [](const FledgeEnumerator &value) {
                            return std::tuple(value.name, value.value, value.doc);
                        }));
 }
@@ -155,9 +157,9 @@ using ScriptOrNone = Typed<py::object, "tuple[Callable[..., Any], Callable[..., 
 using Reference = Typed<py::object, "Callable[[], Any]">; ///< a weak one
 using ReferenceOrNone = Typed<py::object, "Callable[[], Any] | None">;
 
-template <class T> py::object referenced(const T *one)
+template <class T> py::object referenced(const T *value)
 {
-    return py::cast(one, py::return_value_policy::reference); // of null: None
+    return py::cast(value, py::return_value_policy::reference); // of null: None
 }
 
 template <class T> T need(T value, const char *what, py::handle found)
@@ -185,16 +187,22 @@ py::object object_of(std::shared_ptr<sim::Instance> instance)
     return py::reinterpret_steal<py::object>(object);
 }
 
-void bind_tables(py::module_ &m)
+namespace {
+
+Typed<py::tuple, "tuple[int, ...]"> numbers_of(auto range)
+{
+    py::tuple numbers(range.size());
+    for (std::size_t i = 0; i < range.size(); i++) {
+        numbers[i] = static_cast<int>(range[i]);
+    }
+    return numbers;
+}
+
+void bind_field(py::module_ &m)
 {
     using Field = FledgeField;
-    const auto flag = [](std::uint32_t bit) {
-        return [bit](const Field &f) { return static_cast<bool>(f.flags & bit); };
-    };
-    py::class_<FledgeStruct> structs(m, "Struct",
-                                     "A module, model, message or plain struct, as declared in its header.");
-    py::class_<Field>(m, "Field", "A field of a struct, as declared in its header.")
-        .def_readonly("name", &Field::name)
+    py::class_<Field> fields(m, "Field", "A field of a struct, as declared in its header.");
+    fields.def_readonly("name", &Field::name)
         .def_readonly("offset", &Field::offset, "[bytes] from the start of the struct")
         .def_readonly("size", &Field::size, "[bytes]")
         .def_readonly("unit", &Field::unit, "as in the header; '-' if dimensionless, '' if none is given")
@@ -208,29 +216,18 @@ void bind_tables(py::module_ &m)
         .def_property_readonly(
             "count", [](const Field &f) { return text_or_none(f.count); },
             "the field that says how many rows count, or None")
+        .def_property_readonly("shape", [](const Field &f) { return numbers_of(std::span(f.shape, f.ndim)); })
         .def_property_readonly(
-            "shape", [](const Field &f) -> Typed<py::tuple, "tuple[int, ...]"> {
-                py::tuple shape(f.ndim);
-                for (std::uint32_t i = 0; i < f.ndim; i++) {
-                    shape[i] = f.shape[i];
-                }
-                return shape;
-            })
-        .def_property_readonly(
-            "dims", [](const Field &f) -> Typed<py::tuple, "tuple[int, ...]"> {
-                py::tuple dims(8);
-                for (std::size_t i = 0; i < 8; i++) {
-                    dims[i] = static_cast<int>(f.dims[i]);
-                }
-                return dims;
-            },
+            "dims", [](const Field &f) { return numbers_of(std::span(f.dims, 8)); },
             "exponents of m, kg, s, A, K, mol, cd, rad")
         .def_property_readonly("struct", [](const Field &f) -> StructOf { return referenced(f.sub); })
         .def_property_readonly(
             "enumerators",
             [](const Field &f) {
                 const std::span all(f.values ? f.values->values : nullptr, f.values ? f.values->n : 0);
-                return list_of(all, [](const FledgeEnumerator &one) { return std::pair(one.name, one.value); });
+                return list_of(all, [](const FledgeEnumerator &enumerator) {
+                    return std::pair(enumerator.name, enumerator.value);
+                });
             },
             "(name, value) of each, of an enum")
         .def_property_readonly(
@@ -249,16 +246,23 @@ void bind_tables(py::module_ &m)
             "(lowest or None, highest or None, whether the lowest itself is excluded, and the highest)")
         .def_property_readonly(
             "distinct", [](const Field &f) { return text_or_none(f.distinct); },
-            "the input that may not hold the same, or None")
-        .def_property_readonly("required", flag(FLEDGE_REQUIRED))
-        .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
-        .def_property_readonly("non_zero", flag(FLEDGE_NON_ZERO))
-        .def_property_readonly("inertia", flag(FLEDGE_INERTIA))
-        .def_property_readonly("initial", flag(FLEDGE_INITIAL))
-        .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
-        .def_property_readonly("spare", flag(FLEDGE_SPARE));
+            "the input that may not hold the same, or None");
+    const auto flag = [&](const char *name, std::uint32_t bit) {
+        fields.def_property_readonly(name, [bit](const Field &f) { return static_cast<bool>(f.flags & bit); });
+    };
+    flag("required", FLEDGE_REQUIRED);
+    flag("assumed", FLEDGE_ASSUMED);
+    flag("non_zero", FLEDGE_NON_ZERO);
+    flag("inertia", FLEDGE_INERTIA);
+    flag("initial", FLEDGE_INITIAL);
+    flag("optional", FLEDGE_OPTIONAL);
+    flag("spare", FLEDGE_SPARE);
+}
 
-    structs.def_readonly("name", &FledgeStruct::name)
+void bind_struct(py::module_ &m)
+{
+    py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
+        .def_readonly("name", &FledgeStruct::name)
         .def_readonly("doc", &FledgeStruct::doc)
         .def_readonly("header", &FledgeStruct::header)
         .def_readonly("folder", &FledgeStruct::folder)
@@ -276,37 +280,45 @@ void bind_tables(py::module_ &m)
         .def_property_readonly("fields", [](const py::object &self) -> Fields {
             const auto &s = self.cast<const FledgeStruct &>();
             py::list list;
-            for (std::uint32_t i = 0; i < s.n; i++) {
-                list.append(py::cast(s.fields[i], py::return_value_policy::reference));
+            for (const FledgeField &field : std::span(s.fields, s.n)) {
+                list.append(referenced(&field));
             }
             return list;
         });
+}
 
+void bind_libraries(py::module_ &m)
+{
     m.def(
         "library",
         [](const std::string &name) {
             return types_of(name == "world" ? fledge_library_world : fledge_library_flight, world::models());
         },
-        py::arg("name"), "The types of the library 'flight' or 'world', by name.");
+        "name"_a, "The types of the library 'flight' or 'world', by name.");
     const auto message = [](const char *name) -> const FledgeStruct & {
         const FledgeLibrary &flight = fledge_library_flight;
         return **std::find_if(flight.structs, flight.structs + flight.n,
-                              [&](const FledgeStruct *one) { return std::strcmp(one->name, name) == 0; });
+                              [&](const FledgeStruct *table) { return std::strcmp(table->name, name) == 0; });
     };
     sim::set_executive_types(message("ProcessMode"), message("Activity"));
-    m.def("load_library", load_library, py::arg("path"), py::arg("name"),
+    m.def("load_library", load_library, "path"_a, "name"_a,
           "Load a shared library of modules and models and return its types by name.");
-    m.def("struct", struct_of, py::arg("object"), py::return_value_policy::reference,
+    m.def("struct", struct_of, "object"_a, py::return_value_policy::reference,
           "The table of an object's or type's struct.");
+}
+
+/// Functions of objects: modules, models and messages.
+void bind_objects(py::module_ &m)
+{
     m.def(
         "path",
         [](const AnyObject &object) {
             struct_of(object);
             return path_of(object.ptr());
         },
-        py::arg("object"), "'flight.control.error', or the type's name for what has no name yet.");
+        "object"_a, "'flight.control.error', or the type's name for what has no name yet.");
     m.def(
-        "name", [](const AnyInstance &object) { return instance_of(object)->name; }, py::arg("object"));
+        "name", [](const AnyInstance &object) { return instance_of(object)->name; }, "object"_a);
     m.def(
         "root",
         [](const AnyObject &object) -> InstanceOrNone {
@@ -314,7 +326,7 @@ void bind_tables(py::module_ &m)
             PyObject *root = root_of(object.ptr());
             return root ? py::reinterpret_borrow<py::object>(root) : py::none();
         },
-        py::arg("object"), "The module or model that a message is a part of, or None.");
+        "object"_a, "The module or model that a message is a part of, or None.");
     m.def(
         "field",
         [](const AnyPort &view) -> FieldOrNone {
@@ -322,7 +334,7 @@ void bind_tables(py::module_ &m)
             const View *v = as_view(view.ptr());
             return referenced(v->member ? v->member->field : nullptr);
         },
-        py::arg("view"), "The field of its owner that is this message, or None.");
+        "view"_a, "The field of its owner that is this message, or None.");
     m.def(
         "row",
         [](const AnyObject &object, const std::string &name, std::size_t index) -> Row {
@@ -335,8 +347,7 @@ void bind_tables(py::module_ &m)
             }
             return py::reinterpret_steal<py::object>(row);
         },
-        py::arg("object"), py::arg("name"), py::arg("index"),
-        "A row of an array of structs, also one beyond those that count.");
+        "object"_a, "name"_a, "index"_a, "A row of an array of structs, also one beyond those that count.");
     const auto names_where = [](std::vector<bool> sim::Instance::*marks, bool parameters) {
         return [marks, parameters](const AnyInstance &object) {
             const auto instance = instance_of(object);
@@ -352,11 +363,11 @@ void bind_tables(py::module_ &m)
             return names;
         };
     };
-    m.def("given", names_where(&sim::Instance::given, true), py::arg("object"),
+    m.def("given", names_where(&sim::Instance::given, true), "object"_a,
           "The names of the parameters that the user gave.");
-    m.def("bare", names_where(&sim::Instance::bare, true), py::arg("object"),
+    m.def("bare", names_where(&sim::Instance::bare, true), "object"_a,
           "The names of those that the user gave without a unit.");
-    m.def("assigned", names_where(&sim::Instance::given, false), py::arg("object"),
+    m.def("assigned", names_where(&sim::Instance::given, false), "object"_a,
           "The names of outputs and memory that the user set.");
     m.def(
         "memory",
@@ -365,21 +376,21 @@ void bind_tables(py::module_ &m)
             const Object &o = *as_object(object.ptr());
             return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
         },
-        py::arg("object"), "A copy of an object's bytes.");
+        "object"_a, "A copy of an object's bytes.");
     m.def(
         "maker",
         [](const AnyInstance &object) {
             const char *const names[] = {"itself", "record", "computer"};
             return names[static_cast<int>(instance_of(object)->maker)];
         },
-        py::arg("object"), "What makes the outputs of a module: itself, a record, or a computer in its place.");
+        "object"_a, "What makes the outputs of a module: itself, a record, or a computer in its place.");
     m.def(
         "script",
         [](const AnyInstance &object) -> ScriptOrNone {
             instance_of(object);
             return py::reinterpret_steal<py::object>(script_of(*as_root(object.ptr())));
         },
-        py::arg("object"), "(update, reset or None) of a module whose update is in Python, or None.");
+        "object"_a, "(update, reset or None) of a module whose update is in Python, or None.");
     m.def(
         "context",
         [](const AnyInstance &object) -> ReferenceOrNone {
@@ -387,7 +398,7 @@ void bind_tables(py::module_ &m)
             PyObject *context = as_root(object.ptr())->context;
             return context ? py::reinterpret_borrow<py::object>(context) : py::none();
         },
-        py::arg("object"), "The weak reference given to set_context(), or None.");
+        "object"_a, "The weak reference given to set_context(), or None.");
     m.def(
         "set_context",
         [](const AnyInstance &object, Reference reference) {
@@ -396,7 +407,17 @@ void bind_tables(py::module_ &m)
             need(PyWeakref_Check(reference.ptr()), "a weak reference", reference);
             Py_XSETREF(as_root(object.ptr())->context, reference.release().ptr());
         },
-        py::arg("object"), py::arg("reference"));
+        "object"_a, "reference"_a);
+}
+
+} // namespace
+
+void bind_tables(py::module_ &m)
+{
+    bind_struct(m);
+    bind_field(m);
+    bind_libraries(m);
+    bind_objects(m);
 }
 
 } // namespace fledge::core

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 namespace fledge::core {
 
@@ -35,6 +36,17 @@ template <class Base, TypeText type> struct Typed : Base {
         }
     }
 };
+
+/// The results of `convert` for the elements of a range: a list of Python, whose type follows from that of `convert`.
+template <class Range, class F> auto list_of(const Range &range, F convert)
+{
+    std::vector<decltype(convert(*std::begin(range)))> list;
+    list.reserve(range.size());
+    for (const auto &element : range) {
+        list.push_back(convert(element));
+    }
+    return list;
+}
 
 } // namespace fledge::core
 

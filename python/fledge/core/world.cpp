@@ -13,6 +13,7 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -88,7 +89,7 @@ world::EnvironmentModel &environment_of(py::handle object)
 }
 
 /// The object holds a reference to the source, because the model only has a pointer.
-void ask(const AnyInstance &object, const AnyInstance &source, const char *port)
+void set_source(const AnyInstance &object, const AnyInstance &source, const char *port)
 {
     auto &part = model_of<world::Consumer>(object, "a part that asks a model");
     if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.set_source(*instance_of(source)->model())) {
@@ -103,69 +104,69 @@ void ask(const AnyInstance &object, const AnyInstance &source, const char *port)
 
 void bind_world(py::module_ &m)
 {
-    m.def("attach", attach, py::arg("object"), py::arg("part"));
+    m.def("attach", attach, "object"_a, "part"_a);
     m.def(
         "parts", [](const AnyInstance &object) -> Typed<py::tuple, "tuple[Model, ...]"> {
             craft_of(object);
             PyObject *parts = as_root(object.ptr())->parts;
             return parts ? py::reinterpret_borrow<py::tuple>(parts) : py::tuple();
         },
-        py::arg("object"));
+        "object"_a);
     m.def(
         "add_gravity",
         [](const AnyInstance &object, const BodyFields &body) { craft_of(object).add_gravity(body_from(body)); },
-        py::arg("object"), py::arg("body"));
+        "object"_a, "body"_a);
     m.def(
-        "gravity", [](const AnyInstance &object) { return fields_of(craft_of(object).gravity()); }, py::arg("object"),
+        "gravity", [](const AnyInstance &object) { return fields_of(craft_of(object).gravity()); }, "object"_a,
         "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays) of each body");
 
     m.def(
         "set_body",
         [](const AnyInstance &object, const BodyFields &body) { environment_of(object).set_body(body_from(body)); },
-        py::arg("object"), py::arg("body"));
+        "object"_a, "body"_a);
     m.def(
         "add_body",
         [](const AnyInstance &object, const BodyFields &body) { environment_of(object).add_body(body_from(body)); },
-        py::arg("object"), py::arg("body"));
+        "object"_a, "body"_a);
     m.def(
-        "bodies", [](const AnyInstance &object) { return fields_of(environment_of(object).bodies()); },
-        py::arg("object"), "As for gravity.");
+        "bodies", [](const AnyInstance &object) { return fields_of(environment_of(object).bodies()); }, "object"_a,
+        "As for gravity.");
     m.def(
         "set_serves",
         [](const AnyInstance &object, const std::string &process) {
             model_of<world::RadioModel>(object, "a radio").set_serves(process);
         },
-        py::arg("object"), py::arg("process"));
+        "object"_a, "process"_a);
     m.def(
         "serves", [](const AnyInstance &object) { return model_of<world::RadioModel>(object, "a radio").serves(); },
-        py::arg("object"));
-    m.def("ask", ask, py::arg("object"), py::arg("source"), py::arg("port"));
+        "object"_a);
+    m.def("set_source", set_source, "object"_a, "source"_a, "port"_a);
     m.def(
-        "asked", [](const AnyInstance &object) -> Typed<py::object, "Model | None"> {
-            PyObject *asked = as_root(object.ptr())->parts;
-            return asked && PyTuple_GET_SIZE(asked) ? py::reinterpret_borrow<py::tuple>(asked)[0].cast<py::object>()
+        "source", [](const AnyInstance &object) -> Typed<py::object, "Model | None"> {
+            PyObject *parts = as_root(object.ptr())->parts;
+            return parts && PyTuple_GET_SIZE(parts) ? py::reinterpret_borrow<py::tuple>(parts)[0].cast<py::object>()
                                                     : py::none();
         },
-        py::arg("object"));
+        "object"_a);
     m.def(
         "set_coefficients",
         [](const AnyInstance &object, const std::string &path) {
             model_of<world::MagnetismModel>(object, "a Magnetism").set_coefficients(path);
         },
-        py::arg("object"), py::arg("path"));
+        "object"_a, "path"_a);
     m.def(
         "coefficients",
         [](const AnyInstance &object) { return model_of<world::MagnetismModel>(object, "a Magnetism").coefficients(); },
-        py::arg("object"));
+        "object"_a);
 
-    m.def("semi_latus_rectum", world::semi_latus_rectum, py::arg("a"), py::arg("e"), "p [m] from a [m] and e.");
+    m.def("semi_latus_rectum", world::semi_latus_rectum, "a"_a, "e"_a, "p [m] from a [m] and e.");
     m.def(
         "orbit_state",
         [](double mu, double p, double e, double i, double Omega, double omega, double f) {
             const world::OrbitState state = world::orbit_state(mu, {p, e, i, Omega, omega, f});
             return std::make_pair(triple(state.r), triple(state.v));
         },
-        py::arg("mu"), py::arg("p"), py::arg("e"), py::arg("i"), py::arg("Omega"), py::arg("omega"), py::arg("f"),
+        "mu"_a, "p"_a, "e"_a, "i"_a, "Omega"_a, "omega"_a, "f"_a,
         "Position [m] and velocity [m/s] from classical elements; SI, radians.");
     m.def(
         "orbit_elements",
@@ -173,7 +174,7 @@ void bind_world(py::module_ &m)
             const world::OrbitElements o = world::orbit_elements(mu, {vector(r), vector(v)});
             return std::tuple(o.p, o.e, o.i, o.Omega, o.omega, o.f);
         },
-        py::arg("mu"), py::arg("r"), py::arg("v"), "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
+        "mu"_a, "r"_a, "v"_a, "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
 }
 
 } // namespace fledge::core

@@ -56,13 +56,13 @@ def split(simulation: Simulation, process: str, crossing: list[Crossing] | None 
     look at all wires again. It must not have run. Raises SetupError, and changes nothing, if the process is unknown,
     has no task, or shares more than wires with another process.
     """
-    kept = simulation.process(process)
+    process_ = simulation.process(process)
     if simulation.time_ns >= 0:
         raise SetupError(f"{simulation.name} has run until {simulation.time:g} s; a process of it can be a node only "
                          "from the start: load the mission anew, or reset() it")
-    if not kept.tasks:
+    if not process_.tasks:
         raise SetupError(f"{process} has no task, so it can be no node: there is nothing to step"
-                         + ("" if kept.instances else "; it is empty"))
+                         + ("" if process_.instances else "; it is empty"))
     if crossing is None:
         crossing = checked_wires(simulation)
     reads = [wire for wire in crossing if wire.port.startswith(process + ".")]
@@ -73,15 +73,15 @@ def split(simulation: Simulation, process: str, crossing: list[Crossing] | None 
 
 def _carried(simulation: Simulation, process: str) -> dict[str, list[tuple[int, int]]]:
     """{the flight process: when it steps} of the radios of a process."""
-    order = [one.name for one in simulation.processes]
-    found = {}
+    order = [process.name for process in simulation.processes]
+    carried = {}
     for path, served in simulation.kernel.carriers:
         if path.startswith(process + ".") and served in order:
             if order.index(served) < order.index(process):
                 raise SetupError(f"{path} carries what {served} sends, which runs before {process}: add {process} to "
                                  "the simulation first")
-            found[served] = [(task.period, task.offset) for task in simulation.process(served).tasks]
-    return found
+            carried[served] = [(task.period, task.offset) for task in simulation.process(served).tasks]
+    return carried
 
 
 class Node:
@@ -199,10 +199,10 @@ def _python_events(simulation: Simulation) -> Iterator[str]:
         foreign = [p for p in simulation.processes if p is not process]
         for event in process.events.values():
             for function in event.functions:
-                found = _Reach(simulation, foreign).of(function)
-                if found:
+                reach = _Reach(simulation, foreign).of(function)
+                if reach:
                     yield (f"{_at(event.declared_at)}event {process.name}.{event.name} calls Python that reaches "
-                           f"{found}, which runs in another program; let a message tell it: wire an output to "
+                           f"{reach}, which runs in another program; let a message tell it: wire an output to "
                            f"{process.name}, or give the event to the other process")
 
 
@@ -252,12 +252,12 @@ class _Reach:
                 pass
         names = _names(function.__code__)
         held += [function.__globals__[name] for name in names if name in function.__globals__]
-        for one in held:
-            if one is self.simulation:  # all processes can be reached from it: which are named?
+        for value in held:
+            if value is self.simulation:  # all processes can be reached from it: which are named?
                 named = [p.name for p in self.foreign if p.name in names]
                 if named:
                     return named[0]
-        return self._first(one for one in held if one is not self.simulation)
+        return self._first(value for value in held if value is not self.simulation)
 
 
 def _names(code: CodeType) -> set[str]:

@@ -131,11 +131,11 @@ def test_modes_events_noise_and_ages_are_the_same_in_two(mission, there, back):
         return mission("w.event('once', when=w.watch(w.craft.state).sigma_BN.norm() > 0.01, do=lambda: w.nav)",
                        seed, there=there, back=back)
 
-    one = make(seed=7)
-    record(one)
-    one.run(30)
-    assert one.mode == "work" and one.flight.motor.command.u.any()
-    together = records(one)
+    first = make(seed=7)
+    record(first)
+    first.run(30)
+    assert first.mode == "work" and first.flight.motor.command.u.any()
+    together = records(first)
     apart = records(*fly_apart(make, 30, 7, ["flight", "world"]))
     assert sorted(apart) == sorted(together)
     assert [path for path in together if apart[path] != together[path]] == []
@@ -174,10 +174,10 @@ def test_forces_of_several_sources_add_up_in_one_program_and_in_two(tmp_path):
     def make():
         return fledge.load(str(folder))
 
-    one = make()
-    record(one)
-    one.run(20)
-    w = one.process("world")
+    whole = make()
+    record(whole)
+    whole.run(20)
+    w = whole.process("world")
     inputs = [part.external for part in (w.craft, w.craft_external_2, w.craft_external_3, w.craft_external_4)]
     assert min(np.linalg.norm(load.force_B) for load in inputs) > 1e-6
     C_BN = mrp_to_dcm(w.craft.state.sigma_BN)
@@ -186,8 +186,8 @@ def test_forces_of_several_sources_add_up_in_one_program_and_in_two(tmp_path):
     np.testing.assert_allclose(w.craft.state.a_BN_N, C_BN.T @ sum(load.force_B for load in inputs) / 20, rtol=1e-12)
     np.testing.assert_allclose(w.craft.state.domega_BN_B, np.linalg.solve(I_B, torque), rtol=1e-12)
     with pytest.raises(fledge.SetupError, match="air.press2.load >> world.craft.external: .* by .*_external_4"):
-        w.connect(one.process("air").press2.load >> w.craft.external)
-    together = records(one)
+        w.connect(whole.process("air").press2.load >> w.craft.external)
+    together = records(whole)
     apart = records(*fly_apart(make, 20, 0, ["air", "world"]))
     assert sorted(apart) == sorted(together)
     assert [path for path in together if apart[path] != together[path]] == []

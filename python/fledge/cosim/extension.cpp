@@ -16,6 +16,7 @@
 #include <thread>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace fledge::core {
 
@@ -277,8 +278,8 @@ private:
                                             std::to_string(topic.schema.size));
             }
             for (std::size_t i = 0; i < times.size(); i++) {
-                const auto one = all.substr(i * topic.schema.size, topic.schema.size);
-                topic.payloads.push_back(cosim::make_payload(std::as_bytes(std::span(one))));
+                const auto payload = all.substr(i * topic.schema.size, topic.schema.size);
+                topic.payloads.push_back(cosim::make_payload(std::as_bytes(std::span(payload))));
             }
             part.topics.push_back(std::move(topic));
         }
@@ -303,10 +304,9 @@ PYBIND11_MODULE(_cosim, m)
     py::module_::import("_core");
     bind_crashes(m);
     py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
-        .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::arg("simulation"), py::arg("process"),
+        .def(py::init<fledge::sim::Simulation &, const std::string &>(), "simulation"_a, "process"_a,
              py::keep_alive<1, 2>())
-        .def("read", &ProcessNode::read_by_path, py::arg("topic"), py::arg("port"), py::arg("latency"),
-             py::arg("stale_after"))
+        .def("read", &ProcessNode::read_by_path, "topic"_a, "port"_a, "latency"_a, "stale_after"_a)
         .def(
             "carry",
             [](ProcessNode &node, const std::string &flight, const std::vector<std::pair<Ns, Ns>> &rates) {
@@ -317,26 +317,24 @@ PYBIND11_MODULE(_cosim, m)
                 }
                 node.carry(flight, std::move(all));
             },
-            py::arg("flight"), py::arg("rates"))
-        .def("serve", serve, py::arg("simulation"), py::arg("name"), py::arg("address"), py::arg("keys"),
-             py::arg("connect_timeout"), py::arg("delay"), py::arg("on_start"));
+            "flight"_a, "rates"_a)
+        .def("serve", serve, "simulation"_a, "name"_a, "address"_a, "keys"_a, "connect_timeout"_a, "delay"_a,
+             "on_start"_a);
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns, std::uint64_t,
                       const std::string &, const std::string &, bool, double, double, const std::string &, Ns,
                       std::function<void(const std::string &)>>(),
-             py::arg("simulation"), py::arg("nodes"), py::arg("end"), py::arg("seed"), py::arg("address"),
-             py::arg("keys"), py::arg("unencrypted"), py::arg("join"), py::arg("reply"), py::arg("sharing"),
-             py::arg("save_every"), py::arg("report"))
+             "simulation"_a, "nodes"_a, "end"_a, "seed"_a, "address"_a, "keys"_a, "unencrypted"_a, "join"_a, "reply"_a,
+             "sharing"_a, "save_every"_a, "report"_a)
         .def_property_readonly("address", &Control::address)
         .def_property_readonly("times", &Control::times)
-        .def("run", &Control::run, py::arg("poll"));
+        .def("run", &Control::run, "poll"_a);
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
         .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
                       const std::vector<std::string> &, const std::string &, const std::string &, const std::string &,
                       double, double, const std::string &, const std::map<std::string, std::string> &>(),
-             py::arg("simulation"), py::arg("node"), py::arg("seed"), py::arg("end"), py::arg("others"),
-             py::arg("topics"), py::arg("record"), py::arg("address"), py::arg("keys"), py::arg("join"),
-             py::arg("reply"), py::arg("prefix"), py::arg("names"))
+             "simulation"_a, "node"_a, "seed"_a, "end"_a, "others"_a, "topics"_a, "record"_a, "address"_a, "keys"_a,
+             "join"_a, "reply"_a, "prefix"_a, "names"_a)
         .def_property_readonly("address", &Replay::address)
-        .def("run", &Replay::run, py::arg("poll"));
+        .def("run", &Replay::run, "poll"_a);
 }

@@ -109,22 +109,22 @@ def allow(folder: Path | str, keys: Sequence[Path | str],
     """Admit the owners of these public keys (files, or names in the folder) as `nodes`; default: as the name of the
     file. Returns (key, nodes) of each."""
     folder = Path(folder)
-    found = [(key, list(nodes or [key.path.stem])) for key in (find(folder, given)[0] for given in keys)]
+    entries = [(key, list(nodes or [key.path.stem])) for key in (find(folder, given)[0] for given in keys)]
     if any(re.search(r'[\s"]', node) or not node.isprintable() or not node for node in nodes or []):
         raise KeysError("the name of a node that has a key holds neither spaces nor quotes nor control characters")
-    for i, (key, _) in enumerate(found):
-        for other in [*allowed(folder), *(key for key, _ in found[:i])]:
+    for i, (key, _) in enumerate(entries):
+        for other in [*allowed(folder), *(key for key, _ in entries[:i])]:
             if other.public == key.public and other.path.stem != key.path.stem:
                 raise KeysError(f"{key.path}: this key is allowed already, as {other.path.stem}")
             if other.public != key.public and other.path.stem == key.path.stem:
                 raise KeysError(f"{key.path}: {key.path.stem} is another key already, {other.fingerprint}; ./fledge "
                                 f"keys deny {key.path.stem} removes that, or rename the file")
     (folder / "allowed").mkdir(parents=True, exist_ok=True, mode=0o700)
-    for key, names in found:
+    for key, names in entries:
         with Part(folder / "allowed" / f"{key.path.stem}.public") as part:
             part.write_text(f'metadata\n    name = "{key.path.stem}"\n    nodes = "{" ".join(names)}"\n'
                             f'curve\n    public-key = "{key.public}"\n', encoding="utf-8")
-    return found
+    return entries
 
 
 def deny(folder: Path | str, names: Sequence[str]) -> list[Path]:
@@ -149,7 +149,7 @@ def pairs(folder: Path | str) -> list[tuple[str, Key | None, bool, str | None]]:
     folder = Path(folder)
     names = sorted({path.stem for end in ("public", "secret") for path in folder.glob(f"*.{end}")},
                    key=lambda name: (name != CONTROLLER, name))
-    found = []
+    keys = []
     for name in names:
         public, secret = folder / f"{name}.public", folder / f"{name}.secret"
         problem = None
@@ -159,8 +159,8 @@ def pairs(folder: Path | str) -> list[tuple[str, Key | None, bool, str | None]]:
                 problem = f"others may read {secret}: chmod 600 keeps it yours; if they might have, make a new pair"
             elif public.exists() and Key(public).public != mine.public:
                 problem = f"{public} and {secret} are no pair"
-        found.append((name, Key(public) if public.exists() else None, secret.exists(), problem))
-    return found
+        keys.append((name, Key(public) if public.exists() else None, secret.exists(), problem))
+    return keys
 
 
 def link(path: Path | str) -> int:

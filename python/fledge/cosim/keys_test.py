@@ -15,7 +15,7 @@ from fledge.cosim import keys
 
 
 def fledge(capsys, *arguments):
-    """(exit code, what it said)"""
+    """(exit code, output)"""
     code = cli.main(["keys", *map(str, arguments)])
     printed = capsys.readouterr()
     return code, printed.out + printed.err
@@ -136,12 +136,12 @@ def test_a_mailed_file_does_not_choose_its_name(tmp_path, capsys, monkeypatch):
     assert f"holds the key {fingerprint}, which calls itself flight; say as which nodes" in printed
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     for answer, expected in (("", []), ("n", []), ("y", ["lab1"])):
-        asked = []
-        monkeypatch.setattr("builtins.input", lambda question, answer=answer: asked.append(question) or answer)
+        questions = []
+        monkeypatch.setattr("builtins.input", lambda question, answer=answer: questions.append(question) or answer)
         fledge(capsys, "allow", path, "--keys", here)
         assert [node for key in keys.allowed(here) for node in key.nodes] == expected
-        assert f"holds the key {fingerprint}, which calls itself flight. " in asked[0]
-        assert "as the node lab1?" in asked[0]
+        assert f"holds the key {fingerprint}, which calls itself flight. " in questions[0]
+        assert "as the node lab1?" in questions[0]
     monkeypatch.setattr("builtins.input", lambda question: pytest.fail("it asked"))
     code, printed = fledge(capsys, "allow", path, "--as", "nav", "--keys", here)
     assert code == 0 and f"lab1 ({fingerprint}) may take part as nav\n" in printed

@@ -52,7 +52,7 @@ def build(seed):
         if not hasattr(reader, "base"):
             continue
         writer = dice.choice(turns)
-        home, there = (objects.path(one).partition(".")[0] for one in (reader, writer))
+        home, there = (objects.path(end).partition(".")[0] for end in (reader, writer))
         # A process reads one output at one latency; within a process there is none.
         key = (home, objects.path(writer))
         latency = 0 if home == there else latencies.setdefault(key, dice.randint(0, 1))
@@ -113,10 +113,10 @@ def fly_apart(seed, names, until):
 def test_random_missions_are_the_same_in_many_programs(part):
     seen = 0
     for seed in range(part, 2000 if LONG else 40, 4):
-        one = build(seed)
-        one.run(2)
-        together = messages([one])
-        apart = messages(fly_apart(seed, [p.name for p in one.processes], 2))
+        whole = build(seed)
+        whole.run(2)
+        together = messages([whole])
+        apart = messages(fly_apart(seed, [p.name for p in whole.processes], 2))
         assert sorted(apart) == sorted(together)
         for path, written in together.items():
             assert apart[path] == written, f"seed {seed}, {path}"

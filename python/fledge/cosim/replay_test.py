@@ -63,9 +63,9 @@ def fly(folder):
         assert control.wait(60) == 0
         assert [p.wait(20) for p in programs] == [0, 0]
     finally:
-        for one in (control, *programs):
-            one.kill()
-            one.wait()
+        for program in (control, *programs):
+            program.kill()
+            program.wait()
     return folder / "exchange.mcap"
 
 
@@ -121,9 +121,9 @@ def test_of_a_run_that_ended_early_what_is_known_is_replayed(tmp_path):
         programs[1].kill()
         assert control.wait(30) == 1
     finally:
-        for one in (control, *programs):
-            one.kill()
-            one.wait()
+        for program in (control, *programs):
+            program.kill()
+            program.wait()
     exchange = Exchange(tmp_path / "exchange.mcap")
     assert 0 < exchange.known < exchange.end and "the run ended early: flight" in exchange.limited
     again = replay(exchange, "flight", [*NODE, "flight"], out=tmp_path / "again.mcap")

@@ -22,11 +22,13 @@
 #include <pybind11/stl.h>
 
 namespace py = pybind11;
+using namespace py::literals;
 
 namespace {
 
 using namespace fledge;
 using namespace fledge::emulator;
+using fledge::core::list_of;
 using fledge::core::Typed;
 
 const char *const engines[] = {"interpreter", "threaded", "translator"};
@@ -212,14 +214,11 @@ public:
     Link(const Link &) = delete;
     Link &operator=(const Link &) = delete;
 
-    std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t, bool>> messages() const
+    auto messages() const
     {
-        std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t, bool>> rows;
-        for (std::uint32_t id = 0; id < host_.io->n_messages; id++) {
-            const MissionMessage &m = host_.io->messages[id];
-            rows.emplace_back(m.path, m.offset, m.size, m.direction == MISSION_IN);
-        }
-        return rows;
+        return list_of(std::span(host_.io->messages, host_.io->n_messages), [](const MissionMessage &m) {
+            return std::tuple(m.path, m.offset, m.size, m.direction == MISSION_IN);
+        });
     }
 
     /// The address of the mission's memory in the computer, of whose program MissionHost is a part.
@@ -392,44 +391,16 @@ Irqmp &interrupts_of(Computer &c)
     return *found;
 }
 
-} // namespace
-
-PYBIND11_MODULE(_emulator, m)
+/// Registers, memory, devices and symbols.
+void bind_memory(py::class_<Computer> &computer)
 {
-    m.doc() = "A flight computer in software. Use the package fledge.emulator instead.";
-    py::register_exception_translator([](std::exception_ptr error) {
-        try {
-            std::rethrow_exception(std::move(error));
-        } catch (const Error &e) {
-            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
-        } catch (const registers::Error &e) {
-            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
-        }
-    });
-
-    (void)py::class_<Snapshot, std::shared_ptr<Snapshot>>(m, "Snapshot");
-    (void)py::class_<Link::Saved>(m, "Saved");
-
-    py::class_<Computer>(m, "Computer")
-        .def(py::init<const std::string &, const std::string &, const std::string &>(), py::arg("board"),
-             py::arg("elf"), py::arg("engine"))
-        .def_property_readonly("now", [](const Computer &c) { return c.machine.now(); })
-        .def_property_readonly("cycles", [](Computer &c) { return c.machine.core().state.cycles; })
-        .def_property_readonly("instructions", [](const Computer &c) { return c.machine.instructions(); })
-        .def_property_readonly("resets", [](const Computer &c) { return c.machine.resets(); })
-        .def_property_readonly("watchdog_resets", [](const Computer &c) { return c.machine.watchdog_resets(); })
-        .def_property_readonly("failed", [](Computer &c) { return c.machine.core().state.mode == Mode::error; })
-        .def_property_readonly("trap", [](Computer &c) { return trap_name(c.machine.core().state.trap_type); })
-        .def("run_until", run_until, py::arg("t"))
-        .def("step", [](Computer &c) { return reasons[static_cast<int>(c.machine.step())]; })
-        .def("reset", [](Computer &c) { c.machine.reset(); })
-        .def("registers", registers_of)
+    computer.def("registers", registers_of)
         .def(
             "set_register",
             [](Computer &c, const std::string &name, std::uint32_t value) {
                 set_register(c.machine.core().state, register_number(name), value);
             },
-            py::arg("name"), py::arg("value"))
+            "name"_a, "value"_a)
         .def(
             "peek",
             [](const Computer &c, std::uint32_t address, std::size_t n) {
@@ -439,7 +410,7 @@ PYBIND11_MODULE(_emulator, m)
                 }
                 return to_python(bytes);
             },
-            py::arg("address"), py::arg("n"))
+            "address"_a, "n"_a)
         .def(
             "poke",
             [](Computer &c, std::uint32_t address, const py::bytes &bytes) {
@@ -447,7 +418,7 @@ PYBIND11_MODULE(_emulator, m)
                     throw no_memory(address);
                 }
             },
-            py::arg("address"), py::arg("bytes"))
+            "address"_a, "bytes"_a)
         .def(
             "devices", [](Computer & c) -> Typed<py::dict, "dict[str, dict[str, tuple[int, int]]]"> {
                 py::dict found;
@@ -466,18 +437,105 @@ PYBIND11_MODULE(_emulator, m)
                 const Program::Symbol *found = c.program.named(name);
                 return found ? std::optional(std::pair(found->address, found->size)) : std::nullopt;
             },
-            py::arg("name"))
+            "name"_a)
         .def("symbols",
              [](const Computer &c) {
-                 std::vector<std::string> names;
-                 for (const Program::Symbol &symbol : c.program.symbols()) {
-                     names.push_back(symbol.name);
-                 }
-                 return names;
+                 return list_of(c.program.symbols(), [](const Program::Symbol &symbol) { return symbol.name; });
              })
         .def(
-            "place", [](const Computer &c, std::uint32_t address) { return c.program.place(address); },
-            py::arg("address"))
+            "place", [](const Computer &c, std::uint32_t address) { return c.program.place(address); }, "address"_a);
+}
+
+/// What a developer uses: breakpoints, gdb, traces, coverage, profiles, stacks.
+void bind_tools(py::class_<Computer> &computer)
+{
+    computer
+        .def(
+            "set_breakpoint",
+            [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); }, "address"_a,
+            "on"_a)
+        .def(
+            "set_watchpoint",
+            [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write, bool on) {
+                c.machine.set_watchpoint(address, size, read, write, on);
+            },
+            "address"_a, "size"_a, "read"_a, "write"_a, "on"_a)
+        .def(
+            "serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); },
+            "address"_a)
+        .def(
+            "wait_for_gdb",
+            [](Computer &c, int timeout) {
+                py::gil_scoped_release release;
+                return c.tools.gdb() && c.tools.gdb()->wait(timeout);
+            },
+            "timeout"_a)
+        .def(
+            "trace", [](Computer &c, const std::string &path, Ns from, Ns until) { c.tools.trace(path, from, until); },
+            "path"_a, "from_"_a, "until"_a)
+        .def(
+            "coverage", [](Computer &c, const std::string &path) { c.tools.coverage(path); }, "path"_a)
+        .def(
+            "profile", [](Computer &c, const std::string &path) { c.tools.profile(path); }, "path"_a)
+        .def("stacks", [](Computer &c) { c.tools.stacks(); })
+        .def("finish", &Computer::finish)
+        .def("renew_engine", &Computer::renew_engine)
+        .def("depths", [](const Computer &c) {
+            return list_of(c.tools.depths(), [](const StackDepth::Stack &stack) {
+                return std::tuple(stack.name, stack.used(), stack.size);
+            });
+        });
+}
+
+/// Faults that a campaign injects.
+void bind_faults(py::class_<Computer> &computer)
+{
+    computer.def("flip", &Computer::flip, "place"_a, "bit"_a)
+        .def(
+            "plan_flip",
+            [](Computer &c, std::optional<std::uint64_t> instruction, std::optional<Ns> time,
+               std::vector<std::pair<Computer::Place, unsigned>> flips) {
+                c.planned = Computer::Plan{instruction, time, std::move(flips)};
+            },
+            "instruction"_a, "time"_a, "flips"_a)
+        .def(
+            "flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); }, "bits"_a)
+        .def("fail_next_read", [](Computer &c) { c.machine.bus().fail_next_read(); })
+        .def(
+            "raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); }, "line"_a)
+        .def(
+            "stick_interrupts",
+            [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); },
+            "pending"_a, "silent"_a)
+        .def("enable_edac",
+             [](Computer &c) {
+                 auto *controller = c.machine.device_of<MemoryController>();
+                 if (!controller || !c.machine.bus().has_edac()) {
+                     throw Error(c.machine.board().file + ": the board has no EDAC that a device ftmctrl switches");
+                 }
+                 controller->write(8, controller->read(8) | 1u << 9);
+             })
+        .def_property_readonly("corrected", [](Computer &c) {
+            auto *status = c.machine.device_of<AhbStatus>();
+            return status ? status->read(8) : 0u;
+        });
+}
+
+void bind_computer(py::module_ &m)
+{
+    py::class_<Computer> computer(m, "Computer");
+    computer
+        .def(py::init<const std::string &, const std::string &, const std::string &>(), "board"_a, "elf"_a, "engine"_a)
+        .def_property_readonly("now", [](const Computer &c) { return c.machine.now(); })
+        .def_property_readonly("cycles", [](Computer &c) { return c.machine.core().state.cycles; })
+        .def_property_readonly("instructions", [](const Computer &c) { return c.machine.instructions(); })
+        .def_property_readonly("resets", [](const Computer &c) { return c.machine.resets(); })
+        .def_property_readonly("watchdog_resets", [](const Computer &c) { return c.machine.watchdog_resets(); })
+        .def_property_readonly("failed", [](Computer &c) { return c.machine.core().state.mode == Mode::error; })
+        .def_property_readonly("trap", [](Computer &c) { return trap_name(c.machine.core().state.trap_type); })
+        .def("run_until", run_until, "t"_a)
+        .def("step", [](Computer &c) { return reasons[static_cast<int>(c.machine.step())]; })
+        .def("reset", [](Computer &c) { c.machine.reset(); })
         .def_property_readonly("entry", [](const Computer &c) { return c.program.entry(); })
         .def("report", [](const Computer &c) { return c.machine.report(&c.program); })
         .def_readonly("console", &Computer::console)
@@ -493,7 +551,7 @@ PYBIND11_MODULE(_emulator, m)
                 }
                 uart->receive({reinterpret_cast<const std::uint8_t *>(from.data()), from.size()});
             },
-            py::arg("bytes"), py::arg("n"))
+            "bytes"_a, "n"_a)
         .def("snapshot", [](Computer &c) { return std::const_pointer_cast<Snapshot>(c.machine.snapshot()); })
         .def(
             "restore",
@@ -501,104 +559,61 @@ PYBIND11_MODULE(_emulator, m)
                 c.machine.restore(s);
                 c.tools.begin();
             },
-            py::arg("snapshot"))
+            "snapshot"_a)
         .def("save", [](Computer &c) { return to_python(c.machine.save()); })
         .def(
             "load", [](Computer &c, const py::bytes &bytes) { c.machine.load_snapshot(from_python(bytes)); },
-            py::arg("bytes"))
-        .def(
-            "set_breakpoint",
-            [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); },
-            py::arg("address"), py::arg("on"))
-        .def(
-            "set_watchpoint",
-            [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write, bool on) {
-                c.machine.set_watchpoint(address, size, read, write, on);
-            },
-            py::arg("address"), py::arg("size"), py::arg("read"), py::arg("write"), py::arg("on"))
-        .def(
-            "serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); },
-            py::arg("address"))
-        .def(
-            "wait_for_gdb",
-            [](Computer &c, int timeout) {
-                py::gil_scoped_release release;
-                return c.tools.gdb() && c.tools.gdb()->wait(timeout);
-            },
-            py::arg("timeout"))
-        .def(
-            "trace", [](Computer &c, const std::string &path, Ns from, Ns until) { c.tools.trace(path, from, until); },
-            py::arg("path"), py::arg("from_"), py::arg("until"))
-        .def(
-            "coverage", [](Computer &c, const std::string &path) { c.tools.coverage(path); }, py::arg("path"))
-        .def(
-            "profile", [](Computer &c, const std::string &path) { c.tools.profile(path); }, py::arg("path"))
-        .def("stacks", [](Computer &c) { c.tools.stacks(); })
-        .def("finish", &Computer::finish)
-        .def("renew_engine", &Computer::renew_engine)
-        .def("depths",
-             [](const Computer &c) {
-                 std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> rows;
-                 for (const StackDepth::Stack &depth : c.tools.depths()) {
-                     rows.emplace_back(depth.name, depth.used(), depth.size);
-                 }
-                 return rows;
-             })
-        // Faults.
-        .def("flip", &Computer::flip, py::arg("place"), py::arg("bit"))
-        .def(
-            "plan_flip",
-            [](Computer &c, std::optional<std::uint64_t> instruction, std::optional<Ns> time,
-               std::vector<std::pair<Computer::Place, unsigned>> flips) {
-                c.planned = Computer::Plan{instruction, time, std::move(flips)};
-            },
-            py::arg("instruction"), py::arg("time"), py::arg("flips"))
-        .def(
-            "flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); },
-            py::arg("bits"))
-        .def("fail_next_read", [](Computer &c) { c.machine.bus().fail_next_read(); })
-        .def(
-            "raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); }, py::arg("line"))
-        .def(
-            "stick_interrupts",
-            [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); },
-            py::arg("pending"), py::arg("silent"))
-        .def("enable_edac",
-             [](Computer &c) {
-                 auto *controller = c.machine.device_of<MemoryController>();
-                 if (!controller || !c.machine.bus().has_edac()) {
-                     throw Error(c.machine.board().file + ": the board has no EDAC that a device ftmctrl switches");
-                 }
-                 controller->write(8, controller->read(8) | 1u << 9);
-             })
-        .def_property_readonly("corrected", [](Computer &c) {
-            auto *status = c.machine.device_of<AhbStatus>();
-            return status ? status->read(8) : 0u;
-        });
+            "bytes"_a);
+    bind_memory(computer);
+    bind_tools(computer);
+    bind_faults(computer);
+}
 
+void bind_link(py::module_ &m)
+{
     py::class_<Link>(m, "Link")
-        .def(py::init<Computer &, const std::string &>(), py::arg("computer"), py::arg("tables"),
-             py::keep_alive<1, 2>())
+        .def(py::init<Computer &, const std::string &>(), "computer"_a, "tables"_a, py::keep_alive<1, 2>())
         .def("messages", &Link::messages, "(path, offset in the mission's memory, size, whether it is an input) by id")
         .def("mission", &Link::mission)
         .def("registers", &Link::registers, "(board.lane, address, size in bytes) of all lanes")
-        .def("stick", &Link::stick, py::arg("address"), py::arg("ones"), py::arg("zeros"))
-        .def("carries", &Link::carries, py::arg("id"))
-        .def("put", &Link::put, py::arg("id"), py::arg("message"))
-        .def("take", &Link::take, py::arg("id"))
-        .def("send", &Link::send, py::arg("packet"))
+        .def("stick", &Link::stick, "address"_a, "ones"_a, "zeros"_a)
+        .def("carries", &Link::carries, "id"_a)
+        .def("put", &Link::put, "id"_a, "message"_a)
+        .def("take", &Link::take, "id"_a)
+        .def("send", &Link::send, "packet"_a)
         .def("receive", &Link::receive)
-        .def("is_down", &Link::is_down, py::arg("t"))
-        .def("tick", &Link::tick, py::arg("t"))
-        .def("lose_ticks", &Link::lose_ticks, py::arg("n"))
+        .def("is_down", &Link::is_down, "t"_a)
+        .def("tick", &Link::tick, "t"_a)
+        .def("lose_ticks", &Link::lose_ticks, "n"_a)
         .def(
-            "on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); },
-            py::arg("f"))
+            "on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); }, "f"_a)
         .def_property_readonly("reached", &Link::reached)
         .def_property_readonly("epoch", [](const Link &link) { return link.state().epoch; })
         .def_property_readonly("missed", [](const Link &link) { return link.state().missed; })
         .def_property_readonly("ticks", [](const Link &link) { return link.state().ticks; })
         .def_property_readonly("cycles", [](const Link &link) { return link.state().cycles; })
         .def("save", &Link::save)
-        .def("restore", &Link::restore, py::arg("saved"));
+        .def("restore", &Link::restore, "saved"_a);
+}
+
+} // namespace
+
+PYBIND11_MODULE(_emulator, m)
+{
+    m.doc() = "A flight computer in software. Use the package fledge.emulator instead.";
+    py::register_exception_translator([](std::exception_ptr error) {
+        try {
+            std::rethrow_exception(std::move(error));
+        } catch (const Error &e) {
+            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
+        } catch (const registers::Error &e) {
+            PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
+        }
+    });
+
+    (void)py::class_<Snapshot, std::shared_ptr<Snapshot>>(m, "Snapshot");
+    (void)py::class_<Link::Saved>(m, "Saved");
+
+    bind_computer(m);
+    bind_link(m);
 }

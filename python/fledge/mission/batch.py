@@ -192,16 +192,16 @@ class Batch:
 
         if which is None:
             return np.arange(self.n)
-        found = np.atleast_1d(np.asarray(which))
-        if found.dtype == bool and found.shape == (self.n,):
-            return np.flatnonzero(found)
-        if found.size == 0:
+        indices = np.atleast_1d(np.asarray(which))
+        if indices.dtype == bool and indices.shape == (self.n,):
+            return np.flatnonzero(indices)
+        if indices.size == 0:
             return np.arange(0)
-        if found.ndim != 1 or found.dtype.kind not in "iu" or found.min() < 0 or found.max() >= self.n \
-                or len(np.unique(found)) != len(found):
+        if indices.ndim != 1 or indices.dtype.kind not in "iu" or indices.min() < 0 or indices.max() >= self.n \
+                or len(np.unique(indices)) != len(indices):
             raise SetupError(f"batch: which: expected a mask of {self.n}, or different indices from 0 to {self.n - 1}; "
                              f"found {which!r:.60}")
-        return found
+        return indices
 
     def _rows(self, actions: Any) -> NDArray[Any]:
         """The actions as the kernel takes them."""
@@ -279,10 +279,10 @@ def _numbers(values: Any, n: int, what: str) -> NDArray[Any]:
     """Whole numbers from 0 to 2^64 - 1, one for each."""
     import numpy as np
 
-    found = [_seed(v, what) for v in np.ravel(np.asarray(values, object))]
-    if len(found) not in (1, n):
-        raise SetupError(f"batch: {what}: expected one number, or {n}; found {len(found)}")
-    return np.array(found, np.uint64)
+    seeds = [_seed(v, what) for v in np.ravel(np.asarray(values, object))]
+    if len(seeds) not in (1, n):
+        raise SetupError(f"batch: {what}: expected one number, or {n}; found {len(seeds)}")
+    return np.array(seeds, np.uint64)
 
 
 def _seed(value: Any, what: str = "seed") -> int:

@@ -16,10 +16,10 @@ def has_checks(function: Callable) -> bool:
     seen: set[Any] = set()
     waiting: list[tuple[Any, dict[str, Any]]] = []      # code, and the names around it
 
-    def take(one: Any) -> None:
-        one = inspect.unwrap(one) if callable(one) else one
-        if inspect.isfunction(one) and one.__module__.startswith(OWN):
-            waiting.append((one.__code__, one.__globals__))
+    def take(named: Any) -> None:
+        named = inspect.unwrap(named) if callable(named) else named
+        if inspect.isfunction(named) and named.__module__.startswith(OWN):
+            waiting.append((named.__code__, named.__globals__))
 
     waiting.append(((first := inspect.unwrap(function)).__code__, first.__globals__))
     while waiting:
@@ -33,7 +33,7 @@ def has_checks(function: Callable) -> bool:
         waiting += [(const, around) for const in code.co_consts if inspect.iscode(const)]
         for name in code.co_names:
             take(around.get(name))
-            for module in (around.get(one) for one in code.co_names):
+            for module in (around.get(module_name) for module_name in code.co_names):
                 if inspect.ismodule(module) and module.__name__.startswith(OWN):
                     take(getattr(module, name, None))
     return False

@@ -38,7 +38,7 @@ def flying(rule, stale_after, seed):
 
     f.a, f.b, f.c = (fsw.InertialPointing(update=write) for _ in range(3))
     f.reader = fsw.EulerRotation(update=lambda m, t, dt: log.append(
-        (round(t) * NS, [state(one.reference) for one in (f.a, f.b, f.c)], state(m.base))))
+        (round(t) * NS, [state(module.reference) for module in (f.a, f.b, f.c)], state(m.base))))
     wire = RULES[rule](f.a.reference, f.b.reference, f.c.reference) >> f.reader.base
     f.connect(wire.stale_after(stale_after * s) if stale_after else wire)
     f.task("all", every=1 * s, run=[f.a, f.b, f.c, f.reader])
@@ -50,11 +50,11 @@ def flying(rule, stale_after, seed):
 def searched(rule, sources, mode, held):
     """What the input takes of messages (t, quality, content) that have aged."""
     if rule == "newest":
-        return max((source for source in sources if source[1]), key=lambda one: one[0], default=sources[0])
+        return max((source for source in sources if source[1]), key=lambda message: message[0], default=sources[0])
     if rule == "by_mode":
         return {"safe": sources[1], "point": sources[0]}.get(mode, held)
     usable = [source for source in sources if source[1] >= 2]
-    return usable[0] if rule == "first" and usable else max(sources, key=lambda one: one[1])
+    return usable[0] if rule == "first" and usable else max(sources, key=lambda message: message[1])
 
 
 @pytest.mark.parametrize("stale_after", [0, 2])
@@ -68,13 +68,14 @@ def test_an_input_takes_what_a_search_finds(rule, stale_after):
         log.clear()
         sim.run(5 * s)
 
-        def aged(one, t):
-            return (one[0], 1, one[2]) if stale_after and one[1] > 1 and t - one[0] > stale_after * NS else one
+        def aged(message, t):
+            time, quality, content = message
+            return (time, 1, content) if stale_after and quality > 1 and t - time > stale_after * NS else message
 
         for t, sources, found in log:
             held = aged(searched(rule, [aged(source, t) for source in sources], sim.mode, held), t)
             assert found == held
-            taken |= {i for i, one in enumerate(sources) if one[2] == found[2] != 0}
+            taken |= {i for i, source in enumerate(sources) if source[2] == found[2] != 0}
     assert taken == ({0, 1} if rule == "by_mode" else {0, 1, 2})
 
 
@@ -136,8 +137,8 @@ def test_the_linear_system_is_that_of_the_chosen_wire(inputs, tmp_path):
         if "best" in law:
             assert int(sim.flight.weak.torque.head.quality) == 2 and int(sim.flight.motor.torque.head.quality) == 3
         found.append(sim.linearize(inputs, ["world.craft.state.omega_BN_B"], discrete=True))
-    one, two = found
-    assert one.A.tobytes() == two.A.tobytes() and one.B.tobytes() == two.B.tobytes() and abs(one.B).max() > 0
+    first, second = found
+    assert (first.A.tobytes(), first.B.tobytes()) == (second.A.tobytes(), second.B.tobytes()) and abs(first.B).max() > 0
 
 
 def test_each_wire_is_shown_with_its_choice():
@@ -229,7 +230,7 @@ def test_flight_chooses_among_commands_for_the_world(rule, names, order):
     assert [task[1:4] for task in f.tasks if task.name == "wheels_command"] == [(1_000_000_000, 0, -1)]
     assert ("flight.wheels_command.command", "world.wheels.command", 0, 0, "") in sim.wires
     sim.run(4 * s)
-    assert w.wheels.command.u[0] == 5 - 2      # the world acts on what flight said at the instant before
+    assert w.wheels.command.u[0] == 5 - 2      # the world acts on flight's output of the instant before
     for mode, sign, module in (("point", -1, f.b), ("safe", 1, f.a)):
         f.enter(mode)
         sim.run(10 * s)
@@ -243,11 +244,11 @@ def test_flight_chooses_among_commands_for_the_world(rule, names, order):
 def test_a_clone_gives_its_choice_a_task_of_its_own():
     sim = commanding(lambda f: fsw.newest(f.a.command, f.b.command), tasks=[])
     twin = sim.clone()
-    for one, period in ((twin, 2), (sim, 4)):
-        one.flight.task("both", every=period * s, run=[one.flight.a, one.flight.b])
-        choice, = one.flight.command_choices
+    for simulation, period in ((twin, 2), (sim, 4)):
+        simulation.flight.task("both", every=period * s, run=[simulation.flight.a, simulation.flight.b])
+        choice, = simulation.flight.command_choices
         assert choice.task == (period * 10**9, 0, -1)
-        assert "wheels_command" in [task.name for task in one.flight.tasks]
+        assert "wheels_command" in [task.name for task in simulation.flight.tasks]
 
 
 def test_a_choice_for_flight_and_the_world_chooses_for_each():
@@ -277,15 +278,15 @@ def test_a_command_of_several_outputs_may_come_one_exchange_late():
     assert w.late.command.head.t < w.wheels.command.head.t
 
 
-def test_what_no_module_passes_on_is_refused_with_those_that_one_does():
+def test_what_no_module_passes_on_is_refused_with_those_that_flight_chooses():
     sim = choosing("newest")
     f, w = sim.flight, sim.world
-    f.one, f.two = fsw.PowerManager(on=1), fsw.PowerManager(on=2)
+    f.first, f.second = fsw.PowerManager(on=1), fsw.PowerManager(on=2)
     w.power = fledge.world.PowerUnit(n=1, on=1, volts=8, load=[1], trip=[1])
-    with pytest.raises(SetupError, match=r"^newest\(flight.one.command, flight.two.command\) >> world.power.command: "
-                                         r"flight chooses among commands to actuators \(.*RodCommand.*\), not among "
-                                         "PowerCommand; let a module of flight"):
-        w.connect(fsw.newest(f.one.command, f.two.command) >> w.power.command)
+    with pytest.raises(SetupError, match=r"^newest\(flight.first.command, flight.second.command\) >> "
+                                         r"world.power.command: flight chooses among commands to actuators "
+                                         r"\(.*RodCommand.*\), not among PowerCommand; let a module of flight"):
+        w.connect(fsw.newest(f.first.command, f.second.command) >> w.power.command)
 
 
 def test_outputs_of_another_process_are_refused():
@@ -294,11 +295,11 @@ def test_outputs_of_another_process_are_refused():
     f.tracking = fsw.TrackingError()
     w.craft = fledge.world.Spacecraft(I_B=1, gravity=[fledge.world.MARS],
                                       orbit=fledge.Orbit(fledge.world.MARS, altitude=4e5))
-    w.one, w.two = fledge.world.Navigation(), fledge.world.Navigation()
-    w.connect(w.craft.state >> [w.one.truth, w.two.truth], f.reader.reference >> f.tracking.reference,
-              fsw.first(w.one.attitude, w.two.attitude) >> f.tracking.attitude)
+    w.first, w.second = fledge.world.Navigation(), fledge.world.Navigation()
+    w.connect(w.craft.state >> [w.first.truth, w.second.truth], f.reader.reference >> f.tracking.reference,
+              fsw.first(w.first.attitude, w.second.attitude) >> f.tracking.attitude)
     f.task("tracking", every=1 * s, run=[f.tracking])
-    w.task("dynamics", every=1 * s, run=[w.craft, w.one, w.two])
-    with pytest.raises(SetupError, match="world.two.attitude >> flight.tracking.attitude, first: outputs to choose "
+    w.task("dynamics", every=1 * s, run=[w.craft, w.first, w.second])
+    with pytest.raises(SetupError, match="world.second.attitude >> flight.tracking.attitude, first: outputs to choose "
                                          "from are of the process of their reader, flight"):
         sim.run(1 * s)

@@ -44,18 +44,20 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
     process = _process(wire.source.sources[0][0]) if isinstance(wire.source, Choice) else None
     outside = [target for target in wire.targets if _process(target) not in (process, None)]
     if not isinstance(process, processes) or not outside or any(
-            _process(one) is not process for one, *_ in wire.sources):
+            _process(output) is not process for output, *_ in wire.sources):
         yield wire
         return
     if inside := [target for target in wire.targets if target not in outside]:
         yield _like(wire, wire.source, inside)
     module = _module(wire)
     name = "_".join(_core.path(outside[0]).split(".")[1:])
-    name = next(one for one in chain([name], (f"{name}_{i}" for i in count(2))) if one not in dir(process))
+    names = chain([name], (f"{name}_{i}" for i in count(2)))
+    name = next(free for free in names if free not in dir(process))
     setattr(process, name, module)
     process.command_choices.append(CommandChoice(
         name, _core.struct(module).name, wire.source.name,
-        [(_core.path(one).partition(".")[2], mode) for one, _, mode in wire.sources], wire.options["stale_after"]))
+        [(_core.path(output).partition(".")[2], mode) for output, _, mode in wire.sources],
+        wire.options["stale_after"]))
     yield _like(wire, wire.source, [module.chosen], latency=0)
     yield _like(wire, module.command, outside)
     schedule(process)
@@ -63,19 +65,19 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
 
 def schedule(process: Process) -> None:
     """Give a task to each module of a choice whose outputs all have one: at all of their times, behind them."""
-    waiting = [i for i, one in enumerate(process.command_choices) if one.task is None]
+    waiting = [i for i, choice in enumerate(process.command_choices) if choice.task is None]
     tasks = {name: task for task in process.tasks for name in task.run} if waiting else {}
     for i in waiting:
-        one = process.command_choices[i]
-        of = [tasks.get(output.partition(".")[0]) for output, _ in one.outputs]
+        choice = process.command_choices[i]
+        of = [tasks.get(output.partition(".")[0]) for output, _ in choice.outputs]
         if None not in of:
             known = [task for task in of if task is not None]
             first = known[0].offset
             period = gcd(*(task.period for task in known), *(task.offset - first for task in known))
             offset = min(task.offset for task in known)
             task = period, offset, min(task.priority for task in known) - 1
-            process.command_choices[i] = one._replace(task=task)
-            process._core_process.add_task(one.name, *task, [process.instances[one.name]])
+            process.command_choices[i] = choice._replace(task=task)
+            process._core_process.add_task(choice.name, *task, [process.instances[choice.name]])
 
 
 def _process(port: Any) -> Process | None:
@@ -86,9 +88,9 @@ def _process(port: Any) -> Process | None:
 
 
 def _like(wire: Wire, source: Any, targets: list[Any], **options: int) -> Wire:
-    one = Wire(source, targets)
-    one.declared_at, one.options = wire.declared_at, {**wire.options, **options}
-    return one
+    copy = Wire(source, targets)
+    copy.declared_at, copy.options = wire.declared_at, {**wire.options, **options}
+    return copy
 
 
 def _module(wire: Wire) -> Any:
@@ -96,8 +98,8 @@ def _module(wire: Wire) -> Any:
     from fledge import flight
 
     message = _core.struct(wire.targets[0]).name
-    known = [name.removesuffix("Choice") for name, one in flight.TYPES.items()
-             if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]
+    known = [name.removesuffix("Choice") for name, module in flight.TYPES.items()
+             if name.endswith("Choice") and [f.name for f in _core.struct(module).fields][:1] == ["chosen"]]
     if message not in known:
         raise SetupError(f"{wire!r}: flight chooses among commands to actuators ({listed(known)}), not among "
                          f"{message}; let a module of flight read the outputs, and give the world its own")

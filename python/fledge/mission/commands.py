@@ -38,13 +38,13 @@ class Counters(NamedTuple):
 def dictionary(process: Flight) -> Dictionary:
     """What a flight process can be commanded."""
     running = {name for task in process.tasks for name in task.run}
-    modules = [(f"{process.name}.{name}", _core.struct(one), name not in running)
-               for name, one in process.instances.items()]
-    found = Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
-    found.guards = {mode: guard.text for mode, guard in process.guards.items()}
-    found.frames = next((frames for instance in process.instances.values()
-                         if (frames := frames_of(_core.struct(instance), _core.memory(instance)))), None)
-    return found
+    modules = [(f"{process.name}.{name}", _core.struct(module), name not in running)
+               for name, module in process.instances.items()]
+    dictionary_ = Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
+    dictionary_.guards = {mode: guard.text for mode, guard in process.guards.items()}
+    dictionary_.frames = next((frames for instance in process.instances.values()
+                               if (frames := frames_of(_core.struct(instance), _core.memory(instance)))), None)
+    return dictionary_
 
 
 @suggesting()
@@ -62,7 +62,7 @@ class Commands:
         self._packets = Packets(self.dictionary)
         self._sent: list[tuple[int, bytes]] = []
         self.spoke_frames = False   # what came in frames is not in `sent`
-        core.take_heard()   # is kept from now on
+        core.take_received()   # from now on, the kernel keeps them
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
         self._attach()
@@ -105,18 +105,18 @@ class Commands:
 
     def write(self, module: Any, **values: Any) -> list[Report]:
         """Write parameters of a module, with units as when it was made."""
-        path, one = self._module(module)
-        copy = type(one)(**values)
-        fields, start, _ = parameters(_core.struct(one))
+        path, target = self._module(module)
+        copy = type(target)(**values)
+        fields, start, _ = parameters(_core.struct(target))
         block = block_bytes(copy)
         return self._send(self.packets.write_bytes(path, {
             f.offset - start: block[f.offset - start:f.offset - start + f.size] for f in fields if f.name in values}))
 
     def load(self, module: Any, like: Any) -> list[Report]:
         """Stage all parameters of `like`, a module of the same type, and commit them."""
-        path, one = self._module(module)
-        if type(like) is not type(one):
-            raise SetupError(f"load: {path} is a {_core.struct(one).name}; found {like!r}")
+        path, target = self._module(module)
+        if type(like) is not type(target):
+            raise SetupError(f"load: {path} is a {_core.struct(target).name}; found {like!r}")
         return self._send(self.packets.load(path, block_bytes(like)))
 
     def publish(self, module: Any) -> list[Report]:
@@ -159,7 +159,8 @@ class Commands:
 
     def sequence(self, number: int, steps: Iterable[tuple[Any, bytes]]) -> list[Report]:
         """Store a block of commands as a list, 1 to 15: (time since its start, packet) of each."""
-        return self._send(self.packets.store_sequence(number, [(time_ns(t, "sequence"), one) for t, one in steps]))
+        return self._send(self.packets.store_sequence(number, [
+            (time_ns(t, "sequence"), packet) for t, packet in steps]))
 
     def control(self, action: Action, number: int = ALL) -> list[Report]:
         """Start, stop, hold, release, inhibit or allow a list of stored commands, or all."""
@@ -192,24 +193,24 @@ class Commands:
     def preset(self, *packets: bytes) -> None:
         """Before the first run: let what these packets of Code.WRITE write, as rules and monitors, be so from the
         start. A reset of the computer keeps it, where it forgets what commands have written."""
-        if self._process()._core_simulation.time >= 0 or any(one[6] != Code.WRITE for one in packets):
+        if self._process()._core_simulation.time >= 0 or any(packet[6] != Code.WRITE for packet in packets):
             raise SetupError("preset: give packets that write parameters, before the first run")
         for packet in packets:
             place, at = packing.unpack_from(">HI", packet, 10)
             block = self.dictionary.blocks[place]
-            _, one = self._module(block.path)
-            data, whole = packet[16:], block_bytes(one)
+            _, target = self._module(block.path)
+            data, whole = packet[16:], block_bytes(target)
             values = values_of(block.fields, whole[:at] + data + whole[at + len(data):])
             for name, value in _without_spares(values).items():
-                setattr(one, name, value)
+                setattr(target, name, value)
 
     def table(self, module: Any, like: Any = None, **values: Any) -> bytes:
         """The file of a table for packets.load_table(): the parameters of a module, or of `like`, another one of its
         type, with some values, in the units of its header, in their place."""
-        path, one = self._module(module)
-        if like is not None and type(like) is not type(one):
-            raise SetupError(f"table: {path} is a {_core.struct(one).name}; found {like!r}")
-        return table(self.dictionary, path, block_bytes(one if like is None else like), **values)
+        path, target = self._module(module)
+        if like is not None and type(like) is not type(target):
+            raise SetupError(f"table: {path} is a {_core.struct(target).name}; found {like!r}")
+        return table(self.dictionary, path, block_bytes(target if like is None else like), **values)
 
     def events(self) -> list[Report]:
         """Let the log of events send again what it has."""
@@ -251,7 +252,7 @@ class Commands:
     @property
     def sent(self) -> list[tuple[int, bytes]]:
         """(time [ns], packet) of each command that has come, by radio too: its instant is the next one."""
-        self._sent += self._core.take_heard()
+        self._sent += self._core.take_received()
         return self._sent
 
     @property
@@ -282,7 +283,7 @@ class Commands:
             core.send_by(radio, packet)
 
         def take() -> list[Timed]:
-            return [Timed(*one) for one in core.take_from(radio, process()._core_simulation.time)]
+            return [Timed(*unit) for unit in core.take_from(radio, process()._core_simulation.time)]
 
         take()
         return send, take
@@ -297,7 +298,7 @@ class Commands:
 
     @property
     def texts(self) -> list[Text]:
-        """What procedures have said so far, in order."""
+        """The texts that procedures have sent so far, in order."""
         return list(self._procedures.texts)
 
     @property
@@ -320,7 +321,7 @@ class Commands:
     def _module(self, module: Any) -> tuple[str, Any]:
         """(path, object) of what a caller names."""
         process = self._process()
-        names = {id(one): name for name, one in process.instances.items()}
+        names = {id(instance): name for name, instance in process.instances.items()}
         name = names.get(id(module)) or str(module).removeprefix(f"{process.name}.")
         self.dictionary.block(f"{process.name}.{name}")     # refuses what is not there
         return f"{process.name}.{name}", process.instances[name]
@@ -328,13 +329,13 @@ class Commands:
 
 def _without_spares(value: Any) -> Any:
     if isinstance(value, dict):
-        return {name: _without_spares(one) for name, one in value.items() if not name.startswith("spare")}
-    return [_without_spares(one) for one in value] if isinstance(value, list) else value
+        return {name: _without_spares(part) for name, part in value.items() if not name.startswith("spare")}
+    return [_without_spares(part) for part in value] if isinstance(value, list) else value
 
 
 def fill_store(stored: Any, packets: Sequence[bytes]) -> Any:
     """Let a StoredCommands have what packets of Code.STORE store, and nothing else; returns it. For a table of it."""
-    if len(packets) > len(stored.commands) or any(one[6] != Code.STORE for one in packets):
+    if len(packets) > len(stored.commands) or any(packet[6] != Code.STORE for packet in packets):
         raise SetupError(f"fill_store: give up to {len(stored.commands)} packets of Packets.store(); "
                          f"found {len(packets)}")
     for place, packet in zip(stored.commands, [*packets, *[bytes(24)] * (len(stored.commands) - len(packets))]):

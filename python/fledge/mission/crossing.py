@@ -23,8 +23,8 @@ _core.struct() gives types; optional: whether the reader can do without.
 def crossing_wires(simulation: Simulation) -> list[Crossing]:
     """All wires that go from one process to another, as Crossings."""
     order = [process.name for process in simulation.processes]
-    run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
-    found = []
+    run = {f"{p.name}.{instance}" for p in simulation.processes for task in p.tasks for instance in task.run}
+    crossings = []
     for source, port, latency, stale_after, _ in simulation.wires:
         writer, reader = source.partition(".")[0], port.partition(".")[0]
         if writer == reader:
@@ -35,9 +35,9 @@ def crossing_wires(simulation: Simulation) -> list[Crossing]:
             latency = stale_after = 0   # configuration: carried when it is published, and never stale
         name = "next_exchange" if latency else (
             "same_instant" if order.index(writer) < order.index(reader) else "next_instant")
-        found.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
-                              field.optional))
-    return found
+        crossings.append(Crossing("/" + source.replace(".", "/"), source, port, name, stale_after, field.struct,
+                                  field.optional))
+    return crossings
 
 
 def _instance(simulation: Simulation, path: str) -> _core.Module | _core.Model:

@@ -85,25 +85,25 @@ def two_modes():
 
 @pytest.mark.parametrize("prepared", [False, True])
 @pytest.mark.parametrize("changes", [False, True])
-def test_what_is_asked_before_the_first_run_waits_for_it(prepared, changes):
+def test_a_request_before_the_first_run_waits_for_it(prepared, changes):
     """Also where a changed parameter lets the simulation begin anew."""
     sim, other = two_modes(), two_modes()
-    for one in (sim, other):
+    for simulation in (sim, other):
         if prepared:
-            one.prepare()
+            simulation.prepare()
     sim.flight.off.enter()
     other.flight.late.armed = True
     assert sim.flight.requested_mode == "off" and sim.mode == "on" and other.flight.late.armed
-    for one in (sim, other, sim.clone()):
+    for simulation in (sim, other, sim.clone()):
         if changes:
-            one.flight.control.K = 3 * N * m
-        one.run(10 * s)
-        assert one.mode == "off"
+            simulation.flight.control.K = 3 * N * m
+        simulation.run(10 * s)
+        assert simulation.mode == "off"
     assert other.flight.late.fired_at == 0
-    for one in (sim, other):        # and a reset forgets it
-        one.reset()
-        one.run(10 * s)
-        assert one.mode == "on"
+    for simulation in (sim, other):        # and a reset forgets it
+        simulation.reset()
+        simulation.run(10 * s)
+        assert simulation.mode == "on"
 
 
 def test_a_command_before_the_first_run_waits_for_it_too(sim):
@@ -186,7 +186,7 @@ def test_the_mode_to_begin_with_is_chosen_before_the_run():
 def warned():
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
-        yield lambda: [str(one.message) for one in found]
+        yield lambda: [str(warning.message) for warning in found]
 
 
 def craft(**parameters):

@@ -128,8 +128,8 @@ def _fill(messages: NDArray[Any], struct: _core.Struct, values: Any, path: str, 
         if field.type == "struct" and field.shape:
             if not isinstance(value, (list, tuple)) or len(value) > field.shape[0]:
                 raise SetupError(f"{here}: expected a list of up to {field.shape[0]} dicts; found {value!r:.80}")
-            for i, one in enumerate(value):
-                _fill(messages[name][:, i], field.struct, one, f"{here}[{i}]", timed)
+            for i, row in enumerate(value):
+                _fill(messages[name][:, i], field.struct, row, f"{here}[{i}]", timed)
             rows = len(value)
         elif field.type == "struct":
             _fill(messages[name], field.struct, value, here, timed)
@@ -250,7 +250,7 @@ def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) ->
     known: set[str] = set()
     prefix = f"{topic}." if topic else ""
     columns = [str(c) for c in frame.columns if str(c).startswith(prefix)]
-    numbers = {name: [found(one) for one in element_names(parts)]
+    numbers = {name: [found(element) for element in element_names(parts)]
                for name, field, parts in leaves(struct) if not name.startswith(HEAD) and field.type != "char"}
     heads = {column: found(column) for column in HEAD_COLUMNS}
     if unknown := [c for c in columns if c not in known]:

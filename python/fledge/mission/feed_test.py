@@ -66,10 +66,10 @@ def test_samples_are_held_with_the_time_and_quality_that_they_had():
                                                   + ["stale"] * 2)
     assert frame["attitude.valid_at"].tolist() == [0, 0, 1, 1, 2, 2, 2, 2, 2, 4.2, 4.2, 4.2, 4.2]
     assert frame["attitude.sigma_BN[0]"].fillna(-1).tolist() == [-1, -1, .1, .1, .2, .2, .2, .2, .2, .3, .3, .3, .3]
-    assert ("stale", "flight.tracking.attitude") in [(one.kind, one.path) for one in sim.health]
+    assert ("stale", "flight.tracking.attitude") in [(finding.kind, finding.path) for finding in sim.health]
 
 
-def test_numbers_change_linearly_where_that_is_asked_for():
+def test_numbers_change_linearly_where_the_feed_is_linear():
     sim, w = body()
     sim.feed(w.wheels.command, time=[1, 2], u=[[0], [0.1]] * N * m, linear=["u"])
     log = sim.record(w.wheels.command)
@@ -313,8 +313,8 @@ def test_campaigns_are_fed_and_targets_refuse(tmp_path):
     for name, text in MISSION.items():
         (folder / name).write_text(textwrap.dedent(text))
     campaign = fledge.montecarlo.Campaign(folder)
-    one, two = (next(iter(campaign.fly(4, seed=1, threads=n).retained.values())) for n in (1, 2))
-    assert np.array_equal(one, two, equal_nan=True) and len(np.unique(one)) > 4
+    first, second = (next(iter(campaign.fly(4, seed=1, threads=n).retained.values())) for n in (1, 2))
+    assert np.array_equal(first, second, equal_nan=True) and len(np.unique(first)) > 4
     with pytest.raises(Failure, match="flight.tracking.attitude is fed by hand, 3 samples from 0 to 2 s, and no "
                                       "program does that for a target"):
         Job(str(folder), free=True, duration=1.0, folder=tmp_path / "fly")

@@ -86,9 +86,9 @@ class Mission:
 
 def functions_of(module: types.ModuleType) -> dict[str, types.FunctionType]:
     """The public functions with one argument that a file defines, by name."""
-    return {name: one for name, one in vars(module).items()
-            if isinstance(one, types.FunctionType) and one.__module__ == module.__name__
-            and not name.startswith("_") and one.__code__.co_argcount == 1}
+    return {name: function for name, function in vars(module).items()
+            if isinstance(function, types.FunctionType) and function.__module__ == module.__name__
+            and not name.startswith("_") and function.__code__.co_argcount == 1}
 
 
 def missions() -> dict[str, Mission]:
@@ -254,7 +254,7 @@ class MissionFiles:
         self.call(run, path=path)
         for function in functions:
             if not callable(getattr(module, function, None)):
-                own = [one for one, value in vars(module).items() if isinstance(value, types.FunctionType)]
+                own = [key for key, value in vars(module).items() if isinstance(value, types.FunctionType)]
                 raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})"
                                    + (f"; it has {near}()" if (near := nearest(function, own)) else ""), None)
         return module

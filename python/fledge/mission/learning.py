@@ -216,10 +216,10 @@ class VectorEnv:
     def _checked(self, values: Any, kind: Any, what: str) -> NDArray[Any]:
         import numpy as np
 
-        found = np.asarray(values)
-        if found.shape != (self.num_envs,):
-            raise SetupError(f"{what}() must give an array of the shape {(self.num_envs,)}; found {found.shape}")
-        return found.astype(kind)
+        values_ = np.asarray(values)
+        if values_.shape != (self.num_envs,):
+            raise SetupError(f"{what}() must give an array of the shape {(self.num_envs,)}; found {values_.shape}")
+        return values_.astype(kind)
 
     def _typed(self, rows: NDArray[Any]) -> NDArray[Any]:
         return rows.astype(self.observation_space.dtype)
@@ -245,14 +245,14 @@ class Env:
 
     def __init__(self, simulation: Simulation, actions: Iterable[str], observations: Iterable[str],
                  **arguments: Any) -> None:
-        self._one = VectorEnv(simulation, 1, actions, observations, autoreset="Disabled", **arguments)
-        self.observation_space = self._one.single_observation_space
-        self.action_space = self._one.single_action_space
+        self._vector = VectorEnv(simulation, 1, actions, observations, autoreset="Disabled", **arguments)
+        self.observation_space = self._vector.single_observation_space
+        self.action_space = self._vector.single_action_space
         self.metadata: dict[str, Any] = {"render_modes": []}
 
     @property
     def batch(self) -> Any:
-        return self._one.batch
+        return self._vector.batch
 
     @property
     def unwrapped(self) -> Env:
@@ -260,19 +260,19 @@ class Env:
 
     def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
         """(observation, info). With a seed: its run 0; without one: the next run."""
-        seen, info = self._one.reset(seed=seed, options=options)
+        seen, info = self._vector.reset(seed=seed, options=options)
         return seen[0], _first(info)
 
     def step(self, action: Any) -> Any:
         """(observation, reward, terminated, truncated, info); reset() must follow the end of an episode."""
         import numpy as np
 
-        seen, rewards, terminated, truncated, info = self._one.step(np.asarray(action)[None])
+        seen, rewards, terminated, truncated, info = self._vector.step(np.asarray(action)[None])
         return seen[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(info)
 
     def close(self) -> None:
         """End its threads."""
-        self._one.close()
+        self._vector.close()
 
 
 def _first(info: dict[str, Any]) -> dict[str, Any]:

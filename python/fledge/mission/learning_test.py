@@ -64,15 +64,15 @@ def test_the_same_seed_gives_the_same_episode_and_no_seed_the_next_one(sim):
 
 
 def test_many_are_one_each(sim):
-    envs, one = vector(sim), Env(sim, **ARGUMENTS)
+    envs, single = vector(sim), Env(sim, **ARGUMENTS)
     seen, _ = envs.reset(seed=0)
     assert seen in envs.observation_space and envs.num_envs == 3
-    assert envs.single_action_space == one.action_space and envs.observation_space.shape == (3, 6)
-    one.reset(seed=0)
+    assert envs.single_action_space == single.action_space and envs.observation_space.shape == (3, 6)
+    single.reset(seed=0)
     actions = np.array([[0.1], [0.0], [-0.1]]) * np.ones(4)
     for _ in range(5):
         seen, gains, terminated, truncated, info = envs.step(actions)
-        alone = one.step(actions[2])
+        alone = single.step(actions[2])
     np.testing.assert_array_equal(seen[2], alone[0])
     assert gains[2] == alone[1] and gains.shape == terminated.shape == truncated.shape == (3,)
     assert gains.dtype == float and terminated.dtype == truncated.dtype == bool
@@ -81,11 +81,11 @@ def test_many_are_one_each(sim):
 def test_the_reward_is_of_what_was_before_done_and_after(sim):
     calls = []
 
-    def noted(before, action, after):
+    def recorded(before, action, after):
         calls.append((before, action, after))
         return np.zeros(2)
 
-    envs = vector(sim, 2, reward=noted)
+    envs = vector(sim, 2, reward=recorded)
     first, _ = envs.reset()
     actions = np.full((2, 4), 0.05)
     second = envs.step(actions)[0]

@@ -141,7 +141,7 @@ class Linear(tuple[Any, ...]):
     def __new__(cls, A: Any, B: Any, C: Any, D: Any, dt: float | None = None, *, states: Sequence[str],
                 inputs: Sequence[str], outputs: Sequence[str], units: dict[str, str] | None = None, x0: Any = None,
                 u0: Any = None, y0: Any = None, drift: Any = None, notes: Sequence[str] = ()) -> Linear:
-        matrices: list[Any] = [np.asarray(one, float) for one in (A, B, C, D)]
+        matrices: list[Any] = [np.asarray(matrix, float) for matrix in (A, B, C, D)]
         step: list[Any] = [] if dt is None else [dt]
         self = super().__new__(cls, matrices + step)    # type: ignore[arg-type]
         self.A, self.B, self.C, self.D = matrices
@@ -221,11 +221,11 @@ class Linear(tuple[Any, ...]):
             dt, n, A, B = self.dt, int(span / self.dt + 1e-9), self.A, self.B
         if n < 1 or span <= 0:
             raise SetupError(f"step: {span:g} s is no time, or shorter than the step of {dt:g} s")
-        x, found = np.zeros((size, m)), []
+        x, samples = np.zeros((size, m)), []
         for _ in range(n + 1):
-            found.append(self.C @ x + self.D)
+            samples.append(self.C @ x + self.D)
             x = A @ x + B
-        return dt * np.arange(n + 1), np.array(found)
+        return dt * np.arange(n + 1), np.array(samples)
 
     def margins(self, output: str | int = 0, input: str | int = 0, feedback: int | None = None) -> Margins:
         """The margins of the loop that this input and output leave open.
@@ -327,7 +327,7 @@ def _modes(A: NDArray[Any], dt: float | None, states: Sequence[str]) -> tuple[Mo
     with np.errstate(divide="ignore"):
         rates = poles if dt is None else np.log(poles) / dt
     still = abs(poles.real) < 1e-9 * abs(poles).max() if dt is None else abs(abs(poles) - 1) < 1e-9
-    found = []
+    modes = []
     for pole, rate, zero, share in zip(poles, rates, still, shares.T):
         if pole.imag < 0:
             continue
@@ -335,31 +335,31 @@ def _modes(A: NDArray[Any], dt: float | None, states: Sequence[str]) -> tuple[Mo
         time = inf if real == 0 else -1 / real
         damping = 0.0 if real == 0 else 1.0 if real == -inf else -real / omega
         order = np.argsort(-share, kind="stable")
-        found.append(Mode(complex(pole), time, omega, damping, {states[i]: float(share[i]) for i in order}))
-    return tuple(sorted(found, key=lambda mode: (mode.time >= 0, -mode.time)))
+        modes.append(Mode(complex(pole), time, omega, damping, {states[i]: float(share[i]) for i in order}))
+    return tuple(sorted(modes, key=lambda mode: (mode.time >= 0, -mode.time)))
 
 
 def _duration(t: float) -> str:
     """47.2 h, 3.1 s"""
-    size, unit = next(one for one in ((86400 * 365.25, "years"), (86400, "days"), (3600, "h"), (60, "min"), (1, "s"))
-                      if t >= 2 * one[0] or one[0] == 1)
+    scales = (86400 * 365.25, "years"), (86400, "days"), (3600, "h"), (60, "min"), (1, "s")
+    size, unit = next(scale for scale in scales if t >= 2 * scale[0] or scale[0] == 1)
     return f"{t / size:.3g} {unit}"
 
 
 def _grid(lin: Linear, more: Any) -> NDArray[Any]:
     """Frequencies [rad/s] from well below all that happens to well above, denser about lightly damped poles."""
-    found = np.concatenate([lin.poles(), np.atleast_1d(more)])
+    poles = np.concatenate([lin.poles(), np.atleast_1d(more)])
     top = inf
     if lin.dt is not None:
         with np.errstate(divide="ignore"):
-            found, top = np.log(found[found != 0] + 0j) / lin.dt, pi / lin.dt
-    found = found[np.isfinite(found)]
-    sizes = abs(found)
+            poles, top = np.log(poles[poles != 0] + 0j) / lin.dt, pi / lin.dt
+    poles = poles[np.isfinite(poles)]
+    sizes = abs(poles)
     sizes = sizes[(sizes > 1e-9) & (sizes < 1e9)]
     low, high = (sizes.min() / 100, min(sizes.max() * 100, top)) if len(sizes) else (1e-3, min(1e3, top))
     low = min(low, high / 1e4)
     grid = [np.geomspace(low, high, 1500)]
-    for p in found[abs(found.imag) > 5 * abs(found.real)]:
+    for p in poles[abs(poles.imag) > 5 * abs(poles.real)]:
         width = np.geomspace(1e-3, 30, 40) * max(abs(p.real), 1e-6 * abs(p))
         grid += [abs(p.imag) + width, abs(p.imag) - width]
     whole = np.unique(np.concatenate(grid))
@@ -374,10 +374,10 @@ def _margins(loop: Callable[[Any], NDArray[Any]], grid: NDArray[Any], ends: Iter
 
     def crossings(of: Callable[[Any], NDArray[Any]]) -> list[float]:
         """Where a real function of L changes its sign."""
-        found = of(values)
+        crossings_ = of(values)
         at = [brentq(lambda w: float(of(loop(w))[0]), grid[i], grid[i + 1], rtol=1e-13)
-              for i in np.flatnonzero(found[:-1] * found[1:] < 0)]
-        return [*at, *grid[found == 0]]
+              for i in np.flatnonzero(crossings_[:-1] * crossings_[1:] < 0)]
+        return [*at, *grid[crossings_ == 0]]
 
     def best(pairs: list[tuple[float, float]], key: Callable[[tuple[float, float]], float]) -> tuple[float, float]:
         return min(pairs, key=key, default=(nan, nan))
@@ -396,9 +396,9 @@ def _margins(loop: Callable[[Any], NDArray[Any]], grid: NDArray[Any], ends: Iter
     i = int(np.argmin(abs(1 + values)))
     near = minimize_scalar(lambda w: abs(1 + loop(w)[0]), bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
                            method="bounded", options={"xatol": 1e-12})
-    up = best([one for one in gains if one[0] > 1], lambda one: one[0])
-    down = best([one for one in gains if one[0] < 1], lambda one: -one[0])
-    phase, delay = best(phases, lambda one: abs(one[0])), best(delays, lambda one: one[0])
+    up = best([margin for margin in gains if margin[0] > 1], lambda margin: margin[0])
+    down = best([margin for margin in gains if margin[0] < 1], lambda margin: -margin[0])
+    phase, delay = best(phases, lambda margin: abs(margin[0])), best(delays, lambda margin: margin[0])
     gain, lag, time = (inf if x != x else float(x) for x in (up[0], phase[0], delay[0]))
     reduced = 0.0 if down[0] != down[0] else down[0]
     return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], float(near.fun), float(near.x), modes)

@@ -142,9 +142,9 @@ def test_channels_and_words():
     A = np.diag([-1.0, -2.0])
     lin = Linear(A, np.eye(2), np.eye(2), np.zeros((2, 2)), states=["a", "b"], inputs=["u", "v"], outputs=["x", "y"],
                  units={"u": "N m", "x": "rad/s"}, u0=np.array([1.0, 2.0]))
-    one = lin.channel("y", "v")
-    assert (one.inputs, one.outputs, one.u0.tolist()) == (["v"], ["y"], [2])
-    assert one.frequency(1.0)[0, 0, 0] == pytest.approx(1 / (2 + 1j))
+    channel = lin.channel("y", "v")
+    assert (channel.inputs, channel.outputs, channel.u0.tolist()) == (["v"], ["y"], [2])
+    assert channel.frequency(1.0)[0, 0, 0] == pytest.approx(1 / (2 + 1j))
     assert "input   0  u  N m" in repr(lin) and "continuous: 2 states" in repr(lin)
     for made in (pickle.loads(pickle.dumps(lin)), copy.deepcopy(lin)):
         assert made.inputs == lin.inputs and (made[0] == lin.A).all() and made.units == lin.units

@@ -40,16 +40,16 @@ def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, disc
     state = State(simulation, "linearize")
     if not discrete and (part is not None or period is not None):
         raise SetupError("linearize: part and period are for discrete=True")
-    into = [one for path in _several(inputs) for one in state.inputs(path)]
+    into = [number for path in _several(inputs) for number in state.inputs(path)]
     out = [output for path in _several(outputs) for output in state.outputs(path)]
-    for names in ([one.name for one in into], [one.name for one in out]):
+    for names in ([number.name for number in into], [number.name for number in out]):
         if twice := [name for name in names if names.count(name) > 1]:
             raise SetupError(f"linearize: {twice[0]} is named twice")
-    held = {one.name for path in _several(hold) for one in state.states(path)}
+    held = {number.name for path in _several(hold) for number in state.states(path)}
     for path in _several(hold):
         if not state.states(path):
             raise state.unknown(path, "differential state")
-    state.differential = [one for one in state.differential if one.name not in held]
+    state.differential = [number for number in state.differential if number.name not in held]
     lin = _discrete(state, into, out, part, period) if discrete else _continuous(state, into, out)
     if lin.notes:
         warnings.warn("\n".join(["linearize:", *lin.notes]), stacklevel=4)
@@ -59,11 +59,11 @@ def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, disc
 def _several(paths: Any) -> list[str]:
     if isinstance(paths, str):
         return [paths]
-    found = list(paths or ())
-    for one in found:
-        if not isinstance(one, str):
-            raise SetupError(f"linearize: expected paths, as in 'world.craft.state.omega_BN_B'; found {one!r:.80}")
-    return found
+    listed_paths = list(paths or ())
+    for path in listed_paths:
+        if not isinstance(path, str):
+            raise SetupError(f"linearize: expected paths, as in 'world.craft.state.omega_BN_B'; found {path!r:.80}")
+    return listed_paths
 
 
 # --- the world's differential equations ------------------------------------------------------------
@@ -71,24 +71,24 @@ def _several(paths: Any) -> list[str]:
 def _continuous(state: State, into: Sequence[Number], out: Sequence[Number]) -> Linear:
     if not state.differential:
         raise state.no_state()
-    for one in into:
-        outside = [_core.path(view) for view, _ in one.incoming
+    for number in into:
+        outside = [_core.path(view) for view, _ in number.incoming
                    if _core.path(view).rpartition(".")[0] not in state.integrated]
-        owner = ".".join(one.name.split(".")[:2])
-        if outside or not one.incoming and owner not in state.integrated:
-            raise SetupError(f"linearize: {outside[0] if outside else one.name} is read by no model that integrates "
+        owner = ".".join(number.name.split(".")[:2])
+        if outside or not number.incoming and owner not in state.integrated:
+            raise SetupError(f"linearize: {outside[0] if outside else number.name} is read by no model that integrates "
                              f"differential equations ({listed(sorted(state.integrated))}); with discrete=True, "
                              "everything may be an input")
-    for one in out:
-        if ".".join(one.name.split(".")[:2]) not in state.integrated:
-            raise SetupError(f"linearize: {one.name} does not follow from the differential equations of "
+    for number in out:
+        if ".".join(number.name.split(".")[:2]) not in state.integrated:
+            raise SetupError(f"linearize: {number.name} does not follow from the differential equations of "
                              f"{listed(sorted(state.integrated))} alone; with discrete=True, every output may be one")
     state.arrive()
-    for one in into:
-        state.written(one)
+    for number in into:
+        state.written(number)
     numbers = [*state.differential, *into]
     state.measure(numbers)
-    places = [*state.rates(state.differential), *(one.places[0] for one in out)]
+    places = [*state.rates(state.differential), *(number.places[0] for number in out)]
 
     def evaluate(number: Number | None, value: float) -> NDArray[Any]:
         data = state.base
@@ -99,8 +99,8 @@ def _continuous(state: State, into: Sequence[Number], out: Sequence[Number]) -> 
         state.core.follow(True)
         return state.read(state.snapshot(), places)
 
-    slopes = _Slopes(state, evaluate, numbers, [f"the rate of {one.name}" for one in state.differential]
-                     + [one.name for one in out])
+    slopes = _Slopes(state, evaluate, numbers, [f"the rate of {number.name}" for number in state.differential]
+                     + [number.name for number in out])
     n = len(state.differential)
     J = slopes.matrix
     keep = _reaching(J[:n, :n], J[n:, :n]) if out else np.arange(n)
@@ -112,44 +112,44 @@ def _continuous(state: State, into: Sequence[Number], out: Sequence[Number]) -> 
 
 def _about(states: Sequence[Number], into: Sequence[Number], out: Sequence[Number]) -> dict[str, Any]:
     """What a Linear says of its numbers."""
-    return {"states": [state.name for state in states], "inputs": [one.name for one in into],
-            "outputs": [one.name for one in out], "x0": np.array([state.value for state in states]),
-            "u0": np.array([one.value for one in into]),
+    return {"states": [state.name for state in states], "inputs": [number.name for number in into],
+            "outputs": [number.name for number in out], "x0": np.array([state.value for state in states]),
+            "u0": np.array([number.value for number in into]),
             "units": {state.name: state.unit or "-" for state in (*states, *into, *out)}}
 
 
 def _reaching(A: NDArray[Any], C: NDArray[Any]) -> NDArray[Any]:
     """The states that reach an output."""
-    found = (C != 0).any(axis=0)
+    observed = (C != 0).any(axis=0)
     while True:
-        more = found | (A[found] != 0).any(axis=0)
-        if (more == found).all():
-            return np.flatnonzero(found)
-        found = more
+        more = observed | (A[observed] != 0).any(axis=0)
+        if (more == observed).all():
+            return np.flatnonzero(observed)
+        observed = more
 
 
 # --- the loop, period by period --------------------------------------------------------------------
 
 def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part: Any, period: Any) -> Linear:
     run = _instances(state, part)
-    for one in out:
-        if ".".join(one.name.split(".")[:2]) not in run:
-            raise SetupError(f"linearize: {one.name} is not of the part: {listed(sorted(run))}")
+    for number in out:
+        if ".".join(number.name.split(".")[:2]) not in run:
+            raise SetupError(f"linearize: {number.name} is not of the part: {listed(sorted(run))}")
     length = _period(state, run, period)
     for view, place, value in _from_outside(state, run):
         state.core.override_input(view, place, value)
-    for one in into:
-        state.written(one)
-    both = [_split(state, one) for one in into]     # (what acts from now on, what an instant reads)
+    for number in into:
+        state.written(number)
+    both = [_split(state, number) for number in into]     # (what acts from now on, what an instant reads)
     late = [a for a, _ in both if a]
     at_once = [b for _, b in both if b]
     state.measure([*late, *at_once])
-    for one in (*late, *at_once):
-        _hold(state, one, one.value)
+    for number in (*late, *at_once):
+        _hold(state, number, number.value)
     memory = _memory(state, run)
     state.measure(memory)
     n, end = len(memory), max(state.core.time, state.core.now) + length
-    carried, shown = [one.places[0] for one in memory], [one.places[0] for one in out]
+    carried, shown = [number.places[0] for number in memory], [number.places[0] for number in out]
     changes = _Changes(state, run)
 
     def evaluate(number: Number | None, value: float) -> NDArray[Any]:
@@ -166,18 +166,18 @@ def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part:
             if number is not None:
                 _hold(state, number, number.value)
         after = state.snapshot()
-        changes.look(number, after)
+        changes.compare(number, after)
         return np.concatenate([state.read(after, carried), state.read(after, shown), now])
 
     numbers = [*memory, *late, *at_once]
-    names = [one.name for one in out]
-    slopes = _Slopes(state, evaluate, numbers, [one.name for one in memory] + 2 * names)
+    names = [number.name for number in out]
+    slopes = _Slopes(state, evaluate, numbers, [number.name for number in memory] + 2 * names)
     J, p = slopes.matrix, len(out)
     A, B = J[:n, :n], J[:n, n:]
     C, D, now = J[n:n + p, :n], J[n:n + p, n:], J[n + p:, :n]
     before = bool(at_once)      # the state is that before an instant, at which inputs are read and outputs written
     # What nothing changes, such as a constant in a message, is no state.
-    constant = (A == np.eye(n)).all(axis=1) & ~B.any(axis=1) & [one not in state.differential for one in memory]
+    constant = (A == np.eye(n)).all(axis=1) & ~B.any(axis=1) & [number not in state.differential for number in memory]
     A[:, constant] = C[:, constant] = now[:, constant] = 0
     keep = _reaching(A, C if before else now) if out else np.flatnonzero((A != 0).any(axis=0))
     A, B, C, now = A[np.ix_(keep, keep)], B[keep], C[:, keep], now[:, keep]
@@ -191,32 +191,32 @@ def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part:
         # What acts from now on is a state: it acts until the next instant.
         A = np.block([[A, B[:, :k]], [np.zeros((k, len(keep) + k))]])
         B, C, D = np.vstack([B[:, k:] @ reads, held]), np.hstack([C, D[:, :k]]), D[:, k:] @ reads
-        states = [*states, *(Number(f"{one.name} (held)", one.unit, value=one.value) for one in late)]
+        states = [*states, *(Number(f"{number.name} (held)", number.unit, value=number.value) for number in late)]
         y0, drift = slopes.base[n:n + p], np.append(slopes.base[keep] - [memory[i].value for i in keep], np.zeros(k))
     else:
         B, C, D = B[:, :k] @ held, now, np.zeros((p, m))
-        y0, drift = slopes.base[n + p:], slopes.base[keep] - np.array([one.value for one in states])
+        y0, drift = slopes.base[n + p:], slopes.base[keep] - np.array([number.value for number in states])
     rows = [*keep, *(range(n, n + p) if before else range(n + p, n + 2 * p))]
-    for one, (a, b) in zip(into, both):
-        one.value = (a or b or one).value
+    for number, (a, b) in zip(into, both):
+        number.value = (a or b or number).value
     return Linear(A, B, C, D, length / 1e9, **_about(states, into, out), y0=y0, drift=drift,
                   notes=[*slopes.notes(rows, [*keep, *range(n, len(numbers))]),
-                         *changes.notes([states[i].name for i in range(len(keep))] + [one.name for one in into])])
+                         *changes.notes([states[i].name for i in range(len(keep))] + [number.name for number in into])])
 
 
 def _instances(state: State, part: Any) -> set[str]:
     """The paths of the instances that run."""
     if part is None:
         return set(state.nodes)
-    found: set[str] = set()
-    for one in [part] if isinstance(part, (str, Process, _core.Module, _core.Model)) else part:
-        name = one.name if isinstance(one, Process) else one if isinstance(one, str) else _core.path(one)
+    instances: set[str] = set()
+    for member in [part] if isinstance(part, (str, Process, _core.Module, _core.Model)) else part:
+        name = member.name if isinstance(member, Process) else member if isinstance(member, str) else _core.path(member)
         some = {path for path in state.nodes if path == name or path.startswith(f"{name}.")}
         if not some:
             raise SetupError(f"linearize: part: there is no '{name}'; expected processes, modules and models of "
                              f"{state.simulation.name}: {listed([*state.order, *state.nodes], most=12)}")
-        found |= some
-    return found | {node.path for node in state.nodes.values() if node.host in found}
+        instances |= some
+    return instances | {node.path for node in state.nodes.values() if node.host in instances}
 
 
 def _period(state: State, run: set[str], period: Any) -> int:
@@ -226,16 +226,16 @@ def _period(state: State, run: set[str], period: Any) -> int:
         named = {task for _, tasks in process.modes for task in tasks}
         active = {task for mode, tasks in process.modes if mode == process.active_mode for task in tasks}
         periods += [task.period for task in process.tasks if (task.name not in named or task.name in active)
-                    and any(f"{process.name}.{one}" in run for one in task.run)]
+                    and any(f"{process.name}.{instance}" in run for instance in task.run)]
     if not periods:
         raise SetupError("linearize: no task is active, so nothing happens from now on")
     whole = lcm(*periods)
     if period is not None:
-        asked = time_ns(period, "linearize: period")
-        if asked <= 0 or asked % whole:
+        wanted = time_ns(period, "linearize: period")
+        if wanted <= 0 or wanted % whole:
             raise SetupError(f"linearize: period: expected a multiple of {whole / 1e9:g} s, the common one of the "
-                             f"tasks; found {asked / 1e9:g} s")
-        whole = asked
+                             f"tasks; found {wanted / 1e9:g} s")
+        whole = wanted
     if whole // min(periods) > MOST:
         raise SetupError(f"linearize: the tasks have the common period of {whole / 1e9:g} s, which is too long: "
                          + listed([f"{p / 1e9:g} s" for p in sorted(set(periods))]) + "; name a part")
@@ -261,15 +261,15 @@ def _split(state: State, number: Number) -> tuple[Number | None, Number | None]:
         return (number, None) if isinstance(state.nodes[owner].instance, _core.Model) else (None, number)
     pair: list[Number | None] = []
     for late in (True, False):
-        chosen = [(at, one) for at, one in zip(number.places, number.incoming)
-                  if state.acts_late(_core.path(one[0])) == late]
-        pair.append(Number(number.name, number.unit, [at for at, _ in chosen], [one for _, one in chosen])
+        chosen = [(at, view) for at, view in zip(number.places, number.incoming)
+                  if state.acts_late(_core.path(view[0])) == late]
+        pair.append(Number(number.name, number.unit, [at for at, _ in chosen], [view for _, view in chosen])
                     if chosen else None)
-    for one in pair:
-        if one:
-            view, place = one.incoming[0]
+    for half in pair:
+        if half:
+            view, place = half.incoming[0]
             raw = state.core.process(_core.path(view).partition(".")[0]).incoming(view)
-            state.put(state.base, one, float(np.frombuffer(raw[place:place + 8])[0]))
+            state.put(state.base, half, float(np.frombuffer(raw[place:place + 8])[0]))
     return pair[0], pair[1]
 
 
@@ -282,11 +282,11 @@ def _hold(state: State, number: Number, value: float, data: NDArray[Any] | None 
 
 def _memory(state: State, run: set[str]) -> list[Number]:
     """All numbers that may be carried over from one instant to the next."""
-    found = [one for one in state.differential if ".".join(one.name.split(".")[:2]) in run]
+    numbers = [number for number in state.differential if ".".join(number.name.split(".")[:2]) in run]
     for path, node in state.nodes.items():
         if path in run and path not in state.integrated and (node.slot or isinstance(node.instance, _core.Model)):
-            found += state.memory(node)
-    return found + [one for one in state.held() if ".".join(one.name.split(".")[:2]) in run]
+            numbers += state.memory(node)
+    return numbers + [number for number in state.held() if ".".join(number.name.split(".")[:2]) in run]
 
 
 class _Changes:
@@ -295,7 +295,7 @@ class _Changes:
     def __init__(self, state: State, run: set[str]) -> None:
         self.state = state
         self.base: Any = None
-        self.found: dict[str, list[str]] = {}
+        self.reasons: dict[str, list[str]] = {}
         self.steps = [step for path in sorted(run) for step in state.steps(state.nodes[path])]
         named = {host for host in state.integrated}
         self.unnamed = [(path, at, size) for (kind, path), (at, size) in state.blocks.items()
@@ -307,21 +307,21 @@ class _Changes:
         self.rest = np.flatnonzero(~inside)
         self.places = np.array([k for _, at, size in self.steps for k in range(at, at + size)], int)
 
-    def look(self, number: Number | None, after: NDArray[Any]) -> None:
+    def compare(self, number: Number | None, after: NDArray[Any]) -> None:
         if self.base is None or number is None:
             self.base = after
             return
         if (after[self.places] != self.base[self.places]).any():
             for name, at, size in self.steps:
                 if (after[at:at + size] != self.base[at:at + size]).any():
-                    self.found.setdefault(f"{name} changes by a step", []).append(number.name)
+                    self.reasons.setdefault(f"{name} changes by a step", []).append(number.name)
         for path, at, size in self.unnamed:
             if (after[at:at + size] != self.base[at:at + size]).any():
-                self.found.setdefault(f"{path} remembers it in a memory without names, whose part of the dynamics is "
-                                      "missing here", []).append(number.name)
-        told = any(number.name in names for names in self.found.values())
-        if not told and (after[self.rest] != self.base[self.rest]).any():
-            self.found.setdefault("modes, events, tasks or the health go another way", []).append(number.name)
+                self.reasons.setdefault(f"{path} remembers it in a memory without names, whose part of the dynamics is "
+                                        "missing here", []).append(number.name)
+        explained = any(number.name in names for names in self.reasons.values())
+        if not explained and (after[self.rest] != self.base[self.rest]).any():
+            self.reasons.setdefault("modes, events, tasks or the health go another way", []).append(number.name)
 
     def notes(self, names: Iterable[str]) -> list[str]:
         """Of the states and inputs that count."""
@@ -330,8 +330,8 @@ class _Changes:
             if name.endswith(".saturated") and (base[at:at + size] != self.state.base[at:at + size]).any():
                 notes.append(f"{name.rpartition('.')[0]} is at its limits, where more has no effect")
         known = set(names)
-        for what, whose in self.found.items():
-            if counts := list(dict.fromkeys(one for one in whose if one in known)):
+        for what, whose in self.reasons.items():
+            if counts := list(dict.fromkeys(name for name in whose if name in known)):
                 notes.append(f"with another {listed(counts, most=3)}: {what}")
         return notes
 
@@ -353,8 +353,8 @@ class _Slopes:
         self.sides = np.zeros((2, *shape))
         self.weight = np.zeros(shape)
         self._state, self._evaluate = state, evaluate
-        for j, one in enumerate(numbers):
-            self._column(j, STEP * 2.0**frexp(one.size)[1])
+        for j, number in enumerate(numbers):
+            self._column(j, STEP * 2.0**frexp(number.size)[1])
         for nearer in NEARER:
             for j in np.flatnonzero((self.bends & (self.weight > SLIGHT * self._most(...))).any(axis=0)):
                 arrays = self.matrix, self.bends, self.weight, *self.sides
@@ -369,33 +369,33 @@ class _Slopes:
         return self.weight[:, columns].max(axis=1, initial=0)[:, None]
 
     def _column(self, j: int, h: float) -> None:
-        one, found = self.numbers[j], []
+        number, values = self.numbers[j], []
         for step in (-h, -h / 2, h / 2, h):
             try:
-                found.append(self._evaluate(one, one.value + step))
+                values.append(self._evaluate(number, number.value + step))
             except RunError as error:
-                raise self._state.failed(one, one.value + step, error) from None
-        self._differences(j, h, found)
+                raise self._state.failed(number, number.value + step, error) from None
+        self._differences(j, h, values)
 
-    def _differences(self, j: int, h: float, found: list[NDArray[Any]]) -> None:
-        far_low, low, high, far_high = found
-        one, base = self.numbers[j], self.base
+    def _differences(self, j: int, h: float, values: list[NDArray[Any]]) -> None:
+        far_low, low, high, far_high = values
+        number, base = self.numbers[j], self.base
         # As the numbers were written: one.value + h is rounded.
 
         def gap(a: float, b: float) -> float:
-            return (one.value + b) - (one.value + a)
+            return (number.value + b) - (number.value + a)
 
         wide, narrow = (far_high - far_low) / gap(-h, h), (high - low) / gap(-h / 2, h / 2)
         self.matrix[:, j] = (4 * narrow - wide) / 3
         below, above = (base - low) / gap(-h / 2, 0), (high - base) / gap(0, h / 2)
         far = abs((far_high - base) / gap(0, h) - (base - far_low) / gap(-h, 0))
-        noise = 256 * np.finfo(float).eps * np.max(np.abs([base, *found]), axis=0) / h
+        noise = 256 * np.finfo(float).eps * np.max(np.abs([base, *values]), axis=0) / h
         size = np.maximum(abs(below), abs(above))
         bend = abs(above - below)
         self.bends[:, j] = (bend > BENT * size + noise) & (bend > 0.7 * far) | (
             abs(wide - narrow) > BENT * np.maximum(abs(wide), abs(narrow)) + noise)
         self.sides[:, :, j] = below, above
-        self.weight[:, j] = np.maximum(np.maximum(size, abs(wide)), bend) * one.size
+        self.weight[:, j] = np.maximum(np.maximum(size, abs(wide)), bend) * number.size
 
     def notes(self, rows: Iterable[int], columns: Iterable[int]) -> list[str]:
         """Where the slope is not the same on both sides, of rows and numbers that count."""
@@ -403,10 +403,10 @@ class _Slopes:
         notes = []
         most = self._most(columns)[:, 0]
         for j in columns:
-            found = [i for i in rows if self.bends[i, j] and self.weight[i, j] > SLIGHT * most[i]]
-            if found:
-                i = max(found, key=lambda i: self.weight[i, j] / most[i])
+            bent = [i for i in rows if self.bends[i, j] and self.weight[i, j] > SLIGHT * most[i]]
+            if bent:
+                i = max(bent, key=lambda i: self.weight[i, j] / most[i])
                 below, above = self.sides[:, i, j]
                 notes.append(f"{self.rows[i]} is not smooth in {self.numbers[j].name}: its slope is {below:.6g} below "
-                             f"and {above:.6g} above" + (f"; so are {len(found) - 1} more" if found[1:] else ""))
+                             f"and {above:.6g} above" + (f"; so are {len(bent) - 1} more" if bent[1:] else ""))
         return notes

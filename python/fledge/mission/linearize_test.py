@@ -41,9 +41,9 @@ def by_name(lin, names):
 
 def same_poles(found, wanted, tolerance):
     left = list(found)
-    for one in np.ravel(wanted):
-        nearest = min(range(len(left)), key=lambda i: abs(left[i] - one))
-        assert abs(left.pop(nearest) - one) < tolerance, (found, wanted)
+    for pole in np.ravel(wanted):
+        nearest = min(range(len(left)), key=lambda i: abs(left[i] - pole))
+        assert abs(left.pop(nearest) - pole) < tolerance, (found, wanted)
     assert not left
 
 
@@ -287,8 +287,8 @@ def test_the_closed_loop_against_differences_by_hand():
     for which, h in (("sigma_BN", 1e-5), ("omega_BN_B", 1e-7), ("r_BN_N", 10.0)):
         pair = run(which, h), run(which, -h)
         before = (numbers(pair[0]) - numbers(pair[1])) / (2 * h)
-        for one in pair:
-            one.run(until=0.5)
+        for simulation in pair:
+            simulation.run(until=0.5)
         after = (numbers(pair[0]) - numbers(pair[1])) / (2 * h)
         assert lin.A @ before == pytest.approx(after, rel=1e-6, abs=1e-7 * abs(after).max())
 
@@ -318,14 +318,14 @@ def test_memory_of_modules_is_a_state():
 @pytest.mark.filterwarnings("ignore:linearize")
 def test_nothing_of_it_changes_the_run():
     sim, other = fledge.load("nadir_spin"), fledge.load("nadir_spin")
-    for one in (sim, other):
-        one.run(10 * s)
+    for simulation in (sim, other):
+        simulation.run(10 * s)
     before = sim.snapshot()
     sim.linearize(CONTROL, CONTROL, discrete=True)
     sim.linearize("world.wheels.command.u[0]", RATE)
     assert sim.snapshot() == before
-    for one in (sim, other):
-        one.run(10 * s)
+    for simulation in (sim, other):
+        simulation.run(10 * s)
     assert sim.snapshot() == other.snapshot()
 
 

@@ -68,9 +68,9 @@ class _Samples:
         self.core = core
         self.name = core.path
         self.type = core.struct.name
-        found = list(leaves(core.struct))
-        self.fields = {name: field for name, field, _ in found}
-        self.parts = {name: parts for name, _, parts in found}
+        rows = list(leaves(core.struct))
+        self.fields = {name: field for name, field, _ in rows}
+        self.parts = {name: parts for name, _, parts in rows}
         self.names = nested_names(self.fields)
         self._state: Any = None
 
@@ -109,7 +109,7 @@ class Log(Records):
 
     def executives(self) -> list[Any]:
         """Those of its simulation."""
-        return [_Samples(one) for one in self._simulation._core.followed]
+        return [_Samples(samples) for samples in self._simulation._core.followed]
 
     @property
     def simulation(self) -> Simulation:
@@ -163,7 +163,7 @@ class Log(Records):
             wanted = [name for port, name in found if port is samples]
             columns = {}
             for name, field in samples.fields.items():
-                chosen = any(f"{name}.".startswith(f"{one}.") for one in wanted if one)
+                chosen = any(f"{name}.".startswith(f"{key}.") for key in wanted if key)
                 if not chosen and (None not in wanted or name.startswith(HEAD)):
                     continue
                 values = self._field(samples, name)

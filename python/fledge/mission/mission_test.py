@@ -216,13 +216,13 @@ def test_strict_fails_a_run_with_a_finding(here, tmp_path):
     folder = tmp_path / "runs" / "looker" / "orbit"
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["outcome"].startswith("failed: --strict") and summary["time"] == 120
-    assert [one["kind"] for one in summary["health"]] == ["late"] and summary["health"][0]["text"] == text
+    assert [finding["kind"] for finding in summary["health"]] == ["late"] and summary["health"][0]["text"] == text
     assert fledge.Archive(folder / "run.mcap").metadata["end"]["outcome"].startswith("failed: --strict")
     assert fledge.Archive(folder / "run.mcap").metadata["health"] == {"late world.nav.truth": text}
     assert text in (folder / "report.html").read_text()
 
 
-def test_the_end_of_a_run_between_two_instants_is_said(here, tmp_path):
+def test_the_end_of_a_run_between_two_instants_is_shown(here, tmp_path):
     done = cli("run", "looker", "--for", "10.5s", cwd=tmp_path)
     assert done.returncode == 0
     assert "no task runs at the end, the state is that of 10 s" in done.stdout and "flown    10.5 s in" in done.stdout

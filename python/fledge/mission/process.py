@@ -94,9 +94,9 @@ class Watch(Measured):
 
     def _other(self, other: Watch, comparison: str) -> _core.Operand:
         """The operand of another field, which must be a number of the same kind."""
-        for one in (self, other):
-            if one._shape and not one._measure:
-                raise SetupError(f"{one!r} has shape {one._shape}: compare an element, norm() or max_abs()")
+        for watch in (self, other):
+            if watch._shape and not watch._measure:
+                raise SetupError(f"{watch!r} has shape {watch._shape}: compare an element, norm() or max_abs()")
         index, measure = other._number("compare")
         if repr(self) == repr(other):
             raise SetupError(f"{self!r} {comparison} {other!r}: this compares a field with itself")
@@ -116,7 +116,7 @@ class Watch(Measured):
             raise SetupError(f"{self!r}: set an element of it, or the whole field")
         field, root = self._field, _core.root(self._object)
         if not self._measure:
-            return [(root, *one) for one in self._encoded(value)]
+            return [(root, *setting) for setting in self._encoded(value)]
         whole = row = getattr(self._object, field.name).tolist()
         for i in indices[:-1]:
             row = row[i] if i < len(row) else []
@@ -387,9 +387,9 @@ class Process:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in dir(type(self)):
-            found = getattr(type(self), name)
-            if isinstance(found, property) and found.fset:
-                return found.fset(self, value)
+            attribute = getattr(type(self), name)
+            if isinstance(attribute, property) and attribute.fset:
+                return attribute.fset(self, value)
             raise SetupError(f"{self.name}.{name}: this name is taken by the process itself; choose another")
         if name in self._handles:
             raise SetupError(f"{self.name}.{name} is already {self._handles[name]!r}")
@@ -468,8 +468,8 @@ class Process:
 
     @property
     def requested_mode(self) -> str:
-        """The name of the mode that the process was last asked to enter, which it may be in."""
-        return self._core_process.asked
+        """The name of the mode that was requested last; the process may be in it."""
+        return self._core_process.requested_mode
 
     @property
     def entered(self) -> dict[str, tuple[int, float | None]]:
@@ -480,7 +480,7 @@ class Process:
     @property
     def events(self) -> dict[str, Event]:
         """The events by name."""
-        return {name: one for name, one in self._handles.items() if isinstance(one, Event)}
+        return {name: handle for name, handle in self._handles.items() if isinstance(handle, Event)}
 
     def declared_at(self, name: str) -> tuple[str, int] | None:
         """(file, line) that assigned an instance, declared a mode, or connected an input, given by its path; None if
@@ -514,20 +514,20 @@ class Process:
         for wire in wires:
             if not isinstance(wire, Wire):
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {wire!r}")
-        for one in (part for wire in wires for part in routed(wire, Flight)):
-            for target in one.targets:
-                target = self._with_room(one.source, target)
-                for i, (source, by, mode) in enumerate(one.sources):
+        for joined in (part for wire in wires for part in routed(wire, Flight)):
+            for target in joined.targets:
+                target = self._with_room(joined.source, target)
+                for i, (source, by, mode) in enumerate(joined.sources):
                     try:
                         self._core_simulation.connect(
-                            source, target, one.options["latency"], one.options["stale_after"], by, mode, i > 0,
-                            *as_shown(one.declared_at))
+                            source, target, joined.options["latency"], joined.options["stale_after"], by, mode, i > 0,
+                            *as_shown(joined.declared_at))
                     except SetupError as error:
                         first = self.declared_at(_core.path(target))
-                        if first is None or first[0] != one.declared_at[0]:
+                        if first is None or first[0] != joined.declared_at[0]:
                             raise
-                        raise SetupError(f"{error}: lines {first[1]} and {one.declared_at[1]}") from None
-                self.declare(_core.path(target), one.declared_at)
+                        raise SetupError(f"{error}: lines {first[1]} and {joined.declared_at[1]}") from None
+                self.declare(_core.path(target), joined.declared_at)
 
     def _with_room(self, source: _core.Message, target: _core.Message) -> _core.Message:
         """The input; that of a new ExternalForce if it is a spacecraft's `external` that another output writes."""
@@ -567,10 +567,10 @@ class Process:
         if not isinstance(run, (list, tuple)):
             raise SetupError(f"{what}: run takes a list of modules or models, as in run=[f.control]; found "
                              + (_core.path(run) if isinstance(run, (_core.Module, _core.Model)) else repr(run)))
-        for one in run:
-            if not isinstance(one, (_core.Module, _core.Model)):
-                raise SetupError(f"{what}: run takes modules or models; found {one!r}"
-                                 + (": give the object, not its name" if isinstance(one, str) else ""))
+        for instance in run:
+            if not isinstance(instance, (_core.Module, _core.Model)):
+                raise SetupError(f"{what}: run takes modules or models; found {instance!r}"
+                                 + (": give the object, not its name" if isinstance(instance, str) else ""))
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
                                     priority, run)
         self._tasks[name] = Task(name)
@@ -592,11 +592,11 @@ class Process:
         names = [_task_name(task) for task in tasks]
         if when is not None and not isinstance(when, _core.Condition):
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
-        for one in _several(after):
-            if isinstance(one, Mode) and one._process() is not self:
-                raise SetupError(f"{what}: {one!r} is of another process")
+        for earlier in _several(after):
+            if isinstance(earlier, Mode) and earlier._process() is not self:
+                raise SetupError(f"{what}: {earlier!r} is of another process")
         at = caller()
-        self._core_process.add_mode(name, names, when, [_mode_name(one) for one in _several(after)], *as_shown(at))
+        self._core_process.add_mode(name, names, when, list(map(_mode_name, _several(after))), *as_shown(at))
         self.declare(name, at)
         self._handles[name] = Mode(self, name)
         return self._handles[name]
@@ -612,7 +612,7 @@ class Process:
 
     def refuse_if_flown(self) -> None:
         """Raise SetupError if a computer flies this process, which no request here would reach."""
-        if any(_core.maker(one) == "computer" for one in self):
+        if any(_core.maker(instance) == "computer" for instance in self):
             raise SetupError(f"{self.name}: a computer flies this process, and requests and commands here do not reach "
                              "it. Put their packets into its script, as in board.in_flight.script.append((after, "
                              f"packet)), with a time in ns and a packet of {self.name}.commands.packets")
@@ -652,17 +652,17 @@ class Process:
             if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[0], Watch):
                 raise SetupError(f"{what}: set takes pairs of a field and a value, as in "
                                  f"set=[(f.watch(f.module).parameter, 1)]; found {pair!r}")
-        for one in (*_several(modes), *_several(enter), *_several(arm), *_several(disarm)):
-            if isinstance(one, (Mode, Event)) and one._process() is not self:
-                raise SetupError(f"{what}: {one!r} is of another process")
+        for handle in (*_several(modes), *_several(enter), *_several(arm), *_several(disarm)):
+            if isinstance(handle, (Mode, Event)) and handle._process() is not self:
+                raise SetupError(f"{what}: {handle!r} is of another process")
         event = Event(self, name, when, do, [f"{target!r} = {_value_text(value)}" for target, value in pairs])
         event._core = self._core_process.add_event(
             name, when if isinstance(when, _core.Condition) else event._predicate(), until,
             time_ns(hold, f"{what}: hold"), count, once, armed, [_mode_name(m) for m in _several(modes)],
             "" if enter is None else _mode_name(enter),
-            [(one.name if isinstance(one, Event) else one, on) for these, on in ((arm, True), (disarm, False))
-             for one in _several(these)],
-            [one for target, value in pairs for one in target._setting(value)], event._action() if do else None,
+            [(handle.name if isinstance(handle, Event) else handle, on) for these, on in ((arm, True), (disarm, False))
+             for handle in _several(these)],
+            [setting for target, value in pairs for setting in target._setting(value)], event._action() if do else None,
             event.text, *as_shown(event.declared_at))
         self._handles[name] = event
         return event
@@ -688,8 +688,8 @@ class Process:
     def tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
         """(heading, rows) of what its repr says, with what each instance is."""
         rows: list[tuple[str, ...]]
-        rows = [(name, _core.struct(one).name, first_sentence(_core.struct(one).doc))
-                for name, one in self._instances.items()]
+        rows = [(name, _core.struct(instance).name, first_sentence(_core.struct(instance).doc))
+                for name, instance in self._instances.items()]
         rows += [(task.name, "task, " + task.title.partition(", ")[2], ", ".join(task.run)) for task in self.tasks]
         rows += [(name, "mode", text) for name, text in self.mode_texts()]
         return [(repr(self).partition("\n")[0], rows)]
@@ -702,7 +702,7 @@ class Process:
     def __repr__(self) -> str:
         lines = [f"process {self.name}" + (f", in mode {self._core_process.mode}" if self._core_process.mode else "")]
         width = max(map(len, self._instances), default=0)
-        lines += [f"  {name.ljust(width)}  {_core.struct(one).name}" for name, one in self._instances.items()]
+        lines += [f"  {name.ljust(width)}  {_core.struct(instance).name}" for name, instance in self._instances.items()]
         for name, period, offset, priority, run in self._core_process.tasks:
             lines.append(f"  task {name}, every {period / 1e9:g} s: {', '.join(run)}")
         lines += [f"  mode {name}: {text}" for name, text in self.mode_texts()]

@@ -14,7 +14,7 @@ from fledge.mission import provenance
 from fledge.mission.provenance import Revisions, parameters
 
 IDENTITY = {"GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_SYSTEM": os.devnull,
-            **{f"GIT_{who}_{what}": "a@b" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}}
+            **{f"GIT_{role}_{what}": "a@b" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}}
 
 
 def git(folder, *arguments):
@@ -68,7 +68,7 @@ def test_a_mission_elsewhere_has_a_revision_of_its_own(tree, tmp_path):
     git(own, "init", "-q")
     git(own, "add", ".")
     git(own, "commit", "-qm", "mine")
-    ours, theirs = (git(one, "rev-parse", "HEAD")[:12] for one in (tree, own))
+    ours, theirs = (git(folder, "rev-parse", "HEAD")[:12] for folder in (tree, own))
     assert Revisions(own / "missions" / "n").read() == {"fledge": ours, "mission": theirs}
     (own / "notes.txt").write_text("not of the mission")
     assert Revisions(own / "missions" / "n").read()["mission"] == theirs
@@ -108,8 +108,8 @@ def test_a_record_has_the_parameters_with_which_its_run_began(tmp_path):
 @pytest.mark.long("loads all missions, twice")
 def test_every_mission_writes_the_same_parameters_each_time():
     for name in fledge.missions():
-        one, two = (parameters(fledge.load(name).processes) for _ in range(2))
-        assert one == two and len(one) > 10
+        first, second = (parameters(fledge.load(name).processes) for _ in range(2))
+        assert first == second and len(first) > 10
 
 
 def test_each_file_of_a_scenario_that_begins_anew_has_its_revisions(tmp_path):
@@ -120,7 +120,7 @@ def test_each_file_of_a_scenario_that_begins_anew_has_its_revisions(tmp_path):
     sim.reset()
     sim.run(1)
     sim.close_archive(outcome="passed")
-    one, two = (Archive(tmp_path / name).metadata for name in ("run.mcap", "run-2.mcap"))
-    assert one.get("revisions") == two.get("revisions") and one["parameters"] == two["parameters"]
-    assert (provenance.ROOT / ".git").exists() == ("revisions" in one)
-    assert two["end"] == {"outcome": "passed"}
+    first, second = (Archive(tmp_path / name).metadata for name in ("run.mcap", "run-2.mcap"))
+    assert first.get("revisions") == second.get("revisions") and first["parameters"] == second["parameters"]
+    assert (provenance.ROOT / ".git").exists() == ("revisions" in first)
+    assert second["end"] == {"outcome": "passed"}

@@ -38,10 +38,10 @@ P = TypeVar("P", bound=Process)
 _limit = 0      # [ns]
 
 
-def report_crashes(extension: Any, one: Sequence[str] = ()) -> None:
-    """Let an extension with a kernel tell a crash of what it runs, and obey the limit. one: the command of a run of a
+def report_crashes(extension: Any, command: Sequence[str] = ()) -> None:
+    """Let an extension with a kernel report crashes of what it runs, and obey the limit. command: that of a run of a
     campaign, whose index follows."""
-    extension.report_crashes(in_debugger(sys.orig_argv), in_debugger(one) if one else "")
+    extension.report_crashes(in_debugger(sys.orig_argv), in_debugger(command) if command else "")
     extension.limit_updates(_limit)
 
 
@@ -147,18 +147,18 @@ class Simulation:
         if not str(name).isidentifier():
             raise SetupError(f"process {name!r}: its name must be an identifier")
         self._core.add_process(name)
-        made = self._processes[name] = kind(self._core, self._core.process(name))
-        return made
+        process = self._processes[name] = kind(self._core, self._core.process(name))
+        return process
 
     def _only(self, kind: type[P], name: str) -> P:
         """The process of that name, or else the only one of its kind."""
-        found = [p for p in self.processes if isinstance(p, kind)]
-        if name in self._processes or name in self._gone or len(found) != 1:
-            if name not in self._processes and len(found) > 1:
+        matches = [p for p in self.processes if isinstance(p, kind)]
+        if name in self._processes or name in self._gone or len(matches) != 1:
+            if name not in self._processes and len(matches) > 1:
                 raise SetupError(f"{self.name} has several of the kind {name}; take one by "
-                                 f"process(): {', '.join(p.name for p in found)}")
+                                 f"process(): {', '.join(p.name for p in matches)}")
             return cast(P, self.process(name))
-        return found[0]
+        return matches[0]
 
     def isolate(self, process: str) -> None:
         """Keep one process, by its name. The others run in other programs: access to them raises SetupError."""
@@ -459,7 +459,7 @@ class Simulation:
 
     @property
     def activity(self) -> Log:
-        """What the executives of all processes said in this run, the first 100,000 messages of each kind:
+        """The messages of the executives of all processes in this run, the first 100,000 messages of each kind:
 
             sim.activity["flight.mode.name"], sim.activity.time_of("flight.mode")    # the modes, as they began
             sim.activity.frame("flight.activity")       # events that fired, commands and their answers, resets
@@ -532,18 +532,18 @@ class Simulation:
             path, metadata = self._archive
             if resumed and self._core.resume_archive(path):
                 return
-            lost, asked = self._core.resumed, path
+            lost, lost_path = self._core.resumed, path
             while resumed and (os.path.exists(path) or os.path.exists(path + ".part")):
                 path = _next_name(path)
             self._archive = (path, metadata)
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
-            for name, found in (("parameters", parameters(self.processes)), ("instances", instances(self.processes)),
+            for name, pairs in (("parameters", parameters(self.processes)), ("instances", instances(self.processes)),
                                 ("wires", wires(self))):
-                self._core.archive_metadata(name, list(found.items()))
+                self._core.archive_metadata(name, list(pairs.items()))
             if lost:
-                why = f"a program was lost, and {os.path.basename(asked)}.part was not its record when another one " \
-                      "went on from its snapshot"
+                why = f"a program was lost, and {os.path.basename(lost_path)}.part was not its record when another " \
+                      "one went on from its snapshot"
                 self._core.archive_metadata("missing", [("until", f"{self._core.now} ns"), ("why", why)])
             if feeds := self.feeds:
                 self._core.archive_metadata("feeds", [(path, source) for path, source, _ in feeds])
@@ -562,8 +562,8 @@ class Simulation:
             if self._core.archiving and revisions:
                 self._core.archive_metadata("revisions", list(revisions.items()))
         if self._core.archiving:
-            if found := self.health:
-                self._core.archive_metadata("health", [(f"{one.kind} {one.path}", one.text) for one in found])
+            if findings := self.health:
+                self._core.archive_metadata("health", [(f"{row.kind} {row.path}", row.text) for row in findings])
             self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
 
     def _title(self) -> str:
@@ -577,7 +577,7 @@ class Simulation:
         from fledge.display import table
 
         return table(self._title(), [group for process in self.processes for group in process.tables()],
-                     notes=[one.text for one in self.health])
+                     notes=[finding.text for finding in self.health])
 
 
 def _seed(seed: Any) -> int:

@@ -310,7 +310,7 @@ def test_records_of_different_rates():
     assert len(slow.time) == 3 and len(fast.time) == 41
     first = slow["sigma_BR"]
     sim.run(4 * s)
-    assert len(first) == 3 and len(slow["sigma_BR"]) == 5  # what was read stays; asked again, it is all
+    assert len(first) == 3 and len(slow["sigma_BR"]) == 5  # an array that was read stays; a new read has all samples
     sim.reset()
     assert len(slow.time) == 0
 
@@ -372,8 +372,8 @@ def test_every_kind_of_field_is_recorded_by_name(tmp_path):
     assert log.series("parts[1].phase").name == "parts[1].phase" and log.series("kinds.i64").name == "i64"
     assert log["parts"]["share"].shape == archive["parts"]["share"].shape == (20, 3)
     assert log.series("parts[1].phase").words == {-7: "not safe", 0: "safe", 3: "science", 100: "drain"}
-    one, other = log.frame(), archive.frame()
-    assert [c for c in one if "label" not in c] == [c for c in other if "label" not in c]
+    recorded, archived = log.frame(), archive.frame()
+    assert [c for c in recorded if "label" not in c] == [c for c in archived if "label" not in c]
     assert list(log.frame("parts.share")) == [f"kinds.parts[{i}].share" for i in range(3)]
     table = pd.read_csv(archive.to_csv(tmp_path / "csv")[0], float_precision="round_trip")
     assert table["parts[2].pairs[1].count [-]"].tolist() == [k["parts"][2]["pairs"][1]["count"] for k in expected]

@@ -72,7 +72,7 @@ class State:
 
     def states(self, path: str) -> list[Number]:
         """The differential states of that name, one or all of an array; [] if there are none."""
-        return [one for one in self.differential if path in (one.name, one.name.partition("[")[0])]
+        return [number for number in self.differential if path in (number.name, number.name.partition("[")[0])]
 
     def field(self, path: str) -> FieldPath:
         """The numbers of 64 bits that a path names. Raises SetupError if there are none."""
@@ -84,29 +84,29 @@ class State:
             raise SetupError(f"{self.what}: {path} is {found.field.ctype}; expected numbers of the type double")
         return found
 
-    def places(self, found: FieldPath) -> list[int]:
+    def places(self, field: FieldPath) -> list[int]:
         """[bytes] where a snapshot has the elements of a field."""
-        start = self.blocks["instance", _core.path(found.owner)][0]
-        return [start + _core.Operand(found.holder, found.field, e, "element").offset for e in found.elements]
+        start = self.blocks["instance", _core.path(field.owner)][0]
+        return [start + _core.Operand(field.holder, field.field, e, "element").offset for e in field.elements]
 
     def inputs(self, path: str) -> list[Number]:
         """The numbers that a path names as inputs: of an input or of all readers of an output, in place of what comes
         there, or of parameters."""
-        found = self.field(path)
-        owner = _core.path(found.owner)
-        places = self.places(found)
-        if found.group == "par":
-            if found.field.initial and not self.fresh:
+        field = self.field(path)
+        owner = _core.path(field.owner)
+        places = self.places(field)
+        if field.group == "par":
+            if field.field.initial and not self.fresh:
                 raise SetupError(f"{self.what}: {path} is an initial value, which has no effect any more")
-            return [Number(n, found.field.unit, [at]) for n, at in zip(found.names(), places)]
-        if found.group not in ("in", "out"):
+            return [Number(n, field.field.unit, [at]) for n, at in zip(field.names(), places)]
+        if field.group not in ("in", "out"):
             raise SetupError(f"{self.what}: {path} is no input: expected a parameter, or a field of an input or output")
         at_port = ".".join(path.split(".")[:3])
         readers = [target for source, target, *_ in self.simulation.wires if source == at_port] if (
-            found.group == "out") else [at_port]
+            field.group == "out") else [at_port]
         if not readers:
             raise SetupError(f"{self.what}: nothing reads {at_port}")
-        numbers = [Number(n, found.field.unit) for n in found.names()]
+        numbers = [Number(n, field.field.unit) for n in field.names()]
         block = self.blocks["instance", owner][0] + _offset(port(self.simulation, at_port))
         for target in readers:
             view = port(self.simulation, target)
@@ -118,15 +118,15 @@ class State:
 
     def outputs(self, path: str) -> list[Number]:
         """The numbers that a path names as outputs."""
-        found = self.field(path)
-        if found.group not in ("out", "mem"):
+        field = self.field(path)
+        if field.group not in ("out", "mem"):
             raise SetupError(f"{self.what}: {path} is no output: expected a field of one, or of a module's memory")
-        return [Number(n, found.field.unit, [at]) for n, at in zip(found.names(), self.places(found))]
+        return [Number(n, field.field.unit, [at]) for n, at in zip(field.names(), self.places(field))]
 
     def memory(self, node: Node) -> Iterator[Number]:
         """The numbers of 64 bits that an instance carries from instant to instant in its interface."""
         start = self.blocks["instance", node.path][0]
-        for name, field_, parts, offset in _kept(node):
+        for name, field_, parts, offset in _leaves(node):
             if field_.type == "f64":
                 for i, element in enumerate(element_names(parts)):
                     yield Number(f"{node.path}.{element}", field_.unit, [start + offset + 8 * i])
@@ -143,7 +143,7 @@ class State:
     def steps(self, node: Node) -> list[tuple[str, int, int]]:
         """(name, place, size) of what an instance carries that moves by steps: whole numbers, enumerations."""
         start = self.blocks["instance", node.path][0]
-        return [(f"{node.path}.{name}", start + offset, field_.size) for name, field_, _, offset in _kept(node)
+        return [(f"{node.path}.{name}", start + offset, field_.size) for name, field_, _, offset in _leaves(node)
                 if field_.type != "f64" and not name.endswith(("head.t", "head.sequence"))]
 
     # --- values ---
@@ -159,12 +159,12 @@ class State:
         """Note values and sizes: the largest magnitude within an array."""
         values = self.read(self.base if data is None else data, [number.places[0] for number in numbers])
         arrays: dict[str, float] = {}
-        for one, value in zip(numbers, values):
-            one.value = float(value)
-            whole = one.name.partition("[")[0]
-            arrays[whole] = max(arrays.get(whole, 0.0), abs(one.value))
-        for one in numbers:
-            one.size = arrays[one.name.partition("[")[0]] or FLOOR
+        for number, value in zip(numbers, values):
+            number.value = float(value)
+            whole = number.name.partition("[")[0]
+            arrays[whole] = max(arrays.get(whole, 0.0), abs(number.value))
+        for number in numbers:
+            number.size = arrays[number.name.partition("[")[0]] or FLOOR
 
     def put(self, data: Any, number: Number, value: float) -> None:
         """Write a number into a snapshot."""
@@ -219,7 +219,7 @@ class State:
                           "world.Spacecraft does. Of flight alone, linearize with discrete=True")
 
     def unknown(self, path: str, what: str) -> SetupError:
-        known = list(dict.fromkeys(one.name.partition("[")[0] for one in self.differential))
+        known = list(dict.fromkeys(number.name.partition("[")[0] for number in self.differential))
         return SetupError(f"{self.what}: there is no {what} {path}{did_you_mean(path, known)} there are "
                           + listed(known))
 
@@ -233,8 +233,8 @@ class State:
         """Whether what an input reads acts from one instant to the next: it was written after its reader had run; or
         nothing writes it, and its reader is a model."""
         owner = target.rpartition(".")[0]
-        for source, one, latency, *_ in self.simulation.wires:
-            if one == target:
+        for source, reader, latency, *_ in self.simulation.wires:
+            if reader == target:
                 return bool(latency) or self.position(source.rpartition(".")[0]) >= self.position(owner)
         return isinstance(self.nodes[owner].instance, _core.Model)
 
@@ -246,20 +246,20 @@ def _offset(view: Any) -> int:
     return field.offset
 
 
-def _kept(node: Node) -> list[Leaf]:
+def _leaves(node: Node) -> list[Leaf]:
     """The leaves of an instance's outputs and memory, with their offsets."""
-    return [one for group in ("out", "mem") for one in flat(_core.struct(node.instance), (group,), 0)]
+    return [leaf for group in ("out", "mem") for leaf in flat(_core.struct(node.instance), (group,), 0)]
 
 
 def flat(struct: _core.Struct, groups: tuple[str, ...], offset: int) -> Iterator[Leaf]:
     """(name, Field, parts, offset) of each leaf; of rows of structs, one each."""
-    for one in struct.fields:
-        if one.spare or groups and one.group not in groups:
+    for member in struct.fields:
+        if member.spare or groups and member.group not in groups:
             continue
-        if one.type != "struct":
-            yield one.name, one, ((one.name, one.shape),), offset + one.offset
+        if member.type != "struct":
+            yield member.name, member, ((member.name, member.shape),), offset + member.offset
             continue
-        for row in range(max(one.shape, default=1)):
-            start = one.name + (f"[{row}]" if one.shape else "")
-            for name, leaf, parts, at in flat(one.struct, (), offset + one.offset + row * one.struct.size):
+        for row in range(max(member.shape, default=1)):
+            start = member.name + (f"[{row}]" if member.shape else "")
+            for name, leaf, parts, at in flat(member.struct, (), offset + member.offset + row * member.struct.size):
                 yield f"{start}.{name}", leaf, ((start, ()), *parts), at

@@ -44,30 +44,30 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
 
     fresh = simulation.kernel.now < 0
     state = State(simulation, "trim", fresh)
-    numbers = [one for path in _paths(free, "free") for one in _free(state, path)]
+    numbers = [number for path in _paths(free, "free") for number in _free(state, path)]
     if not numbers:
         raise SetupError("trim: name what is free: states, inputs or parameters")
     wanted = _wanted(state, rates, "rates", _rates) + _wanted(state, outputs, "outputs", lambda s, p: s.outputs(p))
     if not wanted:
         raise SetupError("trim: name the rates or outputs that are to vanish, or to have a value")
-    for what, names in (("free", [number.name for number in numbers]), ("wanted", [one.name for one, _ in wanted])):
+    for what, names in (("free", [number.name for number in numbers]), ("wanted", [n.name for n, _ in wanted])):
         if len(set(names)) < len(names):
             raise SetupError(f"trim: {next(n for n in names if names.count(n) > 1)} is {what} twice")
     length = time_ns(after, "trim: after")
     if not fresh:
         state.arrive()
-        for one in numbers:
-            state.written(one)
+        for number in numbers:
+            state.written(number)
     state.measure(numbers)
-    places = [one.places[0] for one, _ in wanted]
+    places = [number.places[0] for number, _ in wanted]
     values = np.array([value for _, value in wanted])
     start, sizes = (np.array(x) for x in zip(*((number.value, number.size) for number in numbers)))
     count = 0
 
     def data_of(x: NDArray[Any]) -> NDArray[Any]:
         data = state.base.copy()
-        for one, value in zip(numbers, x):
-            state.put(data, one, value)
+        for number, value in zip(numbers, x):
+            state.put(data, number, value)
         return data
 
     def lacks(x: NDArray[Any]) -> NDArray[Any]:
@@ -91,17 +91,17 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
             if first[int(np.argmin(weight))]:
                 raise SetupError(f"trim: {name} does not depend on {listed([n.name for n in numbers], most=6)}")
         weight[weight == 0] = 1
-        found = least_squares(lambda x: lacks(x) / weight, start, lambda x: slopes(x) / weight[:, None], x_scale=sizes,
-                              xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-        left = lacks(found.x)
+        solution = least_squares(lambda x: lacks(x) / weight, start, lambda x: slopes(x) / weight[:, None],
+                                 x_scale=sizes, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+        left = lacks(solution.x)
     except RunError as error:
         raise SetupError(f"trim: the run ended on the way: {error}") from None
-    result = Trim({one.name: float(x) for one, x in zip(numbers, found.x)},
-                  {one.name: float(x) for (one, _), x in zip(wanted, left)}, count,
-                  {number.name: number.unit or "-" for number in (*numbers, *(one for one, _ in wanted))})
+    result = Trim({number.name: float(x) for number, x in zip(numbers, solution.x)},
+                  {number.name: float(x) for (number, _), x in zip(wanted, left)}, count,
+                  {number.name: number.unit or "-" for number in (*numbers, *(number for number, _ in wanted))})
     if not np.isfinite(left).all() or (abs(left) > ENOUGH * weight).any():
         raise SetupError(f"trim: no such state was found, from where the simulation stands; the nearest is\n{result}")
-    simulation.kernel.restore(data_of(found.x).tobytes(), edited=True)
+    simulation.kernel.restore(data_of(solution.x).tobytes(), edited=True)
     if fresh:
         simulation.reset()
     else:
@@ -116,16 +116,16 @@ def _moved(x: NDArray[Any], i: int, h: float) -> NDArray[Any]:
 
 
 def _paths(paths: Any, what: str) -> list[str]:
-    found = [paths] if isinstance(paths, str) else list(paths or ())
-    for one in found:
-        if not isinstance(one, str):
-            raise SetupError(f"trim: {what}: expected paths, as in 'world.craft.sigma_BN'; found {one!r:.80}")
-    return found
+    listed_paths = [paths] if isinstance(paths, str) else list(paths or ())
+    for path in listed_paths:
+        if not isinstance(path, str):
+            raise SetupError(f"trim: {what}: expected paths, as in 'world.craft.sigma_BN'; found {path!r:.80}")
+    return listed_paths
 
 
 def _free(state: State, path: str) -> list[Number]:
-    if not state.fresh and (found := state.states(path)):
-        return found
+    if not state.fresh and (states := state.states(path)):
+        return states
     numbers = state.inputs(path)
     for number in numbers:
         for view, _ in number.incoming:
@@ -142,10 +142,10 @@ def _free(state: State, path: str) -> list[Number]:
 
 
 def _rates(state: State, path: str) -> list[Number]:
-    found = state.states(path)
-    if not found:
+    states = state.states(path)
+    if not states:
         raise state.unknown(path, "differential state")
-    return [Number(f"the rate of {one.name}", f"{one.unit} per s", [at]) for one, at in zip(found, state.rates(found))]
+    return [Number(f"the rate of {n.name}", f"{n.unit} per s", [at]) for n, at in zip(states, state.rates(states))]
 
 
 def _wanted(state: State, wanted: Any, what: str,
@@ -154,11 +154,11 @@ def _wanted(state: State, wanted: Any, what: str,
     pairs = []
     items = wanted.items() if isinstance(wanted, Mapping) else [(path, 0) for path in _paths(wanted, what)]
     for path, value in items:
-        found = numbers(state, path)
+        targets = numbers(state, path)
         dims = state.field(path).field.dims if what == "outputs" else None
-        flat = np.ravel(to_si(value, f"trim: {path}", found[0].unit,
+        flat = np.ravel(to_si(value, f"trim: {path}", targets[0].unit,
                         dims, "numbers") if dims else np.array(value, float))
-        if len(flat) not in (1, len(found)):
-            raise SetupError(f"trim: {path}: expected one number or {len(found)}; found {value!r:.80}")
-        pairs += [(one, float(flat[i if len(flat) > 1 else 0])) for i, one in enumerate(found)]
+        if len(flat) not in (1, len(targets)):
+            raise SetupError(f"trim: {path}: expected one number or {len(targets)}; found {value!r:.80}")
+        pairs += [(number, float(flat[i if len(flat) > 1 else 0])) for i, number in enumerate(targets)]
     return pairs

@@ -38,7 +38,7 @@ def test_torques_that_hold_a_rotation():
 
 
 def test_a_rate_that_keeps_itself():
-    """About a principal axis, with the rate that is asked for: from a general one."""
+    """About a principal axis, with a wanted rate: from a general attitude."""
     sim = body(omega_BN_B=[0.01, 0.02, 0.3])
     found = sim.trim([f"{OMEGA}[0]", f"{OMEGA}[1]"], rates=[f"{OMEGA}[0]", f"{OMEGA}[1]"])
     h = sim.world.wheels.speeds.Omega[:3] * 0.1 + 0.1 * sim.world.craft.state.omega_BN_B

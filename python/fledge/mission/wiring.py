@@ -98,9 +98,9 @@ class Wiring:
         self.processes = [_Process(p) for p in shown]
         self.kinds = {p.name: kind_of(p) for p in simulation.processes}
         self.nodes: dict[str, Node] = {node.path: node for process in self.processes for node in process.nodes}
-        messages = {f"{_core.path(one)}.{f.name}": f.struct.name
-                    for process in simulation.processes for one in process
-                    for f in _core.struct(one).fields if f.group in ("in", "out")}
+        messages = {f"{_core.path(instance)}.{f.name}": f.struct.name
+                    for process in simulation.processes for instance in process
+                    for f in _core.struct(instance).fields if f.group in ("in", "out")}
         links = [Link(wire[0], wire[1], messages[wire[0]], *wire[2:]) for wire in simulation._core.wires]
         links += [Link(source, target, messages[target], 0, stale_after, fed=True)
                   for target, source, stale_after in simulation.feeds]
@@ -122,7 +122,7 @@ class Wiring:
         such as a source of commands for a module of the stack, stand beside it."""
         order = {f"{n.path}.{f.name}": i for n in self.nodes.values() for i, f in enumerate(n.inputs)}
         feeding: dict[str, list[str]] = {}
-        for link in sorted(self.links, key=lambda one: order.get(one.target, 0)):
+        for link in sorted(self.links, key=lambda joined: order.get(joined.target, 0)):
             a, b = self.nodes.get(link.start), self.nodes.get(link.to)
             if a and b and a.task and (a.process, a.task) == (b.process, b.task) and not link.back:
                 feeding.setdefault(b.path, []).append(a.path)
@@ -163,9 +163,9 @@ class Wiring:
                         start = f"    {' ' * width}    {port.name.ljust(ports)}  "
                         if not links:
                             lines.append(f"{start}-- not wired" + (", optional" if port.optional else ""))
-                        for one in links:
-                            source = one.source.removeprefix(f"{process.name}.")
-                            lines.append(f"{start}<< " + ", ".join([source, *one.options]))
+                        for link in links:
+                            source = link.source.removeprefix(f"{process.name}.")
+                            lines.append(f"{start}<< " + ", ".join([source, *link.options]))
             for word, rows in (("mode", process.modes), ("event", process.events)):
                 lines += [f"  {word} {name}: {text}" if name else f"  {word} {text}" for name, text in rows]
             if process.integrator:
@@ -179,7 +179,7 @@ class _Process:
     def __init__(self, process: Process):
         core = process._core_process
         self.name, self.kind, self.mode = process.name, kind_of(process), core.mode
-        self.nodes = [Node(process, _core.name(one), one) for one in process]
+        self.nodes = [Node(process, _core.name(instance), instance) for instance in process]
         # In the order in which they run at equal times.
         self.tasks = sorted(process.tasks, key=lambda t: -t.priority)
         by_name = {node.name: node for node in self.nodes}
@@ -201,8 +201,8 @@ class _Process:
 
     def run_by(self, task: str | None) -> list[Node]:
         """The nodes of a task in their order; None: the nodes that no task runs."""
-        found = [n for n in self.nodes if n.task == task]
-        return sorted(found, key=lambda n: n.slot) if task else found
+        nodes = [n for n in self.nodes if n.task == task]
+        return sorted(nodes, key=lambda n: n.slot) if task else nodes
 
 
 def event_name(event: Event) -> str:

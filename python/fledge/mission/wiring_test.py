@@ -63,13 +63,13 @@ def test_every_instance_and_every_wire_of_a_mission_is_drawn_once(name):
     sim = fledge.load(name)
     text = dot(Wiring(sim))
     assert shown_edges(text) == Counter(wires(sim))
-    assert shown_nodes(text) == Counter(objects.path(one) for process in sim.processes for one in process)
+    assert shown_nodes(text) == Counter(objects.path(instance) for process in sim.processes for instance in process)
 
 
 def test_the_outline_has_every_instance_and_every_wire_once(sim):
     text = Wiring(sim).outline()
-    for one in (*sim.flight, *sim.world):
-        line = rf"^    {objects.name(one)} +{objects.struct(one).name}\b"
+    for instance in (*sim.flight, *sim.world):
+        line = rf"^    {objects.name(instance)} +{objects.struct(instance).name}\b"
         assert len(re.findall(line, text, re.MULTILINE)) == 1
     assert text.count("<<") == len(wires(sim))
 
@@ -104,7 +104,7 @@ def test_without_the_world_its_wires_end_at_names(sim):
     wiring = Wiring(sim, flight_only=True)
     text = dot(wiring)
     assert set(wiring.open_ends) == {"world.nav.orbit", "world.nav.attitude"}
-    assert shown_nodes(text) == Counter(f"flight.{objects.name(one)}" for one in sim.flight)
+    assert shown_nodes(text) == Counter(f"flight.{objects.name(instance)}" for instance in sim.flight)
     assert shown_edges(text) == Counter(w for w in wires(sim) if not w.startswith("world.craft"))
     assert "ReactionWheels" not in wiring.outline() and "<< world.nav.attitude" in wiring.outline()
 

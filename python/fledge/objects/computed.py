@@ -18,18 +18,18 @@ class Computed(NamedTuple):
     result: Any
 
 
-_found: ContextVar[list[Computed] | None] = ContextVar("_found", default=None)
+_collected: ContextVar[list[Computed] | None] = ContextVar("_found", default=None)
 
 
 @contextmanager
 def recorded() -> Iterator[list[Computed]]:
     """The results of all functions `for_flight` that are called meanwhile, in order."""
-    found: list[Computed] = []
-    token = _found.set(found)
+    collected: list[Computed] = []
+    token = _collected.set(collected)
     try:
-        yield found
+        yield collected
     finally:
-        _found.reset(token)
+        _collected.reset(token)
 
 
 def for_flight(function: Function) -> Function:
@@ -37,8 +37,8 @@ def for_flight(function: Function) -> Function:
     @functools.wraps(function)
     def call(*given: Any, **named: Any) -> Any:
         result = function(*given, **named)
-        if (found := _found.get()) is not None:
-            found.append(Computed(sys._getframe(1).f_code.co_filename, function.__name__, result))
+        if (collected := _collected.get()) is not None:
+            collected.append(Computed(sys._getframe(1).f_code.co_filename, function.__name__, result))
         return result
 
     return call     # type: ignore[return-value]

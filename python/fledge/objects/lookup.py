@@ -21,8 +21,8 @@ def lookup(module: str, types: dict[str, Any],
     @cache
     def enumerations() -> dict[str, Any]:
         tables = [_core.struct(type_) for type_ in types.values()]
-        found = [f.enumeration for table in tables for f in table.fields] + [table.events for table in tables]
-        return {one[0]: enumeration(*one) for one in found if one}
+        rows = [f.enumeration for table in tables for f in table.fields] + [table.events for table in tables]
+        return {row[0]: enumeration(*row) for row in rows if row}
 
     def __getattr__(name: str) -> Any:
         if name in types:

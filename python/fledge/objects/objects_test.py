@@ -235,11 +235,11 @@ def test_completion_offers_every_field():
 def test_every_type_of_both_libraries_can_be_made_shown_and_read():
     for types in (fsw.TYPES, world.TYPES):
         for name, kind in types.items():
-            one = kind()
-            assert repr(one).startswith(name) and kind.__doc__ and kind.__name__ == name
-            for field in objects.struct(one).fields:
+            instance = kind()
+            assert repr(instance).startswith(name) and kind.__doc__ and kind.__name__ == name
+            for field in objects.struct(instance).fields:
                 if not field.spare:
-                    value = getattr(one, field.name)
+                    value = getattr(instance, field.name)
                     if field.shape and field.type == "f64" and not field.count:
                         assert value.shape == field.shape and value.flags.aligned
 

@@ -37,7 +37,7 @@ def functions(cls: Any) -> Iterator[FunctionType]:
             continue
         for value in vars(base).values():
             if isinstance(value, property):
-                yield from (one for one in (value.fget, value.fset) if isinstance(one, FunctionType))
+                yield from (function for function in (value.fget, value.fset) if isinstance(function, FunctionType))
             elif isinstance(value := getattr(value, "__func__", value), FunctionType):
                 yield value
 
@@ -58,7 +58,7 @@ def faults(cls: Any) -> Iterator[tuple[str, int, str]]:
 
 def outside_state(cls: Any) -> dict[str, Seen]:
     """What the functions of a class use outside of the memory, by name."""
-    found: dict[str, Seen] = {}
+    states: dict[str, Seen] = {}
     todo, done = list(functions(cls)), set()
     while todo:
         function = todo.pop()
@@ -77,16 +77,16 @@ def outside_state(cls: Any) -> dict[str, Seen]:
             if isinstance(value, FunctionType):
                 todo += [] if _is_library(value) else [value]
             elif not isinstance(value, (ModuleType, type)):
-                found[name] = Seen(file, line, _mark(value))
+                states[name] = Seen(file, line, _mark(value))
         for name, value in vars(function).items():
-            found[f"{function.__name__}.{name}"] = Seen(file, code.co_firstlineno, _mark(value))
-        if "random" in code.co_names and _RANDOM not in found:
-            found[_RANDOM] = Seen(file, code.co_firstlineno, _random_state())
+            states[f"{function.__name__}.{name}"] = Seen(file, code.co_firstlineno, _mark(value))
+        if "random" in code.co_names and _RANDOM not in states:
+            states[_RANDOM] = Seen(file, code.co_firstlineno, _random_state())
     for base in cls.__mro__:
         for name, value in () if _is_library(base) else vars(base).items():
             if not name.startswith("__") and name not in _TABLE and not hasattr(type(value), "__get__"):
-                found[f"{base.__name__}.{name}"] = Seen(cls._struct.path, cls._struct.line, _mark(value))
-    return found
+                states[f"{base.__name__}.{name}"] = Seen(cls._struct.path, cls._struct.line, _mark(value))
+    return states
 
 
 def changed_outside(cls: Any, before: dict[str, Seen], path: str, when: str) -> str | None:
@@ -100,10 +100,10 @@ def changed_outside(cls: Any, before: dict[str, Seen], path: str, when: str) -> 
     return None
 
 
-def _is_library(one: Any) -> bool:
+def _is_library(cls: Any) -> bool:
     """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair."""
-    top = (one.__module__ or "").split(".")[0]
-    code = getattr(one, "__code__", None)
+    top = (cls.__module__ or "").split(".")[0]
+    code = getattr(cls, "__code__", None)
     return top in ("fledge", *sys.stdlib_module_names) or bool(code and "-packages" in code.co_filename)
 
 
@@ -119,9 +119,9 @@ def _instructions(code: CodeType) -> Iterator[tuple[str, Any, int]]:
     """(operation, argument, line) of each instruction."""
     import dis
 
-    for one in _codes(code):
-        line = one.co_firstlineno
-        for step in dis.get_instructions(one):
+    for part in _codes(code):
+        line = part.co_firstlineno
+        for step in dis.get_instructions(part):
             line = step.starts_line or line
             yield step.opname, step.argval, line
 
@@ -155,7 +155,7 @@ def _mark(value: Any, depth: int = 2) -> Any:
         return pickle.dumps(value)
     except Exception:    # whatever its class raises
         inner = vars(value).values() if depth and hasattr(value, "__dict__") else ()
-        return id(value), [_mark(one, depth - 1) for one in inner]
+        return id(value), [_mark(element, depth - 1) for element in inner]
 
 
 def _random_state() -> Any:

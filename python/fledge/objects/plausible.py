@@ -2,7 +2,7 @@
 """Values that are implausible for their unit, their body or their mass, configuration that nothing reads, and torques
 that outlive their mode. They warn, because a mission may mean them.
 
-All limits stand here. Those of RULES are for numbers without a unit: who writes a unit means the number.
+All limits stand here. Those of RULES are for numbers without a unit: with a unit, the user means the number.
 """
 from __future__ import annotations
 
@@ -48,35 +48,35 @@ def _rules(kind: Any) -> list[tuple[Any, Rule]]:
             for rule in RULES if field.unit == rule.unit and re.fullmatch(rule.name, field.name)]
 
 
-def _numbers(one: Any, field: Any) -> list[float]:
+def _numbers(instance: Any, field: Any) -> list[float]:
     """The numbers of a field, without numpy, whose import takes longer than to build a mission."""
     code = ELEMENTS[field.type].code
-    return [x for x, in iter_unpack(code, _core.memory(one)[field.offset:field.offset + field.size])]
+    return [x for x, in iter_unpack(code, _core.memory(instance)[field.offset:field.offset + field.size])]
 
 
-def _of_instance(one: _core.Module | _core.Model) -> Iterator[str]:
+def _of_instance(instance: _core.Module | _core.Model) -> Iterator[str]:
     """What is implausible of the parameters of a module or model, in words."""
-    kind: Any = type(one)
+    kind: Any = type(instance)
     rules = _rules(kind)
-    bare = set(_core.bare(one)) if rules else ()
+    bare = set(_core.bare(instance)) if rules else ()
     for field, rule in rules:
         if field.name in bare:
-            x = max((abs(number) for number in _numbers(one, field)), default=0.0)
+            x = max((abs(number) for number in _numbers(instance, field)), default=0.0)
             if x > rule.most:
-                yield f"{_core.path(one)}.{field.name}: {rule.advice.format(x=x, deg=degrees(x))}"
-    if hasattr(type(one), "I_B") and isinstance(mass := getattr(one, "mass", None), float) and mass > 0:
-        inertia = max(_numbers(one, next(f for f in _core.struct(kind).fields if f.name == "I_B")))
+                yield f"{_core.path(instance)}.{field.name}: {rule.advice.format(x=x, deg=degrees(x))}"
+    if hasattr(type(instance), "I_B") and isinstance(mass := getattr(instance, "mass", None), float) and mass > 0:
+        inertia = max(_numbers(instance, next(f for f in _core.struct(kind).fields if f.name == "I_B")))
         size = sqrt(max(inertia, 0.0) / mass)
         if size and not GYRATION[0] <= size <= GYRATION[1]:
-            yield (f"{_core.path(one)}: {mass:g} kg with an inertia of {inertia:g} kg m^2 is a body of some "
+            yield (f"{_core.path(instance)}: {mass:g} kg with an inertia of {inertia:g} kg m^2 is a body of some "
                    f"{size:.2g} m; look at both units")
 
 
 def check(processes: Iterable[Any]) -> None:
     """Warn of implausible parameters, at the lines that made their modules and models."""
     for process in processes:
-        for name, one in process.instances.items():
-            for text in _of_instance(one):
+        for name, instance in process.instances.items():
+            for text in _of_instance(instance):
                 _warn(f"implausible: {text}", process.declared_at(name) or caller())
 
 
@@ -84,13 +84,14 @@ def check_read(process: Process, wires: Iterable[Any]) -> None:
     """Warn of configuration whose outputs nothing reads. wires: of the simulation."""
     used = {source.rpartition(".")[0] for source, *_ in wires} | {
         f"{process.name}.{name}" for task in process.tasks for name in task.run}
-    for name, one in process.instances.items():
-        fields = _core.struct(one).fields
+    for name, instance in process.instances.items():
+        fields = _core.struct(instance).fields
         outputs = [field.name for field in fields if field.group == "out"]
         takes = any(field.group == "in" for field in fields)    # then it must stand in a task, and cannot fly
-        if isinstance(one, _core.Module) and f"{process.name}.{name}" not in used and outputs and not takes:
-            _warn(f"{process.name}.{name}: nothing reads {', '.join(outputs)} of this {_core.struct(one).name}, so "
-                  "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
+        if isinstance(instance, _core.Module) and f"{process.name}.{name}" not in used and outputs and not takes:
+            kind = _core.struct(instance).name
+            _warn(f"{process.name}.{name}: nothing reads {', '.join(outputs)} of this {kind}, so that its "
+                  "parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
 
 
 def check_kept(process: Process, wires: Iterable[Any]) -> None:
@@ -115,16 +116,16 @@ def check_kept(process: Process, wires: Iterable[Any]) -> None:
             if field.group != "in" or field.struct.name == "AttReference":
                 continue
             writers = inputs.get(f"{path}.{field.name}", [])
-            kept: list[str] = []
+            lines: list[str] = []
             by: dict[str, bool] = {}
             for mode, idle in suspended.items():
                 carried = {source: not stale and source.rpartition(".")[0] in idle for source, stale, choice in writers
                            if choice in ("", "newest", "first", "best", f"in {mode}")}
                 if carried and all(carried.values()) and path not in idle:
-                    kept.append(mode)
+                    lines.append(mode)
                     by |= carried
-            if kept:
-                _warn(f"{path}.{field.name}: the mode {listed(kept)} suspends {listed(list(by))}, so that the last "
+            if lines:
+                _warn(f"{path}.{field.name}: the mode {listed(lines)} suspends {listed(list(by))}, so that the last "
                       "value stays good and acts on; write .stale_after(2 * s) behind its wire, or let a module that "
                       "runs then write it", process.declared_at(f"{path}.{field.name}") or caller())
 

@@ -22,14 +22,14 @@ from fledge.folders import project as folder
 def types(part: str) -> dict[str, Any]:
     """Name -> type of the project's modules, models and messages with headers in `part`/: "flight" or "world".
     Raises SetupError if the project is not built or declares a name of Fledge's."""
-    return {name: one for name, one in _types().items() if _core.struct(one).folder.split("/")[0] == part}
+    return {name: type_ for name, type_ in _types().items() if _core.struct(type_).folder.split("/")[0] == part}
 
 
 def unbuilt(part: str, name: str) -> str:
     """Why the project has no type of this name although a header for it lies in `part`/; "" if there is none."""
     project = folder()
     headers = sorted((project / part).rglob("*.h")) if project else []
-    header = next((one for one in headers if one.stem.replace("_", "") == name.lower()), None)
+    header = next((h for h in headers if h.stem.replace("_", "") == name.lower()), None)
     if not project or not header:
         return ""
     path = header.relative_to(project).with_suffix("").as_posix()
@@ -52,13 +52,13 @@ def _types() -> dict[str, Any]:
         raise SetupError(f"the project {project} is not built ({build}); "
                          f"./fledge --project {project} setup builds it") from None
     fledge = {**_core.library("flight"), **_core.library("world")}
-    found: dict[str, Any] = {}
+    types_: dict[str, Any] = {}
     for line in libraries:
         name, path = line.split(" ", 1)
         theirs = _core.load_library(path, name)
-        for taken in sorted(theirs.keys() & (fledge.keys() | found.keys())):
-            owner = _core.struct({**found, **fledge}[taken]).header
+        for taken in sorted(theirs.keys() & (fledge.keys() | types_.keys())):
+            owner = _core.struct({**types_, **fledge}[taken]).header
             raise SetupError(f"the library {name} declares {taken}, and so does {owner} of "
                              f"{'Fledge' if taken in fledge else 'this project'}: rename it")
-        found.update(theirs)
-    return found
+        types_.update(theirs)
+    return types_

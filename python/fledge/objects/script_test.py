@@ -280,7 +280,7 @@ def test_processes_fly_a_campaign_because_functions_may_share_data(tmp_path):
     (tmp_path / "dispersions.py").write_text(DISPERSED)
     campaign = montecarlo.Campaign(tmp_path)
     assert campaign.has_callables
-    one, two = (campaign.fly(5, seed=2, threads=n) for n in (1, 2))
+    first, second = (campaign.fly(5, seed=2, threads=n) for n in (1, 2))
     key = "flight.guidance.reference.sigma_RN"
-    np.testing.assert_array_equal(one.retained[key], two.retained[key])
-    np.testing.assert_array_equal(one.retained[key][:, -1, 0], one.retained[key][:, 0, 0] / 1.001 * 1.011)
+    np.testing.assert_array_equal(first.retained[key], second.retained[key])
+    np.testing.assert_array_equal(first.retained[key][:, -1, 0], first.retained[key][:, 0, 0] / 1.001 * 1.011)

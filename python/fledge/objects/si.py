@@ -50,7 +50,7 @@ def _rounded(value: Any) -> Any:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_rounded(one) for one in value]
+        return [_rounded(element) for element in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
@@ -136,7 +136,7 @@ def to_enumerators(ctype: str, enumerators: Sequence[tuple[str, int]], value: An
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [to_enumerators(ctype, enumerators, one, path) for one in value]
+        return [to_enumerators(ctype, enumerators, element, path) for element in value]
     return enumerator(ctype, enumerators, value, path)
 
 

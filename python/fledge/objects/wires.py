@@ -81,9 +81,9 @@ class Choice:
                                  + (_core.path(output) if isinstance(output, (_core.Module, _core.Model)) else
                                     repr(output)))
         seen = [(id(_core.root(output)), _core.path(output), mode) for output, _, mode in self.sources]
-        for one in seen:
-            if seen.count(one) > 1:
-                raise SetupError(f"{self!r}: {one[1]} stands in it twice")
+        for output in seen:
+            if seen.count(output) > 1:
+                raise SetupError(f"{self!r}: {output[1]} stands in it twice")
         if len(seen) < 2:
             raise SetupError(f"{self!r}: expected two outputs or more")
 
@@ -115,7 +115,7 @@ def best(*outputs: Any) -> Choice:
 def by_mode(**outputs: Any) -> Choice:
     """The output of the mode in force: `by_mode(safe=a.torque, point=b.torque, slew=b.torque)`. In a mode that it does
     not name the input keeps its message, which grows old as on any wire."""
-    return Choice("by_mode", 4, [(one, mode) for mode, one in outputs.items()])
+    return Choice("by_mode", 4, [(output, mode) for mode, output in outputs.items()])
 
 
 def _path(source: Any) -> str:
@@ -125,11 +125,11 @@ def _path(source: Any) -> str:
 def wire(source: Any, target: Any) -> Wire:
     """`source >> target`. Raises SetupError if they cannot be connected."""
     if isinstance(target, list):
-        wires = [wire(source, one) for one in target]
+        wires = [wire(source, part) for part in target]
         return Wire(source, [t for w in wires for t in w.targets])
     if isinstance(source, Choice):
-        for one, _, _ in source.sources:
-            wire(one, target)
+        for output, _, _ in source.sources:
+            wire(output, target)
         return Wire(source, [target])
     start = f"{_core.path(source)} >> "
     if not isinstance(target, _core.Message):

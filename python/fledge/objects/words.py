@@ -98,8 +98,8 @@ def _functions(obj: Any) -> list[str]:
     if prototype(obj):
         return [f"in Python: {python_text(obj)}"]
     functions = script(obj) or ()
-    return [f"{name} in Python: {function_text(one)}" for name, one in zip(("update", "reset"), functions)
-            if one is not None]
+    return [f"{name} in Python: {function_text(function)}" for name, function in zip(("update", "reset"), functions)
+            if function is not None]
 
 
 def show_html(obj: Any) -> str:

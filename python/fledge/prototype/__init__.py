@@ -79,7 +79,7 @@ def field(type: Any, text: str = "", *, shape: int | Sequence[int] = ()) -> Any:
 def quality(*inputs: Any) -> Any:
     """The quality of what is computed from these inputs: that of the worst, where a stale one counts as DEGRADED, and
     NONE, which is false, if one of them was never written. In C: quality_min() of quality_through()."""
-    worst = min(one.head.quality for one in inputs)
+    worst = min(message.head.quality for message in inputs)
     return type(worst).DEGRADED if worst.name == "STALE" else worst
 
 

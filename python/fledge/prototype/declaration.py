@@ -106,16 +106,16 @@ def declare(cls: Any) -> tuple[Struct, Any]:
     file, line = place_of(cls)
     declarations: dict[str, Declaration] = {}
     for base in reversed(cls.__mro__):
-        declarations.update((name, one) for name, one in vars(base).items() if isinstance(one, Declaration))
+        declarations.update((name, value) for name, value in vars(base).items() if isinstance(value, Declaration))
     problems: list[Problem] = []
     fields: list[Field] = []
     types: dict[str, Any] = {}
-    for name, one in declarations.items():
+    for name, declaration in declarations.items():
         try:
-            one.name = name
-            fields.append(_field(one, types))
+            declaration.name = name
+            fields.append(_field(declaration, types))
         except Refusal as refusal:
-            problems.append(refusal.at(file, one.line))
+            problems.append(refusal.at(file, declaration.line))
     folder = "world" if cls._kind is Kind.MODEL else "flight"
     if cls._kind is Kind.MESSAGE:
         fields.insert(0, _head(types))
@@ -126,19 +126,20 @@ def declare(cls: Any) -> tuple[Struct, Any]:
         what, call = ("fields", "field") if cls._kind is Kind.MESSAGE else ("ports, parameters or memory", "par")
         problems.append(Problem(file, line, f"a prototype has {what}", f"`{cls.__name__}` has none",
                                 f"declare them, as in rate = {call}(float, \"[rad/s] meaning\")"))
-    for one in declarations.values():
-        if (one.group is Group.NONE) is not (cls._kind is Kind.MESSAGE):
-            problems.append(Problem(file, one.line, "field() is for messages; input(), out(), par() and mem() for "
-                                    "modules and models", f"`{one.name}` of {cls.__name__}", "use the others"))
+    for declaration in declarations.values():
+        if (declaration.group is Group.NONE) is not (cls._kind is Kind.MESSAGE):
+            problems.append(Problem(file, declaration.line,
+                                    "field() is for messages; input(), out(), par() and mem() for modules and models",
+                                    f"`{declaration.name}` of {cls.__name__}", "use the others"))
     problems += rules.check(struct, complete=not problems)
     if problems:
         raise SetupError("\n".join(f"{shown(p.file)}, line {p.line}: {p.rule}; {p.found}; {p.advice}"
                                    for p in sorted(set(problems))))
     # A class that is defined again, as in a notebook or by each load of a mission, has the same table.
     key = replace(struct, line=0, fields=tuple(replace(f, line=0) for f in fields))
-    if key not in _made:
-        _made[key] = _core.declare(struct, types, schema.text(struct) if cls._kind is Kind.MESSAGE else None)
-    return struct, _made[key]
+    if key not in _types:
+        _types[key] = _core.declare(struct, types, schema.text(struct) if cls._kind is Kind.MESSAGE else None)
+    return struct, _types[key]
 
 
 def _doc(text: str) -> str:
@@ -146,7 +147,7 @@ def _doc(text: str) -> str:
     return "\n".join(line.strip() for line in text.strip().replace("*/", "* /").splitlines())
 
 
-_made: dict[Struct, Any] = {}
+_types: dict[Struct, Any] = {}
 
 
 def _head(types: dict[str, Any]) -> Field:
@@ -157,29 +158,30 @@ def _head(types: dict[str, Any]) -> Field:
 
 # --- fields ----------------------------------------------------------------------------------------
 
-def _field(one: Declaration, types: dict[str, Any]) -> Field:
+def _field(declaration: Declaration, types: dict[str, Any]) -> Field:
     """The field without its place; types: takes the type of its struct. Raises Refusal."""
-    parsed = comment.parse(" ".join(one.text.split()))
-    type_, ctype, shape, struct, enumeration, width = _typed(one, types)
+    parsed = comment.parse(" ".join(declaration.text.split()))
+    type_, ctype, shape, struct, enumeration, width = _typed(declaration, types)
     if type_.is_number and parsed.unit is None:
-        raise Refusal("a number has a unit", f"`{one.name}` has none",
-                      f"begin its text with one, as in \"[rad/s] {one.text or 'meaning'}\", or with [-]")
+        raise Refusal("a number has a unit", f"`{declaration.name}` has none",
+                      f"begin its text with one, as in \"[rad/s] {declaration.text or 'meaning'}\", or with [-]")
     size = width
     for n in shape:
         size *= n
-    return Field(one.name, type_, ctype, shape, 0, size, one.line, one.group, parsed.unit, parsed.clauses,
-                 parsed.bounds, parsed.count, parsed.distinct, parsed.meaning, struct, enumeration)
+    return Field(declaration.name, type_, ctype, shape, 0, size, declaration.line, declaration.group, parsed.unit,
+                 parsed.clauses, parsed.bounds, parsed.count, parsed.distinct, parsed.meaning, struct, enumeration)
 
 
-def _typed(one: Declaration, types: dict[str, Any]) -> tuple[Type, str, tuple[int, ...], Any, Any, int]:
+def _typed(declaration: Declaration, types: dict[str, Any]) -> tuple[Type, str, tuple[int, ...], Any, Any, int]:
     """(type, C type, shape, struct, enumeration, bytes of an element) of a declaration. Raises Refusal."""
     try:
-        shape = tuple(one.shape)
+        shape = tuple(declaration.shape)
     except TypeError:
         shape = (0,)
     if any(not isinstance(n, int) or n < 1 for n in shape) or len(shape) > DIMS_MAX:
-        raise Refusal(f"a shape is 1 to {DIMS_MAX} whole numbers > 0", f"`{one.name}` has {one.shape!r}", "change it")
-    given = one.type
+        raise Refusal(f"a shape is 1 to {DIMS_MAX} whole numbers > 0",
+                      f"`{declaration.name}` has {declaration.shape!r}", "change it")
+    given = declaration.type
     if isinstance(given, Array):
         return Type.F64, given.name, shape + given.shape, None, None, 8
     if getattr(given, "_kind", None) is Kind.MESSAGE and "_struct" in vars(given):
@@ -190,12 +192,12 @@ def _typed(one: Declaration, types: dict[str, Any]) -> tuple[Type, str, tuple[in
         types[struct.name] = given
         return Type.STRUCT, struct.name, shape, struct, None, struct.size
     if isinstance(given, str) or isinstance(given, type) and issubclass(given, enum.Enum):
-        enumeration = _enumeration(given, one.name)
+        enumeration = _enumeration(given, declaration.name)
         return Type.ENUM, enumeration.name, shape, None, enumeration, 4
     fixed = _PYTHON.get(given) if isinstance(given, type) else None
     fixed = fixed or (_NUMPY.get(getattr(given, "__name__", "")) if isinstance(given, type) else None)
     if fixed is None or fixed is Type.CHAR and not shape:
-        raise Refusal("a type is one of: " + _TYPES, f"`{one.name}` has {given!r}", "change it")
+        raise Refusal("a type is one of: " + _TYPES, f"`{declaration.name}` has {given!r}", "change it")
     return fixed, _C[fixed][0], shape, None, None, _C[fixed][1]
 
 
@@ -206,12 +208,12 @@ def _enumeration(given: Any, name: str) -> Enumeration:
             raise Refusal("an enumeration is an IntEnum, or one that a header declares",
                           f"`{name}` is a '{given}'{did_you_mean(given, known)}", "write its class, or its name")
         return known[given]
-    if not issubclass(given, enum.IntEnum) or not all(-2**31 <= one < 2**31 for one in given) or not len(given):
+    if not issubclass(given, enum.IntEnum) or not all(-2**31 <= member < 2**31 for member in given) or not len(given):
         raise Refusal("an enumeration is an IntEnum whose numbers have 32 bits", f"`{name}` is a {given.__name__}",
                       "derive it from enum.IntEnum")
     doc = "" if given.__doc__ in (None, enum.IntEnum.__doc__, "An enumeration.") else _doc(given.__doc__)
     return Enumeration(given.__name__, doc, tuple(
-        Enumerator(f"{given.__name__.upper()}_{one.name}", int(one), "") for one in given), "")
+        Enumerator(f"{given.__name__.upper()}_{member.name}", int(member), "") for member in given), "")
 
 
 def lay_out(fields: Sequence[Field]) -> tuple[list[Field], int, int]:

@@ -28,9 +28,9 @@ def files(cls: Any, source: Path, name: str, path: str, root: Path, namespace: s
     struct = replace(cls._struct, name=name, header=f"{path}.h")
     struct = replace(struct, fields=tuple(replace(f, line=0) for f in struct.fields))
     used = {f.struct.name: f.struct for f in struct.fields if f.struct}
-    messages = [one for one in used.values() if one.path.endswith(".py") and one.name not in declared]
+    messages = [message for message in used.values() if message.path.endswith(".py") and message.name not in declared]
     used |= {f.struct.name: f.struct for message in messages for f in message.fields if f.struct}
-    enums = {f.enum.name: f.enum for one in (struct, *messages) for f in one.fields if f.enum}
+    enums = {f.enum.name: f.enum for owner in (struct, *messages) for f in owner.fields if f.enum}
     includes = [declared[name] for name in (*enums, *used) if name in declared]
     texts = {".h": header.text(struct, includes or ["flight/msg/head.h"],
                                [enum for enum in enums.values() if enum.name not in declared], messages)}
@@ -46,7 +46,7 @@ def files(cls: Any, source: Path, name: str, path: str, root: Path, namespace: s
 
 def _methods(cls: Any, mark: str) -> dict[str, str]:
     """Name -> the Python of each function, as a comment."""
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     for function in outside.functions(cls):
         try:
             text = textwrap.dedent(inspect.getsource(function)).strip()
@@ -54,8 +54,8 @@ def _methods(cls: Any, mark: str) -> dict[str, str]:
             text = f"def {function.__name__}(...): its source is not in a file"
         if mark == "*":
             text = text.replace("*/", "* /").replace("/*", "/ *")
-        found.setdefault(function.__name__, text)
-    return found
+        names.setdefault(function.__name__, text)
+    return names
 
 
 def _c_comment(text: str, indent: str = "") -> str:
@@ -72,7 +72,8 @@ def _module(cls: Any, s: Struct, where: str) -> str:
     clear = "".join(f"    memset(&m->{group}, 0, sizeof m->{group});\n"
                     for group, there in (("out", out), ("mem", mem)) if there)
     called = {name for function in outside.functions(cls) for name in function.__code__.co_names}
-    includes = "".join(f'#include "{one}"\n' for one in sorted({HEADERS[name] for name in called & HEADERS.keys()}))
+    headers = sorted({HEADERS[name] for name in called & HEADERS.keys()})
+    includes = "".join(f'#include "{header}"\n' for header in headers)
     return f"""/* SPDX-License-Identifier: Apache-2.0 */
 /* The prototype is {cls.__name__} in {where}. */
 #include "{s.header}"

@@ -71,21 +71,21 @@ def test_seed_name_and_memory_fix_its_random_numbers():
         sim.run(2 * s)
         return sim
 
-    one = flown(1)
-    walk = one.world.drag.walk
+    first = flown(1)
+    walk = first.world.drag.walk
     assert flown(1).world.drag.walk == walk != flown(2).world.drag.walk
-    snapshot, clone = one.snapshot(), one.clone()
-    for sim in (one, clone):
+    snapshot, clone = first.snapshot(), first.clone()
+    for sim in (first, clone):
         sim.run(2 * s)
-    end = objects.memory(one.world.drag)
+    end = objects.memory(first.world.drag)
     assert objects.memory(clone.world.drag) == end
-    one.restore(snapshot)
-    assert one.world.drag.walk == walk
-    one.run(2 * s)
-    assert objects.memory(one.world.drag) == end
-    one.reset()
-    one.run(2 * s)
-    assert one.world.drag.walk == walk
+    first.restore(snapshot)
+    assert first.world.drag.walk == walk
+    first.run(2 * s)
+    assert objects.memory(first.world.drag) == end
+    first.reset()
+    first.run(2 * s)
+    assert first.world.drag.walk == walk
 
 
 def uniform_stream(seed, name):

@@ -72,7 +72,7 @@ def test_it_flies_in_the_loop_as_any_module():
     np.testing.assert_allclose(log["slew.reference.sigma_RN"][-1],
                                [0, 0, np.tan(sim.flight.slew.phase / 4)], rtol=1e-15)
     np.testing.assert_array_equal(sim.flight.spin.base.sigma_RN, sim.flight.slew.reference.sigma_RN)
-    assert [one for one in sim.health if one.kind == "degraded" and one.path == "flight.slew.reference"]
+    assert [finding for finding in sim.health if finding.kind == "degraded" and finding.path == "flight.slew.reference"]
     sim.reset()
     assert sim.flight.slew.phase == 0.125 and not sim.flight.slew.reference.sigma_RN.any()
 
@@ -142,11 +142,11 @@ def test_a_class_that_is_defined_again_has_the_memory_of_the_first():
         return Ramp
 
     first, second = define(2), define(3)
-    one, two = first(), second()
-    for module in (one, two):
+    first_module, second_module = first(), second()
+    for module in (first_module, second_module):
         module.reset()
         module.update(t=1.0)
-    assert type(one) is type(two) and (one.value, two.value) == (2, 3)
+    assert type(first_module) is type(second_module) and (first_module.value, second_module.value) == (2, 3)
 
 
 def test_the_tables_of_headers_and_their_description_agree():
@@ -417,7 +417,7 @@ def test_an_output_that_is_degraded_may_hold_what_is_not_finite():
 
     sim = slewing(define(reference=out(fsw.AttReference), update=update)())
     sim.run(1 * s)
-    assert "not finite" in {one.kind for one in sim.health}
+    assert "not finite" in {finding.kind for finding in sim.health}
 
 
 # --- missions --------------------------------------------------------------------------------------

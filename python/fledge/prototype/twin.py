@@ -24,7 +24,7 @@ def load(text: str) -> Any:
         raise SetupError(f"there is no {path}")
     with MissionFiles(Mission(path.resolve().parent)) as files:
         module = files.execute(path.stem)
-    known = [n for n, one in vars(module).items() if isinstance(one, type) and "_struct" in vars(one)]
+    known = [n for n, value in vars(module).items() if isinstance(value, type) and "_struct" in vars(value)]
     if name not in known:
         raise SetupError(f"{path} has no prototype '{name}'{did_you_mean(name, known)} it has {listed(known)}")
     return getattr(module, name)
@@ -44,13 +44,13 @@ def compare(mission: str | os.PathLike[str], first: Any, second: Any, duration: 
 
     sim = load_mission(mission, seed)
     name = _core.struct(first._memory if hasattr(first, "_memory") else first).name
-    found = [(process, key, one) for process in sim.processes for key, one in process.instances.items()
-             if _core.struct(one).name in (name, getattr(second, "__name__", name))]
-    if not found:
+    matches = [(process, key, instance) for process in sim.processes for key, instance in process.instances.items()
+               if _core.struct(instance).name in (name, getattr(second, "__name__", name))]
+    if not matches:
         raise SetupError(
             f"the mission {sim.name} flies no {name}: name one that flies the prototype or what replaces it")
-    process, key, live = found[0]
-    task = next((one for one in process.tasks if key in one.run), None)
+    process, key, live = matches[0]
+    task = next((candidate for candidate in process.tasks if key in candidate.run), None)
     if task is None:
         raise SetupError(f"{process.name}.{key} stands in no task of {sim.name}: nothing updates it")
     inputs = [f.name for f in _core.struct(live).fields if f.group == "in" and not f.spare
@@ -60,9 +60,9 @@ def compare(mission: str | os.PathLike[str], first: Any, second: Any, duration: 
     record = sim.record(*(getattr(live, n) for n in inputs), every=every) if inputs else None
     if record is not None:
         sim.run(time_ns(duration, "compare: duration") / 1e9)
-    one, other = (_flown(kind, parameters, record, process.name, key, inputs, task, duration, seed)
-                  for kind in (first, second))
-    return _compare(one, other, within)
+    first_log, second_log = (_flown(kind, parameters, record, process.name, key, inputs, task, duration, seed)
+                             for kind in (first, second))
+    return _compare(first_log, second_log, within)
 
 
 def _flown(kind: Any, parameters: Any, record: Any, process: str, name: str, inputs: Any, task: Any, duration: Any,
@@ -70,26 +70,26 @@ def _flown(kind: Any, parameters: Any, record: Any, process: str, name: str, inp
     """The log of the outputs of one instance that flies alone, under the same name, which seeds its random numbers."""
     from fledge.mission.simulation import Simulation
 
-    one = kind(**parameters)
+    instance = kind(**parameters)
     sim = Simulation("compare", seed)
-    there = sim.flight if isinstance(one, _core.Module) else sim.world
-    setattr(there, name, one)
+    there = sim.flight if isinstance(instance, _core.Module) else sim.world
+    setattr(there, name, instance)
     for port in inputs:
-        sim.feed(getattr(one, port), record, topic=f"{process}.{name}.{port}")
-    there.task("task", every=task.period / 1e9, offset=task.offset / 1e9, run=[one])
-    log = sim.record(one, every=task.period / 1e9)
+        sim.feed(getattr(instance, port), record, topic=f"{process}.{name}.{port}")
+    there.task("task", every=task.period / 1e9, offset=task.offset / 1e9, run=[instance])
+    log = sim.record(instance, every=task.period / 1e9)
     sim.run(time_ns(duration, "compare: duration") / 1e9)
     return log
 
 
-def _compare(one: Any, other: Any, within: float) -> float:
+def _compare(first: Any, second: Any, within: float) -> float:
     """The greatest distance of the numbers in two logs of the same ports."""
     import numpy as np
 
     from fledge.mission.log import leaves
 
     worst, text = 0.0, ""
-    for ours, theirs in zip(one._ports(), other._ports()):
+    for ours, theirs in zip(first._ports(), second._ports()):
         (times, a), (_, b) = ours.decoded(), theirs.decoded()
         for name, field, parts in leaves(ours.core.struct):
             x, y = a, b

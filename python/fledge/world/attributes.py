@@ -171,12 +171,12 @@ def _get_coefficients(field: _core.Model) -> str:
     return file.stem if file.parent == _MAGNETIC_FILES else _core.coefficients(field)
 
 
-def _asked(name: str, doc: str) -> property:
-    def ask(part: _core.Model, source: Any) -> None:
+def _source_of(name: str, doc: str) -> property:
+    def set_source(part: _core.Model, source: Any) -> None:
         _changes(part)
-        _core.ask(part, source, name)
+        _core.set_source(part, source, name)
 
-    return property(_core.asked, ask, None, doc)
+    return property(_core.source, set_source, None, doc)
 
 
 class _Signature:
@@ -222,13 +222,13 @@ def _add_attributes(types: dict[str, Any]) -> None:
         types[name].sun = _first_body("sun")
         types[name].shadows = property(lambda model: _bodies(_core.bodies(model))[1:], _set_shadows, None,
                                        f"The bodies that may hide the {hidden}; assigning adds.")
-    types["Radio"].station = _asked("station", "The GroundStation with which it speaks.")
+    types["Radio"].station = _source_of("station", "The GroundStation with which it speaks.")
     types["Radio"].serves = property(_core.serves, _set_serves, None,
                                      "The flight process whose bytes it carries, or its name.")
     types["Magnetism"].coefficients = property(
         _get_coefficients, _set_coefficients, None,
         'A model of the Earth\'s field by its name, "WMM2025" or "IGRF-14", or by its file (.COF); or empty.')
-    types["Thrusters"].panels = _asked("panels", "The HingedPanels on which some are mounted.")
-    types["Drag"].air = _asked("air", "The Atmosphere that it feels.")
-    types["TorqueRods"].field = _asked("field", "The Magnetism in which they are.")
-    types["SolarPressure"].light = _asked("light", "The Sunlight that it feels.")
+    types["Thrusters"].panels = _source_of("panels", "The HingedPanels on which some are mounted.")
+    types["Drag"].air = _source_of("air", "The Atmosphere that it feels.")
+    types["TorqueRods"].field = _source_of("field", "The Magnetism in which they are.")
+    types["SolarPressure"].light = _source_of("light", "The Sunlight that it feels.")

@@ -148,9 +148,9 @@ def rewound(t, *options, code=0, out="again", run="runs/first"):
 @pytest.mark.parametrize("t", [0.7, 5.3, 14.75, 16.2, 18])
 def test_from_any_instant_flight_on_the_leon3_goes_on_with_the_same_bytes(t, flown, capfd):
     assert hashes(rewound(t)) == hashes(flown)
-    said = capfd.readouterr().out
+    output = capfd.readouterr().out
     start = "from     the start: " + ("ground" if t > 1 else "world, flight, ground")
-    assert (f"from     {int(t)} s: world, flight\n" in said) == (t > 1) and start in said
+    assert (f"from     {int(t)} s: world, flight\n" in output) == (t > 1) and start in output
 
 
 @pytest.mark.long("flies on the LEON3 twice")
@@ -207,9 +207,9 @@ class Paused:
     def ends(self, *paused, code=0):
         for number in paused:
             Path(f"go{number}").touch()
-        said, _ = self.process.communicate()
-        assert self.process.returncode == code and not self.mark.gone(), said
-        return said
+        output, _ = self.process.communicate()
+        assert self.process.returncode == code and not self.mark.gone(), output
+        return output
 
 
 @pytest.mark.long("flies on targets twice")
@@ -224,9 +224,9 @@ def test_flight_that_is_killed_goes_on_with_the_same_bits(target, programs, flow
             for pid in run.programs(program):
                 os.kill(pid, 9)
             Path(f"go{number}").touch()
-        said = run.ends(2, 3)
-    assert said.count("; restarted, it ") == len(programs), said
-    assert ("it goes on from 4 s" in said) == (target == "leon3"), said
+        output = run.ends(2, 3)
+    assert output.count("; restarted, it ") == len(programs), output
+    assert ("it goes on from 4 s" in output) == (target == "leon3"), output
     if target == "leon3":
         assert hashes(Path("runs/killed")) == hashes(flown)
     else:
@@ -240,13 +240,13 @@ def test_a_full_disk_ends_the_run_and_it_goes_on_from_before(flown, capfd):
         record = Path("runs/full/flight/leon3.mcap.part")
         pid, = run.programs("fledge_leon3 ")
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (record.stat().st_size + 1,) * 2)
-        said = run.ends(1, 2, 3, code=1)
-    assert "flight: it failed: leon3.mcap: File too large" in said
+        output = run.ends(1, 2, 3, code=1)
+    assert "flight: it failed: leon3.mcap: File too large" in output
     assert hashes(rewound(3.9, run="runs/full")) == hashes(flown)
     with Paused(write("first"), "full") as run:
         run.at(1)
         Path("runs/full/snapshots/6000000000.snapshots.part").mkdir()   # so that no file can be written
-        said = run.ends(1, 2, 3, code=1)
-    assert "cannot write the snapshots " in said and "is there room in the file system?" in said
+        output = run.ends(1, 2, 3, code=1)
+    assert "cannot write the snapshots " in output and "is there room in the file system?" in output
     assert hashes(rewound(5.5, run="runs/full")) == hashes(flown)
     assert "from     5 s: world, flight" in capfd.readouterr().out

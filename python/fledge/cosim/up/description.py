@@ -41,8 +41,8 @@ class SimError(Exception):
 def _key(check: str, default: Any = None, *arguments: Any, of: str = "") -> Any:
     """A field that a key of the file fills. check: the method of _Reader that reads it; of: "node" if only nodes have
     the key, "asynchronous" if only asynchronous programs have it."""
-    made = {"default_factory": default} if callable(default) else {"default": default}
-    return field(**made, metadata={"check": check, "arguments": arguments, "of": of})
+    default_ = {"default_factory": default} if callable(default) else {"default": default}
+    return field(**default_, metadata={"check": check, "arguments": arguments, "of": of})
 
 
 @dataclass
@@ -270,7 +270,8 @@ class _Reader(Tables):
         for path, p in plan.tables():
             for topic in self.written.get(p.name, ()):
                 place, other = found.setdefault(p.named(topic), (path, p))
-                mapped = next(((where, one) for where, one in ((path, p), (place, other)) if one.topics or one.prefix),
+                ends = (path, p), (place, other)
+                mapped = next(((where, program) for where, program in ends if program.topics or program.prefix),
                               None)
                 if other is not p and mapped:
                     self.refuse((*mapped[0], "topics" if mapped[1].topics else "prefix"), "a topic has one writer",
@@ -278,15 +279,15 @@ class _Reader(Tables):
                                 "give one of them another prefix, or this topic another name")
                     break
 
-    def fill(self, made: Plan | Program, table: dict, path: tuple, kind: str, others: tuple[str, ...] = ()) -> None:
+    def fill(self, target: Plan | Program, table: dict, path: tuple, kind: str, others: tuple[str, ...] = ()) -> None:
         """Fill a Plan or Program from a table. A wrong value leaves the default. others: further keys of the table."""
-        keys = {f.name: f.metadata for f in fields(made) if f.metadata and f.metadata["of"] in ("", kind)}
+        keys = {f.name: f.metadata for f in fields(target) if f.metadata and f.metadata["of"] in ("", kind)}
         self.keys(table, path, (*keys, *others))
         for key, how in keys.items():
             if key in table:
                 value = getattr(self, how["check"])(table, path, key, *how["arguments"])
                 if value not in (None, ""):
-                    setattr(made, key, value)
+                    setattr(target, key, value)
 
     # ---- the network
 
@@ -425,11 +426,11 @@ class _Reader(Tables):
                         "it is relative to this file's folder")
             return
         links = [urlsplit(str(craft.get("link", ""))) for craft in crafts if isinstance(craft, dict)]
-        found = [(link.path, dict(parse_qsl(link.query)).get("radio")) for link in links if link.scheme == "cosim"]
-        if not found:
+        radios = [(link.path, dict(parse_qsl(link.query)).get("radio")) for link in links if link.scheme == "cosim"]
+        if not radios:
             self.refuse((*path, "serve"), "a control room in a co-simulation has a spacecraft there",
                         f"none in {file} has a link cosim:PROCESS", 'write link = "cosim:flight" in its [[craft]]')
-        self.carries(table, p, found)
+        self.carries(table, p, radios)
 
     @staticmethod
     def carries(table: dict, p: Program, links: list[tuple[str, str | None]]) -> None:
@@ -496,7 +497,7 @@ class _Reader(Tables):
                             f"{process} has no {topic}", f"did you mean {near[0]}?" if near else
                             f"choose of {', '.join(known)}")
         for topic in known:
-            other = next((one for one in p.topics if one != topic and p.topics[one] == p.named(topic)), None)
+            other = next((name for name in p.topics if name != topic and p.topics[name] == p.named(topic)), None)
             if other:
                 self.refuse((*path, "topics"), "topics stay apart", f"{other} and {topic} of {process} both become "
                             f"{p.named(topic)}", "choose another name")
@@ -516,7 +517,7 @@ class _Reader(Tables):
         elif serial_line.is_line(p.target):
             self.at_line(path, p)
         elif serial_line.is_apart(p.target):
-            pass        # what is wrong with a host shows when it is asked
+            pass        # problems of a host show when the session connects to it
         elif p.target not in names:
             near = difflib.get_close_matches(p.target, names, 1)
             self.refuse((*path, "target"), "the target is one of Fledge or of this project",
@@ -627,17 +628,17 @@ class _Reader(Tables):
         return prefix
 
     def topic_map(self, table: dict, path: tuple, key: str) -> dict[str, str] | None:
-        found = self.table(table, path, key)
-        for ours, of_run in found.items():
+        value = self.table(table, path, key)
+        for ours, of_run in value.items():
             if not all(isinstance(t, str) and re.fullmatch(r"/[^,>\s]{1,254}", t) and t.isprintable()
                        for t in (ours, of_run)):
                 self.refuse((*path, key), "`topics` renames topics", f"{shown(ours)} is {shown(of_run)}",
                             'write for example topics = { "/world/nav/orbit" = "/other/orbit" }')
                 return None
-        for of_run in {t for t in found.values() if list(found.values()).count(t) > 1}:
+        for of_run in {t for t in value.values() if list(value.values()).count(t) > 1}:
             self.refuse((*path, key), "topics stay apart", f"two of them become {of_run}", "choose another name")
             return None
-        return found
+        return value
 
     def environment(self, table: dict, path: tuple, key: str) -> dict[str, str] | None:
         env = self.table(table, path, key)
@@ -676,8 +677,8 @@ def topics_of(mission: str, parameters: dict, scenario: str | None) -> dict[str,
         set_up(sim, chosen(sim, scenario)[1])
     sim.check()
     crossing = crossing_wires(sim)
-    return {p.name: ([f"/{p.name}/{name}/{f.name}" for name, one in p.instances.items()
-                      for f in objects.struct(one).fields if f.group == "out"],
+    return {p.name: ([f"/{p.name}/{name}/{f.name}" for name, instance in p.instances.items()
+                      for f in objects.struct(instance).fields if f.group == "out"],
                      list(dict.fromkeys(wire.topic for wire in crossing if wire.port.startswith(p.name + "."))),
                      p in sim.flights)
             for p in sim.processes}

@@ -72,7 +72,7 @@ def test_a_good_file(folder):
     assert plan.listening().startswith("ipc://@fledge-duo-") and plan.listening() != plan.listening()
 
 
-def test_what_is_not_said_has_a_default(folder):
+def test_what_is_left_out_has_a_default(folder):
     plan = read(write(folder, '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\non_loss = "restart"'))
     assert (plan.simulation, plan.until, plan.seed, plan.pace, plan.join, plan.reply) == ("sim", None, 0, 0, 60, 60)
     assert (plan.greet, plan.any_user) == (30, False)

@@ -40,7 +40,7 @@ def start(file, mark):
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
-def said(folder, simulation, name):
+def output_of(folder, simulation, name):
     file = folder / "runs" / simulation / "log" / f"{name}.log"
     return file.read_text() if file.exists() else ""
 
@@ -50,7 +50,7 @@ def named(mark, pattern):
 
 
 def cycle(folder, mark, phase, victim, rng):
-    """Kill one in a phase; returns what `fledge up` said and how it ended."""
+    """Kill a program in a phase; returns the output of `fledge up` and how it ended."""
     simulation = f"kill-{os.getpid()}-{rng.getrandbits(32):x}"
     file = write_pair(folder, until=0.3 if phase == "ending" else 1e6, simulation=simulation,
                       mass=f'env = {{ CHILD = "1", LINGERS = "{3 if phase == "ending" else 0}" }}')
@@ -59,9 +59,9 @@ def cycle(folder, mark, phase, victim, rng):
         if phase == "gathering":
             wait_for(lambda: named(mark, VICTIMS["mass"]))
         elif phase == "running":
-            wait_for(lambda: "the mass is at" in said(folder, simulation, "mass"))
+            wait_for(lambda: "the mass is at" in output_of(folder, simulation, "mass"))
         elif phase == "ending":
-            wait_for(lambda: "the mass leaves" in said(folder, simulation, "mass"))
+            wait_for(lambda: "the mass leaves" in output_of(folder, simulation, "mass"))
         time.sleep(rng.uniform(0, 0.3) if phase == "starting" else rng.uniform(0, 0.05))
         for pid in named(mark, VICTIMS[victim])[:1]:
             try:
@@ -124,17 +124,17 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
     process = start(file, mark)
     lines = 0
     for k in range(kills):      # one that does not get further would be given up
-        wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > k)
-        wait_for(lambda: said(tmp_path, simulation, "mass").count("\n") > lines)
+        wait_for(lambda: output_of(tmp_path, simulation, "spring").count("the spring is there") > k)
+        wait_for(lambda: output_of(tmp_path, simulation, "mass").count("\n") > lines)
         time.sleep(rng.uniform(0.0, 0.2))
         os.kill(wait_for(lambda: named(mark, VICTIMS["spring"]))[0], signal.SIGKILL)
-        lines = said(tmp_path, simulation, "mass").count("\n")
-    wait_for(lambda: said(tmp_path, simulation, "spring").count("the spring is there") > kills)
+        lines = output_of(tmp_path, simulation, "mass").count("\n")
+    wait_for(lambda: output_of(tmp_path, simulation, "spring").count("the spring is there") > kills)
     (tmp_path / "go").touch()
     out, _ = process.communicate()
     assert process.returncode == 0, out
     assert out.count("spring was killed by SIGKILL; it is started again") == kills
-    assert said(tmp_path, simulation, "mass") == said(tmp_path / "alone", simulation, "mass")
+    assert output_of(tmp_path, simulation, "mass") == output_of(tmp_path / "alone", simulation, "mass")
     assert not sockets_and_memory(simulation)
 
 
@@ -154,7 +154,7 @@ save_every = 20
 
 
 def fly_processes(folder, mark, on_loss, kills):
-    """Fly nadir_spin in two programs, and kill flight so often; returns what `fledge up` said, and how it ended."""
+    """Fly nadir_spin in two programs, and kill flight so often; returns the output of `fledge up`, and how it ended."""
     folder.mkdir()
     simulation = f"{folder.name}-{os.getpid()}"
     file = folder / "pair.toml"
@@ -259,7 +259,7 @@ def test_ctrl_c_ends_all_in_order(mark, tmp_path):
     assert terminal.end() == 130
     assert f"{simulation} ended early: the user ended it" in terminal.text
     assert terminal.text.count("\x1b[?25h") and terminal.text.rindex("\x1b[?25h") > terminal.text.rindex("\x1b[?25l")
-    assert "the mass leaves" in said(tmp_path, simulation, "mass"), "the controller did not announce the end"
+    assert "the mass leaves" in output_of(tmp_path, simulation, "mass"), "the controller did not announce the end"
     assert mark.gone() == [] and not sockets_and_memory(simulation)
 
 

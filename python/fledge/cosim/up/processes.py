@@ -50,7 +50,7 @@ class Process:
         """Of its guard, or of the launcher of the guard."""
         return self._process.pid
 
-    def look(self) -> bool:
+    def poll(self) -> bool:
         """Whether it has ended; then `code` is set."""
         if self.code is None:
             code = self._process.poll()
@@ -60,7 +60,7 @@ class Process:
         return self.code is not None
 
     def end(self) -> None:
-        """Make the guard end it: with SIGTERM, five seconds later with SIGKILL. Does not wait; see look()."""
+        """Make the guard end it: with SIGTERM, five seconds later with SIGKILL. Does not wait; see poll()."""
         if not self._lifeline.closed:
             self._lifeline.close()
 
@@ -91,10 +91,10 @@ def descendants(of: int) -> list[int]:
                 continue
             if rest[0] not in "ZX":
                 parents.setdefault(int(rest[1]), []).append(int(entry.name))
-    found = list(parents.get(of, ()))
-    for pid in found:
-        found += parents.get(pid, ())
-    return found
+    children = list(parents.get(of, ()))
+    for pid in children:
+        children += parents.get(pid, ())
+    return children
 
 
 def end_strays(known: set[int]) -> int:
@@ -103,20 +103,20 @@ def end_strays(known: set[int]) -> int:
     count = 0
     while True:
         try:
-            one = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            ended = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         except ChildProcessError:
             break
-        if one is None or one.si_pid in known:
+        if ended is None or ended.si_pid in known:
             break
-        os.waitpid(one.si_pid, 0)
-    kept = set(known)
+        os.waitpid(ended.si_pid, 0)
+    rest = set(known)
     for pid in descendants(os.getpid()):
-        if pid in kept:
+        if pid in rest:
             continue
         try:
             parent = int(Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[1])
-            if parent in kept:
-                kept.add(pid)
+            if parent in rest:
+                rest.add(pid)
                 continue
             os.kill(pid, signal.SIGKILL)
             count += 1

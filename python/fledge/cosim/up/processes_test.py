@@ -20,10 +20,10 @@ FAMILY = ["sh", "-c", "trap '' TERM; setsid sh -c \"trap '' TERM HUP; sleep 600\
 
 @pytest.fixture
 def mark():
-    one = Mark()
-    yield one
-    left = one.gone(0)
-    one.kill()
+    marker = Mark()
+    yield marker
+    left = marker.gone(0)
+    marker.kill()
     assert not left
 
 
@@ -96,7 +96,7 @@ def test_one_that_is_stopped_ends(mark):
     assert mark.gone(0) == []
 
 
-def test_who_is_asked_may_end_in_its_own_way(mark):
+def test_a_program_that_is_to_end_may_end_in_its_own_way(mark):
     process = there(start(["sh", "-c", "trap 'exit 5' TERM; echo there; while :; do sleep 0.01; done"], mark))
     process.end()
     assert wait(process) == 5
@@ -118,7 +118,7 @@ from fledge.cosim.up.processes import Process, adopt_strays, end_strays
 adopt_strays()
 process = Process(sys.argv[2:], sys.argv[1], None)
 print(process.pid, flush=True)
-while not process.look():
+while not process.poll():
     time.sleep(0.01)
 while end_strays(set()):
     time.sleep(0.01)
@@ -147,7 +147,7 @@ def test_nothing_is_left_of_a_killed_guard(mark, owner):
 
 
 @pytest.mark.long("waits 5 s")
-def test_nothing_is_left_when_who_started_it_is_killed(mark, owner):
+def test_nothing_is_left_when_the_starter_is_killed(mark, owner):
     owner.kill()
     assert mark.gone() == []
 
@@ -168,7 +168,7 @@ def test_what_was_started_here_is_no_stray(mark):
     process = family(mark)
     others = set(descendants(os.getpid())) - {pid for pid, _ in mark.processes()}
     assert end_strays(others | {process.pid}) == 0
-    assert process.look() is False
+    assert process.poll() is False
     process.end()
     wait(process)
 

@@ -169,8 +169,8 @@ def again(t, code=0, *options, first="pair", out="again"):
     return Path("runs") / out
 
 
-def same(one, other, names=("exchange", "world", "flight"), until=1e9):
-    return all(messages(one / f"{name}.mcap", until) == messages(other / f"{name}.mcap", until) for name in names)
+def same(first, second, names=("exchange", "world", "flight"), until=1e9):
+    return all(messages(first / f"{name}.mcap", until) == messages(second / f"{name}.mcap", until) for name in names)
 
 
 @pytest.fixture
@@ -190,9 +190,9 @@ def test_from_random_instants_a_run_goes_on_with_the_same_bytes(flown, capfd):
         assert same(new, flown), t
         assert (new / "exchange.mcap").read_bytes() == (flown / "exchange.mcap").read_bytes(), t
         assert len(list((new / "snapshots").iterdir())) == 11 - int(2 * t)
-        said = capfd.readouterr().out
-        assert (f"from     {int(2 * t) / 2:g} s: mass, world, flight\n" in said) == (t >= 0.5), said
-        assert "from     the start: " + ("spring" if t >= 0.5 else "mass, spring, world, flight") in said
+        output = capfd.readouterr().out
+        assert (f"from     {int(2 * t) / 2:g} s: mass, world, flight\n" in output) == (t >= 0.5), output
+        assert "from     the start: " + ("spring" if t >= 0.5 else "mass, spring, world, flight") in output
         assert ("restored" in (new / "log/mass.log").read_text()) == (t >= 0.5)
         assert json.loads((new / "run.json").read_text())["from"] == {"run": str(flown), "t": t}
 
@@ -218,11 +218,11 @@ def test_a_program_that_steers_lets_the_run_go_back(flown, capfd):
     with open(write("steered", ground=None), "a", encoding="utf-8") as file:
         file.write(STEERS.format(python=sys.executable))
     run("up", "steered.toml", "--pace", 4)
-    said = capfd.readouterr().out
-    assert "hand asks for the instant 5.5 s, but the run is at" in said
-    assert "hand asks for the instant 1 s, but spring has changed since the run began" in said
-    assert "steered: back to 1.2 s, in runs/steered@1.2s\n" in said
-    first, second = (messages(Path(f"runs/{one}/exchange.mcap")) for one in ("steered", "steered@1.2s"))
+    output = capfd.readouterr().out
+    assert "hand asks for the instant 5.5 s, but the run is at" in output
+    assert "hand asks for the instant 1 s, but spring has changed since the run began" in output
+    assert "steered: back to 1.2 s, in runs/steered@1.2s\n" in output
+    first, second = (messages(Path(f"runs/{name}/exchange.mcap")) for name in ("steered", "steered@1.2s"))
     flown = messages(flown / "exchange.mcap")
     del flown["/ground/push"]
     assert second == flown and max(first["/mass/state"][0]) < 5.5e9
@@ -255,9 +255,9 @@ def test_what_cannot_be_rewound_is_refused_with_what_to_do(flown, capfd):
     for damaged, why in ((whole[:-9], "it is cut off"), (whole[:-300] + b"!" + whole[-299:], "the checksum of flight"),
                          (b"", "it does not begin as such a file")):
         newest.write_bytes(damaged)
-        said = refused()
-        assert f"{newest.relative_to(Path.cwd())} is damaged: {why}" in said
-        assert "; delete it, and the run goes on from the snapshots before" in said
+        output = refused()
+        assert f"{newest.relative_to(Path.cwd())} is damaged: {why}" in output
+        assert "; delete it, and the run goes on from the snapshots before" in output
     newest.unlink()
     assert same(again(2), flown)
     assert "from     1.5 s: mass" in capfd.readouterr().out

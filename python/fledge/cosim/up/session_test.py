@@ -28,10 +28,10 @@ def test_two_programs_fly_to_the_end(mark, tmp_path):
     assert re.search(r"\nmass +finished +2\.00 s .*\nspring +finished +2\.00 s ", done.stdout)
     assert re.search(r"\n  flown    2 s in [\d.]+ s, [\d.]+ times real time\n", done.stdout)
     assert done.stdout.endswith("  logs     runs/pair/log\n")
-    said = logs(tmp_path)
-    assert said["mass"].splitlines()[0] == "the mass is at 1.0" and said["mass"].endswith("the mass leaves\n")
-    assert sorted(said) == ["all", "controller", "mass", "spring"]
-    assert re.search(r"^ +\d+\.\d{3} spring     \| the spring is there$", said["all"], re.M)
+    output = logs(tmp_path)
+    assert output["mass"].splitlines()[0] == "the mass is at 1.0" and output["mass"].endswith("the mass leaves\n")
+    assert sorted(output) == ["all", "controller", "mass", "spring"]
+    assert re.search(r"^ +\d+\.\d{3} spring     \| the spring is there$", output["all"], re.M)
 
 
 @pytest.mark.long("flies three missions")
@@ -81,7 +81,7 @@ def test_options_win_over_the_file(mark, tmp_path):
 
 
 @pytest.mark.long("flies by the wall clock")
-def test_a_pace_is_kept_or_it_is_said_that_it_is_not(mark, tmp_path):
+def test_a_pace_holds_or_its_loss_is_reported(mark, tmp_path):
     file = write_pair(tmp_path, until=1, top="pace = 2")
     done = up(file, mark=mark)
     assert done.returncode == 0, done.stderr
@@ -94,7 +94,7 @@ def test_a_pace_is_kept_or_it_is_said_that_it_is_not(mark, tmp_path):
     assert logs(tmp_path)["mass"] == paced
 
 
-def test_who_is_slow_is_seen(mark, tmp_path):
+def test_a_slow_program_is_named(mark, tmp_path):
     done = up(write_pair(tmp_path, until=0.5, mass='env = { NAP = "0.05" }'), mark=mark)
     assert done.returncode == 0, done.stderr
     assert re.search(r"\nmass .* slowest\n", done.stdout)
@@ -145,8 +145,8 @@ node = Node""", 1))
     done = up(file, *options, mark=mark, env={"PYTHONIOENCODING": "ascii"})
     assert done.returncode == 1
     assert "spring: it failed: ValueError: a ?[2J?]0;title??31m??\\u885b pole" in done.stderr
-    said = (done.stdout + done.stderr).replace("\n", "")
-    assert all(character.isprintable() for character in said), ascii(said)
+    output = (done.stdout + done.stderr).replace("\n", "")
+    assert all(character.isprintable() for character in output), ascii(output)
     assert "Traceback" not in done.stderr.replace("  | ", "") and "defect" not in done.stderr
     assert b"\x1b[2J" in (tmp_path / "runs/pair/log/mass.log").read_bytes()     # the file has what the program wrote
 
@@ -521,13 +521,13 @@ def test_one_that_is_killed_at_a_time_is_lost_there(mark, tmp_path, policy):
     file = write_pair(tmp_path, spring="" if policy == "restart" else f'killed = 1\non_loss = "{policy}"')
     done = up(file, "--exchange", mark=mark)
     assert done.returncode == 0, done.stdout + done.stderr
-    one, again = (Archive(folder / "exchange.mcap") for folder in (first, tmp_path / "runs/pair"))
-    assert compare(one, again) == []
-    x = one["/mass/state"]["x"][:, 0]
+    whole, again = (Archive(folder / "exchange.mcap") for folder in (first, tmp_path / "runs/pair"))
+    assert compare(whole, again) == []
+    x = whole["/mass/state"]["x"][:, 0]
     assert len(x) == 201
     steps = np.diff(x, 2) / 1e-4        # the force at each instant
     if policy == "restart":
         assert np.ptp(steps[110:]) > 0.01
     else:       # the last one counts on, or none
         assert steps[105:] == pytest.approx(-x[100] if policy == "hold" else 0.0, abs=1e-9)
-        assert abs(steps[90]) > 0.1 and one.time("/spring/force")[-1] == (1 if policy == "hold" else 1.01)
+        assert abs(steps[90]) > 0.1 and whole.time("/spring/force")[-1] == (1 if policy == "hold" else 1.01)

@@ -267,7 +267,7 @@ void sink_update(Sink *m, Tick t)
 def kinds():
     """(folder that holds kinds/noise.h and .c, the library's types by name), built and loaded once."""
     folder = tempfile.TemporaryDirectory()
-    kept.append(folder)
+    folders.append(folder)
     root = Path(folder.name)
     (root / "kinds").mkdir()
     (root / "kinds" / "noise.h").write_text(HEADER)
@@ -280,14 +280,14 @@ def kinds():
     return root, objects.load_library(str(root / "kinds.so"), "kinds")
 
 
-kept: list[tempfile.TemporaryDirectory] = []
+folders: list[tempfile.TemporaryDirectory] = []
 
 
 def decoded(struct, raw, base=0):
     """A struct's bytes as dicts, lists and numbers: whole numbers exactly, spares and texts left out."""
     import numpy as np
 
-    found = {}
+    decoded_ = {}
     for field in struct.fields:
         if field.spare or field.type == "char":
             continue
@@ -295,8 +295,8 @@ def decoded(struct, raw, base=0):
         if field.type == "struct":
             size = field.struct.size
             rows = [decoded(field.struct, raw, i) for i in range(at, at + field.size, size)]
-            found[field.name] = rows if field.shape else rows[0]
+            decoded_[field.name] = rows if field.shape else rows[0]
         else:
             values = np.frombuffer(raw, ELEMENTS[field.type].dtype, field.size // ELEMENTS[field.type].size, at)
-            found[field.name] = values.reshape(field.shape).tolist() if field.shape else values[0].item()
-    return found
+            decoded_[field.name] = values.reshape(field.shape).tolist() if field.shape else values[0].item()
+    return decoded_

@@ -127,7 +127,7 @@ class Mark:
 
     def processes(self):
         """(pid, command line) of all that live."""
-        found = []
+        lines = []
         for entry in Path("/proc").iterdir():
             if not entry.name.isdigit() or int(entry.name) == os.getpid():
                 continue
@@ -135,10 +135,10 @@ class Mark:
                 if self.value.encode() in (entry / "environ").read_bytes().split(b"\0"):
                     if (entry / "stat").read_text(errors="replace").rpartition(")")[2].split()[0] not in "ZX":
                         words = (entry / "cmdline").read_bytes().split(b"\x00")
-                        found.append((int(entry.name), b" ".join(words).decode(errors="replace").strip()))
+                        lines.append((int(entry.name), b" ".join(words).decode(errors="replace").strip()))
             except OSError:
                 continue
-        return found
+        return lines
 
     def gone(self, seconds=PATIENCE):
         """What still lives after so long; [] as soon as nothing does."""
@@ -172,8 +172,8 @@ def up(file, *options, mark=None, folder=None, **kwargs):
 @pytest.fixture
 def mark():
     """All that a test starts has ended when it has."""
-    one = Mark()
-    yield one
-    left = one.gone()
-    one.kill()
+    marker = Mark()
+    yield marker
+    left = marker.gone()
+    marker.kill()
     assert not left
