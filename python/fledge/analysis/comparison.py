@@ -26,7 +26,7 @@ class Flight:
     or "unjudged" where nothing judges the flight; "violated": a requirement does not hold that held without the fault;
     of a mission without requirements: a check of the scenario; "unknown": one cannot be judged; "failed": the run did
     not come to its end
-    detected, by: when flight first said that something is wrong, and how
+    detected, by: when flight first reported a problem, and how
     isolated, as_: when it took a unit that has the fault out of use; wrongly: units without a fault that it took out
     back: when flight was back for good: in the modes of the undisturbed flight, and with each comparison of a violated
     requirement true that is true there; None: it was not by the end. 0: it never left
@@ -56,7 +56,7 @@ class Flight:
 
 
 class Seen(NamedTuple):
-    """What a flight left."""
+    """The results of a flight that are compared."""
     activity: list[Any]     # its happenings
     modes: dict[str, list[tuple[float, str]]]       # (t [s], mode) of each process with modes
     records: dict[str, tuple[Any, Any]]             # (times [ns], messages) of each port
@@ -76,15 +76,15 @@ def mode_at(seen: Seen, t: float) -> str:
 
 
 def compare(matrix: Matrix, name: str, baseline: Seen, seen: Seen, ns: int, faults: list[Fault]) -> Flight:
-    """What a fault that began at a time [ns] has changed in a scenario."""
+    """The changes in a scenario by faults that began at a time [ns]."""
     begin = ns / 1e9
-    found = Flight(name, mode_at(baseline, begin), begin, faults, text=seen.problem,
-                   ends=mode_at(seen, seen.duration))
-    says = [*_new_happenings(baseline, seen, begin), *_worse(baseline, seen, ns)]
+    flight = Flight(name, mode_at(baseline, begin), begin, faults, text=seen.problem,
+                    ends=mode_at(seen, seen.duration))
+    reports = [*_new_happenings(baseline, seen, begin), *_worse(baseline, seen, ns)]
     for path in matrix.detecting:
         names = enumerator_names(FieldPath(matrix.simulation, path).field)
-        says += [(t, f"{path} is {names.get(ours, ours)}, not {names.get(theirs, theirs)}")
-                 for t, ours, theirs in _differences(baseline, seen, path, ns)]
+        reports += [(t, f"{path} is {names.get(ours, ours)}, not {names.get(theirs, theirs)}")
+                    for t, ours, theirs in _differences(baseline, seen, path, ns)]
     isolated = []       # (t, unit, whether it has a fault)
     for path, units in matrix.isolating.items():
         own = functools.reduce(operator.or_, (units.get(fault.unit, 0) for fault in faults))
@@ -93,28 +93,28 @@ def compare(matrix: Matrix, name: str, baseline: Seen, seen: Seen, ns: int, faul
             for bit in range(32):
                 if ours & ~theirs & 1 << bit:
                     isolated.append((t, named.get(bit, f"bit {bit} of {path}"), bool(own & 1 << bit)))
-                    says.append((t, f"{path}: {isolated[-1][1]}"))
+                    reports.append((t, f"{path}: {isolated[-1][1]}"))
     for t, unit, right in sorted(isolated):
-        if right and found.isolated is None:
-            found.isolated, found.as_ = t - begin, unit
-        elif not right and unit not in found.wrongly:
-            found.wrongly.append(unit)
-    if says:
-        t, found.by = min(says)
-        found.detected = t - begin
-    found.off, found.off_end = _off(baseline, seen, begin)
-    _judge(found, baseline, seen, begin)
-    return found
+        if right and flight.isolated is None:
+            flight.isolated, flight.as_ = t - begin, unit
+        elif not right and unit not in flight.wrongly:
+            flight.wrongly.append(unit)
+    if reports:
+        t, flight.by = min(reports)
+        flight.detected = t - begin
+    flight.off, flight.off_end = _off(baseline, seen, begin)
+    _judge(flight, baseline, seen, begin)
+    return flight
 
 
 def _new_happenings(baseline: Seen, seen: Seen, begin: float) -> Iterator[tuple[float, str]]:
     """(t, text) of each event, mode, command or reset of flight that the undisturbed flight has not as often."""
-    left = Counter(one[1:4] for one in baseline.activity if one.t >= begin)
-    for one in seen.activity:
-        if one.t >= begin and one.process in seen.flights:
-            left[one[1:4]] -= 1
-            if left[one[1:4]] < 0:
-                yield one.t, f"{one.kind} {one.process}.{one.name}"
+    left = Counter(happening[1:4] for happening in baseline.activity if happening.t >= begin)
+    for happening in seen.activity:
+        if happening.t >= begin and happening.process in seen.flights:
+            left[happening[1:4]] -= 1
+            if left[happening[1:4]] < 0:
+                yield happening.t, f"{happening.kind} {happening.process}.{happening.name}"
 
 
 def _ports(baseline: Seen, seen: Seen, ns: float) -> Iterator[tuple[str, Any, Any, Any]]:
@@ -128,7 +128,7 @@ def _ports(baseline: Seen, seen: Seen, ns: float) -> Iterator[tuple[str, Any, An
 
 
 def _worse(baseline: Seen, seen: Seen, ns: int) -> Iterator[tuple[float, str]]:
-    """(t, text) where flight first says of an output that its quality is worse than in the undisturbed flight."""
+    """(t, text) where the quality of an output of flight is first worse than in the undisturbed flight."""
     for name, t, ours, theirs in _ports(baseline, seen, ns):
         if "head" in (ours.dtype.names or ()):
             at = (ours["head"]["quality"] < theirs["head"]["quality"]).nonzero()[0]
@@ -145,9 +145,9 @@ def _differences(baseline: Seen, seen: Seen, path: str, ns: int) -> Iterator[tup
     output, _, member = rest.partition(".")
     for name, t, ours, theirs in _ports(baseline, seen, ns):
         if name == f"{port}.{instance}.{output}":
-            one, other = (np.asarray(_member(values, member)).reshape(len(t), -1) for values in (ours, theirs))
-            for i, k in zip(*(one != other).nonzero()):
-                yield t[i] / 1e9, int(one[i, k]), int(other[i, k])
+            ours, theirs = (np.asarray(_member(values, member)).reshape(len(t), -1) for values in (ours, theirs))
+            for i, k in zip(*(ours != theirs).nonzero()):
+                yield t[i] / 1e9, int(ours[i, k]), int(theirs[i, k])
 
 
 def _member(values: Any, member: str) -> Any:
@@ -177,35 +177,35 @@ def _off(baseline: Seen, seen: Seen, begin: float) -> tuple[float, float]:
     return most, end
 
 
-def _judge(found: Flight, baseline: Seen, seen: Seen, begin: float) -> None:
+def _judge(flight: Flight, baseline: Seen, seen: Seen, begin: float) -> None:
     """The effect of the fault, and whether flight is back."""
-    for name, one in seen.outcomes.items():
+    for name, outcome in seen.outcomes.items():
         if baseline.outcomes[name].verdict == "holds":
-            if one.verdict != "holds":
-                (found.violated if one.verdict == "violated" else found.unknown)[name] = one.margin_text
+            if outcome.verdict != "holds":
+                (flight.violated if outcome.verdict == "violated" else flight.unknown)[name] = outcome.margin_text
             else:
-                share = one.margin / baseline.outcomes[name].margin if baseline.outcomes[name].margin else 0.0
-                if math.isfinite(share) and (found.least is None or share < found.least[1]):
-                    found.least = name, share, one.margin_text
-    same = not found.text and found.detected is None and found.off == 0.0 and all(
+                share = outcome.margin / baseline.outcomes[name].margin if baseline.outcomes[name].margin else 0.0
+                if math.isfinite(share) and (flight.least is None or share < flight.least[1]):
+                    flight.least = name, share, outcome.margin_text
+    same = not flight.text and flight.detected is None and flight.off == 0.0 and all(
         ours.tobytes() == theirs.tobytes() for _, _, ours, theirs in _ports(baseline, seen, begin * 1e9))
     # A check counts where there are no requirements, or where it has ended the run before they could be judged.
-    broken = bool(seen.problem and not baseline.problem and (found.unknown or not seen.outcomes))
-    found.effect = "failed" if seen.failed else "violated" if broken or found.violated else "unknown" if \
-        found.unknown else "none" if same else "tolerated" if baseline.judged else "unjudged"
+    broken = bool(seen.problem and not baseline.problem and (flight.unknown or not seen.outcomes))
+    flight.effect = "failed" if seen.failed else "violated" if broken or flight.violated else "unknown" if \
+        flight.unknown else "none" if same else "tolerated" if baseline.judged else "unjudged"
     if seen.failed or broken or seen.duration < baseline.duration:
         return
     away = [begin, *(t for process, stays in seen.modes.items() for t in _apart(stays, baseline.modes[process], begin))]
-    never = set(found.violated)     # of those what is wrong is that something never holds
+    never = set(flight.violated)     # those in which a comparison never holds
     for key, (times, held) in seen.traces.items():
         n = min(len(times), len(baseline.traces[key][0]))
         wrong = (~held[:n] & baseline.traces[key][1][:n] & (times[:n] >= begin)).nonzero()[0]
-        if key[0] in found.violated and len(wrong):
+        if key[0] in flight.violated and len(wrong):
             never.discard(key[0])
             away.append(times[wrong[-1]] if wrong[-1] < n - 1 else math.inf)
     if not never and max(away) < math.inf and all(stays[-1:] and stays[-1][1] == baseline.modes[process][-1][1]
                                                   for process, stays in seen.modes.items()):
-        found.back = float(max(away)) - begin
+        flight.back = float(max(away)) - begin
 
 
 def _apart(stays: Sequence[tuple[float, str]], others: Sequence[tuple[float, str]], begin: float) -> Iterator[float]:

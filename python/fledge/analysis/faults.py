@@ -6,7 +6,7 @@ compared with the flight without the fault.
     flights = fly(matrix, ["safe"])         # a Flight for each fault; see its docstring
 
 A scenario is flown once until the fault begins; there the program forks, once for each fault, and each child goes on
-with its own. So a fault costs what is left of the run, and the scenario's Python needs no copy. On a cluster, each
+with its own. So a fault costs the rest of the run, and the scenario's Python needs no copy. On a cluster, each
 worker flies a share of the faults so.
 """
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from fledge.requirements import Judged
 
 SECOND = 10**9          # [ns]
-LEAD = 10 * SECOND      # a fault is planned so long before it begins: delays and drop-outs need what was before
+LEAD = 10 * SECOND      # a fault is planned so long before it begins: delays and drop-outs need earlier samples
 
 
 class _Done(BaseException):
@@ -107,27 +107,27 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
         """Fly a scenario up to each beginning, and let a copy of this process go on with each fault, several at a time.
         progress(done): about every second"""
         children = Children()
-        found: list[Any] = [None] * len(plan.tasks)
+        flights: list[Any] = [None] * len(plan.tasks)
         mine: list[tuple[int, Connection]] = []     # of a copy: its task, its pipe
 
         def collect(most: int) -> None:
             while len(children) > most:
-                progress(sum(map(bool, found)))
+                progress(sum(map(bool, flights)))
                 for index, answer, pipe in children.answers():
                     if isinstance(answer, str) or pipe is None:
-                        found[index] = self.failed(plan, index, str(answer))
+                        flights[index] = self.failed(plan, index, str(answer))
                         continue
                     children.dismiss(pipe)
                     result = pickle.loads(answer)
                     if isinstance(result, str):
                         raise _Done(SetupError(f"{' and '.join(map(str, plan.tasks[index][1]))}: {result}"))
-                    found[index] = result
+                    flights[index] = result
 
         def fork_each(sim: Simulation, at: int) -> None:
             if mine:
                 return
             for index, (ns, faults) in enumerate(plan.tasks):
-                if max(0, ns - LEAD) != at or found[index]:
+                if max(0, ns - LEAD) != at or flights[index]:
                     continue
                 collect(jobs - 1)
                 pipe = children.fork(index)
@@ -157,7 +157,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
         except _Done as end:
             if end.args:
                 raise end.args[0] from None
-            return found
+            return flights
         finally:
             if mine:
                 traceback.print_exc()
@@ -182,12 +182,12 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
     assert matrix.simulation.mission
     names = [matrix.scenario(scenario) for scenario in scenarios] or [chosen(matrix.simulation, None)[0]]
     wanted = list(matrix.faults() if faults is None else faults)
-    sets = [[one] for one in wanted]
+    sets = [[fault] for fault in wanted]
     if double:
         sets += [list(pair) for pair in itertools.combinations(wanted, 2) if pair[0].unit != pair[1].unit]
     for_ns = time_ns(matrix.lasts if lasts is None else lasts, "lasts")
     given = matrix.begin if begin is None else begin
-    times = None if given is None else [time_ns(one, "begin") for one in (
+    times = None if given is None else [time_ns(time, "begin") for time in (
         given if isinstance(given, (list, tuple)) else [given])]
     end = None if limit is None else time_ns(limit, "limit")
     work = _Faults(matrix)
@@ -205,36 +205,36 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
                 if not 0 <= ns < baseline.duration * 1e9:
                     raise SetupError(f"begin: {ns / 1e9:g} s is not within the scenario {name}, which flies "
                                      f"{baseline.duration:g} s")
-            tasks = [(ns, one) for ns in sorted(set(begins)) for one in sets]
+            tasks = [(ns, together) for ns in sorted(set(begins)) for together in sets]
             plans.append(Plan(sum(len(plan.tasks) for plan in plans), name, tasks, for_ns, end))
             # The rest of each flight, several at a time, and the one that leads up to all.
             rest = sum(1 - max(0, ns - LEAD) / 1e9 / baseline.duration for ns, _ in tasks)
             expected += wall * (rest / min(pool.threads, len(tasks)) + max(begins) / 1e9 / baseline.duration)
         count = sum(len(plan.tasks) for plan in plans)
         progress(0, count, expected)
-        found: dict[int, Flight] = {}
+        flights_by_place: dict[int, Flight] = {}
 
         def add(first: int, flights: Sequence[Flight]) -> None:
-            found.update(enumerate(flights, first))
+            flights_by_place.update(enumerate(flights, first))
 
         if isinstance(pool, Local):
             for plan in plans:
                 add(plan.first, work.branch(plan, pool.threads, lambda done: progress(
-                    len(found) + done, count, expected)))
+                    len(flights_by_place) + done, count, expected)))
         else:
             # Of those with one begin a share for each thread, which repeats the flight up to there.
             size = -(-len(sets) // pool.threads)
             shares = [cut(plan, first, min(first + size, begun + len(sets))) for plan in plans
                       for begun in range(0, len(plan.tasks), len(sets))
                       for first in range(begun, begun + len(sets), size)]
-            flown = pool.fly(work, shares, lambda: progress(len(found), count, expected))
+            flown = pool.fly(work, shares, lambda: progress(len(flights_by_place), count, expected))
             with closing(flown):
                 for _, result in flown:
                     if isinstance(result, Died):
                         add(result.item.first, [work.failed(result.item, 0, result.text)])
                     else:
                         add(*result)
-        return [found[place] for place in sorted(found)]
+        return [flights_by_place[place] for place in sorted(flights_by_place)]
 
 
 def _begins(baseline: Seen) -> list[int]:
@@ -248,7 +248,7 @@ def _begins(baseline: Seen) -> list[int]:
 
 def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable[[Any, int], Any] | None = None,
             limit: int | None = None) -> Seen:
-    """Fly a scenario, at most up to a limit [ns], and return what was seen. At each of the stops [ns] `then` is called
+    """Fly a scenario, at most up to a limit [ns], and return its results. At each of the stops [ns] `then` is called
     with the simulation."""
     sim = matrix.load()
     assert sim.mission
@@ -268,8 +268,8 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
         failed = "RunError" if isinstance(error, RunError) else "SetupError" if isinstance(error, SetupError) else ""
     problem = problem.split("\n")[0].replace(f"{shown(sim.mission.folder)}/", "")
     activity = happenings(sim.activity)
-    modes = {process.name: [(one.t, one.name) for one in activity
-                            if one.kind == "mode" and one.process == process.name]
+    modes = {process.name: [(happening.t, happening.name) for happening in activity
+                            if happening.kind == "mode" and happening.process == process.name]
              for process in sim.processes if process.modes}
     outcomes = {outcome.requirement.id: outcome for outcome in watch.outcomes()} if watch and not failed else {}
     judged = (any(outcome.verdict == HOLDS for outcome in outcomes.values()) if outcomes else
@@ -282,24 +282,24 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
 def _watch(sim: Simulation, name: str, left_out: set[str]) -> Judged | None:
     """Judge the requirements that a scenario shows while it flies; None: there are none."""
     requirements = Requirements(sim)
-    found = [one.id for one in requirements.for_scenario(name) if one.id not in left_out]
-    return requirements.watch(found, traces=True) if found else None
+    ids = [requirement.id for requirement in requirements.for_scenario(name) if requirement.id not in left_out]
+    return requirements.watch(ids, traces=True) if ids else None
 
 
 def _traces(watch: Judged) -> dict[tuple[str, str], Any]:
-    """What each requirement's comparisons were, over time: (id, text) -> (times [s], whether it held)."""
+    """Each requirement's comparisons over time: (id, text) -> (times [s], whether it held)."""
     relations: dict[str, Callable[[Any, Any], Any]] = {
         "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne}
-    found = {}
+    traces = {}
     for requirement in watch.requirements:
         for comparison in requirement.formula.comparisons if requirement.formula is not None else ():
             times, values = watch.values(comparison)
-            found[requirement.id, comparison.text] = times, relations[comparison.relation](values, comparison.limit)
-    return found
+            traces[requirement.id, comparison.text] = times, relations[comparison.relation](values, comparison.limit)
+    return traces
 
 
 def _on_the_way(sim: Simulation, stops: list[int], then: Callable[[Any, int], Any] | None, limit: int | None) -> None:
-    """Have a simulation record what is compared, and stop on its way at some times [ns], rising, to call `then`. Its
+    """Make a simulation record the outputs that are compared, and stop at some rising times [ns] to call `then`. Its
     scenario ends at the limit [ns], if that is not None."""
     run = sim.run
     recorded: list[bool] = []
@@ -336,11 +336,11 @@ def _record(sim: Simulation) -> bool:
     own = {record.path for record in sim.records}
     period = min((task.period for process in sim.flights for task in process.tasks), default=SECOND)
     for process in sim.processes:
-        for one in process:
-            for f in objects.struct(one).fields:
-                if f.group == "out" and f"{objects.path(one)}.{f.name}" not in own:
+        for instance in process:
+            for f in objects.struct(instance).fields:
+                if f.group == "out" and f"{objects.path(instance)}.{f.name}" not in own:
                     if process in sim.flights:
-                        sim.record(getattr(one, f.name), every=period / 1e9)
-                    elif objects.struct(one).name == "Spacecraft" and f.name == "state":
-                        sim.record(getattr(one, f.name), every=1.0)
+                        sim.record(getattr(instance, f.name), every=period / 1e9)
+                    elif objects.struct(instance).name == "Spacecraft" and f.name == "state":
+                        sim.record(getattr(instance, f.name), every=1.0)
     return True

@@ -137,8 +137,9 @@ def test_the_command_writes_a_table(mission, tmp_path, capsys, monkeypatch):
              "2", "--out", str(tmp_path)]
     monkeypatch.setattr("fledge.progress.FIRST", 1e-3)
     assert cli.main(words) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"\n  takes    about \d+ s for 32 flights, as those without a fault took; less with --for, ", said)
+    output = capsys.readouterr().out
+    assert re.search(r"\n  takes    about \d+ s for 32 flights, as those without a fault took; less with --for, ",
+                     output)
     with (tmp_path / "faults.csv").open() as file:
         rows = list(csv.DictReader(file))
     page = (tmp_path / "report.html").read_text()
@@ -149,18 +150,18 @@ def test_the_command_writes_a_table(mission, tmp_path, capsys, monkeypatch):
         for kind in ("HIGH", "LOW", "BABBLE", "BIAS", "DRIFT", "DROPOUT", "DELAY", "DEAD")}
     assert {row["effect"] for row in rows} >= {"violated", "tolerated"}
     for effect in ("violated", "tolerated"):
-        assert f"{sum(row['effect'] == effect for row in rows)}" in said
+        assert f"{sum(row['effect'] == effect for row in rows)}" in output
     assert "http" not in page.replace("http-equiv", "") and str(mission.parent) not in page.partition("<main>")[0]
 
 
 def test_a_limit_ends_each_flight(mission):
-    """Before the fault that violates a requirement is felt, and what is asked for beyond it is refused."""
+    """A limit before the violation leaves it out; a fault that begins after the limit is refused."""
     matrix, fault = Matrix(mission), Fault("world.gyro", "DEAD")
-    told = []
-    short, = fly(matrix, faults=[fault], begin=[260 * s], limit=261 * s, progress=lambda *of: told.append(of))
+    calls = []
+    short, = fly(matrix, faults=[fault], begin=[260 * s], limit=261 * s, progress=lambda *of: calls.append(of))
     whole, = fly(matrix, faults=[fault], begin=[260 * s])
     assert (short.effect, whole.effect) == ("tolerated", "violated") and 0 < short.off_end < whole.off_end
-    assert told[0][:2] == (0, 1) and 0 < told[0][2] < 60 and told[-1][:2] == (0, 1)
+    assert calls[0][:2] == (0, 1) and 0 < calls[0][2] < 60 and calls[-1][:2] == (0, 1)
     with pytest.raises(fledge.SetupError, match="260 s is not within the scenario short, which flies 200 s"):
         fly(matrix, faults=[fault], begin=[260 * s], limit=200 * s)
 
@@ -190,15 +191,15 @@ def test_a_wrong_line_of_the_mission_is_named(mission, tmp_path, capsys, line, w
     folder = shutil.copytree(mission, tmp_path / "wrong")
     (folder / "faults.py").write_text(f"def matrix(m):\n    {line}\n")
     assert cli.main(["faults", str(folder), "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert wrong in said and "faults.py, line 2" in said
+    errors = capsys.readouterr().err
+    assert wrong in errors and "faults.py, line 2" in errors
 
 
 def test_a_requirement_for_flights_without_a_fault_is_left_out(mission):
     matrix = Matrix(mission)
     matrix.nominal("SUN-1")
     fault = Fault("world.gyro", "DEAD")
-    left, judged = [fly(one, faults=[fault], begin=[200 * s])[0] for one in (matrix, Matrix(mission))]
+    left, judged = [fly(each, faults=[fault], begin=[200 * s])[0] for each in (matrix, Matrix(mission))]
     assert (left.effect, judged.effect) == ("unjudged", "violated") and left.off == judged.off > 0
 
 

@@ -6,7 +6,7 @@ one function that takes `m`:
         m.begin = [200 * s, 50 * minute]                        # default: the middle of each mode's first stay
         m.fault("world.gyro", "BIAS", size=0.1 * deg / s)       # in place of the usual one; several are several faults
         m.without("world.css", "DELAY", "BIAS")                 # not flown; without kinds: none of the unit
-        m.detects("flight.sun.status.faulty")                   # flight says here that something is wrong
+        m.detects("flight.sun.status.faulty")                   # flight reports a problem here
         m.isolates("flight.sun.status.faulty", {"world.adc_a": 0b01, "world.adc_b": 0b10})
         m.nominal("FDP-4")                                      # not judged: a requirement for where nothing fails
 """
@@ -67,7 +67,8 @@ class Matrix:
         sim = self.simulation = self.load()
         self.begin: Any = None      # times; None: the middle of each mode's first stay
         self.lasts: Any = 0         # a time; 0: for ever
-        self.units = {objects.path(one): one for process in sim.processes for one in process if _takes_faults(one)}
+        self.units = {objects.path(instance): instance for process in sim.processes for instance in process
+                      if _takes_faults(instance)}
         self._own: dict[tuple[str, str], list[Fault]] = {}
         self._without: set[tuple[str, str]] = set()
         self.detecting: list[str] = []
@@ -93,15 +94,15 @@ class Matrix:
         """What a table of flight's units isolates: the unit of the world that has its load of the power unit."""
         sim = self.simulation
         powered = {target.rpartition(".")[0] for _, target, *_ in sim.wires if target.endswith(".power")}
-        loads = {path: 1 << one.load for path, one in self.units.items() if path in powered and hasattr(one, "load")}
+        loads = {path: 1 << unit.load for path, unit in self.units.items() if path in powered and hasattr(unit, "load")}
         for process in sim.flights:
-            for one in process:
-                if objects.struct(one).name == "FaultProtection":
-                    path = f"{objects.path(one)}.table.faulted"
-                    self.named[path] = {place: unit.name or f"unit {place}" for place, unit in enumerate(one.units)}
+            for instance in process:
+                if objects.struct(instance).name == "FaultProtection":
+                    path = f"{objects.path(instance)}.table.faulted"
+                    self.named[path] = {place: row.name or f"unit {place}" for place, row in enumerate(instance.units)}
                     self.isolating[path] = {
                         unit: 1 << place for unit, load in loads.items()
-                        for place, row in enumerate(one.units) if row.loads & load}
+                        for place, row in enumerate(instance.units) if row.loads & load}
 
     def load(self) -> Simulation:
         """A fresh simulation of the mission."""
@@ -116,12 +117,12 @@ class Matrix:
             "detecting", "isolating", "named", "left_out")}
 
     @classmethod
-    def made(cls, mission: str, seed: int, parameters: dict[str, Any], said: dict[str, Any]) -> Matrix:
+    def made(cls, mission: str, seed: int, parameters: dict[str, Any], declared: dict[str, Any]) -> Matrix:
         matrix = cls(mission, seed, **parameters)
-        vars(matrix).update(said)
+        vars(matrix).update(declared)
         return matrix
 
-    # --- what a mission says ---
+    # --- declarations of a mission ---
 
     def fault(self, unit: str, kind: str, **fields: Any) -> None:
         """Fly this fault of a unit in place of the usual one of its kind. fields: of `faults` (docs/sensors.md) but for
@@ -135,7 +136,7 @@ class Matrix:
         self._without |= {(unit, kind) for kind in self._kinds(unit, kinds)}
 
     def detects(self, *paths: str) -> None:
-        """Outputs of flight that say that something is wrong, when they differ from those of the undisturbed flight."""
+        """Outputs of flight that report a problem when they differ from those of the undisturbed flight."""
         for path in paths:
             self._number(path)
             self.detecting.append(path)
@@ -155,14 +156,14 @@ class Matrix:
         self.left_out |= {Requirements(self.simulation).of(id).id for id in ids}
 
     def _number(self, path: str) -> None:
-        """Refuse what is no whole number of an output of flight."""
-        found = FieldPath(self.simulation, path)
-        if found.group != "out" or found.port is None or not path.startswith(
+        """Refuse a path that is no whole number of an output of flight."""
+        target = FieldPath(self.simulation, path)
+        if target.group != "out" or target.port is None or not path.startswith(
                 tuple(f"{process.name}." for process in self.simulation.flights)):
             raise SetupError(f"{path} is no output of flight")
-        if found.field.type.startswith("f"):
+        if target.field.type.startswith("f"):
             raise SetupError(f"{path}: expected a whole number, which differs by itself; it has the type "
-                             f"{found.field.type}")
+                             f"{target.field.type}")
 
     # --- the faults ---
 
@@ -190,13 +191,13 @@ class Matrix:
             if kind not in known:
                 raise SetupError(f"there is no kind of fault '{kind}'{did_you_mean(kind, known)} there are "
                                  + listed(known))
-        found = [one for unit in units for kind in self._kinds(unit)
-                 if (not kinds or kind in kinds) and (unit, kind) not in self._without
-                 for one in self._own.get((unit, kind), [self._usual(unit, kind)])]
-        if not found:
+        chosen = [fault for unit in units for kind in self._kinds(unit)
+                  if (not kinds or kind in kinds) and (unit, kind) not in self._without
+                  for fault in self._own.get((unit, kind), [self._usual(unit, kind)])]
+        if not chosen:
             raise SetupError(f"the mission {self.simulation.name} has no fault to fly: "
                              + ("no model takes `faults`" if not self.units else "all are left out"))
-        return found
+        return chosen
 
     def _usual(self, unit: str, kind: str) -> Fault:
         """The fault of a kind, large enough to matter."""
@@ -216,7 +217,7 @@ class Matrix:
         return Fault(unit, kind, {"size": sizes[kind]} if kind in sizes else {})
 
     def _try(self, fault: Fault) -> None:
-        """Refuse at once what the model would refuse."""
+        """Refuse a fault at once that the model would refuse later."""
         owner, before = self.unit(fault.unit), _planned(self.unit(fault.unit))
         try:
             owner.faults = [{"kind": fault.kind, **fault.fields}]
@@ -233,9 +234,9 @@ class Matrix:
         return name
 
 
-def _takes_faults(one: Any) -> bool:
-    struct = objects.struct(one)
-    return isinstance(one, objects.Model) and struct.name != "FaultPanel" and any(
+def _takes_faults(instance: Any) -> bool:
+    struct = objects.struct(instance)
+    return isinstance(instance, objects.Model) and struct.name != "FaultPanel" and any(
         f.name == "faults" and f.group == "par" for f in struct.fields)
 
 
@@ -246,7 +247,7 @@ def _fields(owner: Any) -> dict[str, Any]:
 
 
 def _kinds_of(owner: Any) -> dict[str, int]:
-    """Name -> number of each kind of fault of a model; without what the names have in common, and the sound one."""
+    """Name -> number of each kind of fault of a model; without their common prefix, and without "no fault"."""
     return {name: number for number, name in enumerator_names(_fields(owner)["kind"]).items() if number}
 
 

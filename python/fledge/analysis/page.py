@@ -51,24 +51,25 @@ def cells(flight: Flight) -> dict[str, Any]:
 
 
 def hidden(flight: Flight) -> bool:
-    """Whether the worst has happened: something is violated, and flight has said nothing."""
+    """Whether the worst has happened: a requirement is violated, and flight did not report it."""
     return flight.effect in ("violated", "failed") and flight.detected is None
 
 
 def text(flights: Sequence[Flight]) -> list[str]:
-    """Lines: for each scenario and mode the effect of each unit's faults by kind; then the counts. A mark says where
+    """Lines: for each scenario and mode the effect of each unit's faults by kind; then the counts. A mark shows where
     flight did not notice."""
     lines: list[str] = []
+    worst = list(EFFECTS)
     single = [flight for flight in flights if len(flight.faults) == 1]
-    kinds = list(dict.fromkeys(one.faults[0].kind for one in single))
-    for scenario, mode, begin in dict.fromkeys((one.scenario, one.mode, one.begin) for one in single):
+    kinds = list(dict.fromkeys(flight.faults[0].kind for flight in single))
+    for scenario, mode, begin in dict.fromkeys((flight.scenario, flight.mode, flight.begin) for flight in single):
         rows: dict[str, dict[str, str]] = {}
-        for one in single:
-            if (one.scenario, one.begin) == (scenario, begin):
-                shown = one.effect + ("!" if hidden(one) else "")
-                row = rows.setdefault(one.faults[0].unit, {})
-                worst = [*EFFECTS].index(row.get(one.faults[0].kind, "none").rstrip("!")) < [*EFFECTS].index(one.effect)
-                row[one.faults[0].kind] = row[one.faults[0].kind] if worst else shown
+        for flight in single:
+            if (flight.scenario, flight.begin) == (scenario, begin):
+                shown = flight.effect + ("!" if hidden(flight) else "")
+                row, kind = rows.setdefault(flight.faults[0].unit, {}), flight.faults[0].kind
+                if worst.index(row.get(kind, "none").rstrip("!")) >= worst.index(flight.effect):
+                    row[kind] = shown
         lines += [f"{scenario}, {begin:g} s" + (f", in {mode}" if mode else ""),
                   *columns([("", *kinds), *((unit, *(row.get(kind, "") for kind in kinds))
                                             for unit, row in rows.items())], indent="  "), ""]

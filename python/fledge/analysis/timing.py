@@ -16,8 +16,10 @@ from __future__ import annotations
 
 import csv
 import ctypes
+import hashlib
 import io
 import json
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -29,7 +31,7 @@ from fledge.columns import columns
 from fledge.errors import Failure, RunError, SetupError
 from fledge.mission.field_path import FieldPath
 from fledge.montecarlo import Campaign, disperse
-from fledge.pool import Died, Work, in_order, open_pool
+from fledge.pool import Died, Work, anywhere, in_order, open_pool
 from fledge.profile.board import Memory
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.leon3 import board as boards
@@ -76,9 +78,9 @@ class Longest:
 
 
 @dataclass
-class Found:
-    """The longest paths: (task, mode) -> Longest. stack, heap: [bytes] used at most in any run; stack_size: what there
-    is; runs: how many were flown; died: of each run whose process died, which and how"""
+class Result:
+    """The longest paths: (task, mode) -> Longest. stack, heap: [bytes] used at most in any run; stack_size: the whole
+    stack; runs: how many were flown; died: of each run whose process died, which and how"""
     longest: dict[tuple[str, str], Longest]
     stack: int
     stack_size: int
@@ -107,6 +109,8 @@ class Search(Work[Run, Paths]):
                  folder: Path | str | None = None, **parameters: Any) -> None:
         target: Any = TARGETS.ready(["leon3"], "profile")[0]
         self.target, self.seed = target, seed
+        self._built: tempfile.TemporaryDirectory[str] | None = None
+        self._declared = anywhere(mission), tuple(scenarios), campaign, duration, seed, process, parameters
         self.jobs = [Job(mission, scenario, duration, seed, folder=folder, parameters=parameters)
                      for scenario in scenarios]
         if process is None and len(self.jobs[0].parts) > 1:
@@ -114,18 +118,41 @@ class Search(Work[Run, Paths]):
                           + ", ".join(part.process for part in self.jobs[0].parts))
         self.parts = [job.part(process) if process else job.parts[0] for job in self.jobs]
         first = self.parts[0]
+        self.folder = self.jobs[0].start.mission.folder
         self.campaign = Campaign(mission, campaign) if campaign or (
             self.jobs[0].start.mission.folder / "dispersions.py").exists() else None
-        # What is compiled into flight stays as it is there.
+        # The parameters of flight are compiled into the program.
         self.dispersed = [path for path in (self.campaign.dispersions.drawn if self.campaign else ())
                           if not path.startswith(f"{first.process}.")]
         self.fixed = set(self.campaign.dispersions.orbit_elements) if self.campaign else set()
         self.programs = [boards.program(part.folder / f"timing{i}", part.mission.name,
                                         [*part.sources(), *boards.FLIGHT], part.includes(), APART, self.target.board)
                          for i, part in enumerate(self.parts)]
+        self.facts = {"program of flight": ", ".join(map(self._code, self.programs))}
         self.tables = [part.tables() for part in self.parts]
         self.clock = boards.read_board(self.target.board)["clock"]
         self.mode_at = _mode_place(first) if first.mission.modes else None
+
+    def _code(self, program: Path) -> str:
+        """A digest of the code of a program."""
+        from fledge.emulator import Board
+
+        board = Board(self.target.board, program)
+        entry = board.core.entry
+        return hashlib.sha256(board.peek(entry, board.address("leon3_data_load") - entry)).hexdigest()[:12]
+
+    @property
+    def recipe(self) -> tuple[Callable[..., Search], tuple[Any, ...]]:
+        return Search._elsewhere, self._declared
+
+    @classmethod
+    def _elsewhere(cls, mission: str, scenarios: Sequence[str | None], campaign: str | None, duration: float | None,
+                   seed: int, process: str | None, parameters: dict[str, Any]) -> Search:
+        """The same on a worker, which builds the programs anew."""
+        folder = tempfile.TemporaryDirectory()      # until the search is dropped
+        search = cls(mission, scenarios, campaign, duration, seed, process, folder.name, **parameters)
+        search._built = folder
+        return search
 
     def fly(self, run: Run) -> Paths:
         """The longest paths of one run."""
@@ -134,7 +161,7 @@ class Search(Work[Run, Paths]):
         except SetupError:
             if not run.changed:
                 raise
-            return {}, 0, 1, 0      # what was changed together makes no sense together, as some inertias
+            return {}, 0, 1, 0      # the changed numbers contradict each other, as some inertias
 
     def _fly(self, run: Run) -> Paths:
         from fledge.emulator import Board
@@ -152,58 +179,60 @@ class Search(Work[Run, Paths]):
         draws = {path: FieldPath(sim, path).value() for path in self.dispersed if path not in self.fixed}
         board = Board(self.target.board, self.programs[run.scenario])
         board.fly(sim, self.tables[run.scenario], part.process)
-        board.in_flight.script = [(one.t, one.packet) for one in part.script]
-        found = _Watch(self, part, board, run, job, draws).fly(job.duration)
+        board.in_flight.script = [(entry.t, entry.packet) for entry in part.script]
+        longest = _Watch(self, part, board, run, job, draws).fly(job.duration)
         memory = Memory(board)
         low, high = map(board.address, ("leon3_stack", "leon3_stack_end"))
-        return found, memory.stack(), high - low, memory.heap()
+        return longest, memory.stack(), high - low, memory.heap()
 
-    def search(self, runs: int, jobs: int | None = None, progress: Callable[[int], Any] = lambda done: None) -> Found:
-        """Fly so many runs."""
+    def search(self, runs: int, jobs: int | None = None, progress: Callable[[int], Any] = lambda done: None,
+               scheduler: str | None = None) -> Result:
+        """Fly so many runs, so many at a time, or on the workers of a Dask scheduler."""
         import numpy as np
 
         if runs < 1:
             raise SetupError(f"runs must be >= 1, found {runs}")
-        found, random = Found({}, 0, 0, 0, 0), np.random.default_rng(self.seed)
+        total, random = Result({}, 0, 0, 0, 0), np.random.default_rng(self.seed)
         origin: dict[tuple[str, str], Run] = {}     # of each longest path
         free = [path for path in self.dispersed if path not in self.fixed]
         seen: dict[str, list[float]] = {path: [] for path in free}
 
         def local(n: int) -> Iterator[Run]:
-            hardest = sorted(found.longest, key=lambda key: found.longest[key].margin)
+            hardest = sorted(total.longest, key=lambda key: total.longest[key].margin)
             for k in range(n):
-                best, one = origin[hardest[k % len(hardest)]], found.longest[hardest[k % len(hardest)]]
+                key = hardest[k % len(hardest)]
+                best, draws = origin[key], total.longest[key].draws
                 some = map(str, random.permutation(free)[:max(1, len(free) // 2)]) if free else ()
-                changed = {path: float(np.clip(one.draws[path] + STEP * np.std(seen[path]) * random.standard_normal(),
+                changed = {path: float(np.clip(draws[path] + STEP * np.std(seen[path]) * random.standard_normal(),
                                                min(seen[path]), max(seen[path]))) for path in some}
                 yield Run(best.scenario, best.index if free else runs + k, {**best.changed, **changed})
 
         def keep(run: Run, paths: dict[tuple[str, str], Longest], stack: int, size: int, heap: int) -> None:
-            found.stack, found.heap = max(found.stack, stack), max(found.heap, heap)
-            found.stack_size = max(found.stack_size, size)
-            for key, one in paths.items():
+            total.stack, total.heap = max(total.stack, stack), max(total.heap, heap)
+            total.stack_size = max(total.stack_size, size)
+            for key, longest in paths.items():
                 for path in free if key[0] == TICK else ():
-                    seen[path].append(one.draws[path])
-                if key not in found.longest or one.cycles > found.longest[key].cycles:
-                    found.longest[key], origin[key] = one, run
+                    seen[path].append(longest.draws[path])
+                if key not in total.longest or longest.cycles > total.longest[key].cycles:
+                    total.longest[key], origin[key] = longest, run
 
         drawn = [Run(i % len(self.jobs), i // len(self.jobs)) for i in range((runs + 1) // 2)]
         left = runs - len(drawn)
-        with open_pool(jobs) as pool:
+        with open_pool(jobs, scheduler) as pool:
             for batch in (lambda: drawn, lambda: list(local((left + 1) // 2)), lambda: list(local(left // 2))):
-                if found.died and not found.longest:
-                    raise RunError(found.died[0])
+                if total.died and not total.longest:
+                    raise RunError(total.died[0])
                 items = batch()
-                flown = pool.fly(self, items, lambda: progress(found.runs))
+                flown = pool.fly(self, items, lambda: progress(total.runs))
                 with closing(flown):
                     for run, result in zip(items, in_order(flown)):
-                        found.runs += 1
+                        total.runs += 1
                         if isinstance(result, Died):
-                            found.died.append(f"run {run.index} of {self.jobs[run.scenario].scenario}: {result.text}")
+                            total.died.append(f"run {run.index} of {self.jobs[run.scenario].scenario}: {result.text}")
                         else:
                             keep(run, *result)
-                progress(found.runs)
-        return found
+                progress(total.runs)
+        return total
 
 
 class _Watch:
@@ -283,10 +312,10 @@ class _Watch:
         for port in objects.struct(instance).fields if instance is not None and variable is not None else ():
             if port.group == "in" and port.type == "struct":
                 message = getattr(variable, port.name)
-                for one in port.struct.fields:
-                    if not one.spare and one.type not in ("struct", "char") and not port.shape:
-                        value = getattr(message, one.name)
-                        yield (f"{process}.{module}.{port.name}.{one.name}",
+                for member in port.struct.fields:
+                    if not member.spare and member.type not in ("struct", "char") and not port.shape:
+                        value = getattr(message, member.name)
+                        yield (f"{process}.{module}.{port.name}.{member.name}",
                                value.tolist() if hasattr(value, "tolist") else value)
 
 
@@ -320,34 +349,34 @@ def _mode_place(part: Part) -> int:
 
 # --- reports ---------------------------------------------------------------------------------------
 
-def text(found: Found) -> list[str]:
+def text(result: Result) -> list[str]:
     """Lines: the margin of each task in each mode, the least first; then stack and heap."""
     rows = [("task", "mode", "period", "longest", "margin", "run", "at", "scenario")]
-    rows += [(one.task, one.mode or "-", f"{1e3 * one.period:g} ms", f"{1e6 * one.time:,.1f} us", f"{one.margin:.3f} %",
-              str(one.run), f"{one.t:g} s", one.scenario)
-             for one in sorted(found.longest.values(), key=lambda one: one.margin)]
+    rows += [(path.task, path.mode or "-", f"{1e3 * path.period:g} ms", f"{1e6 * path.time:,.1f} us",
+              f"{path.margin:.3f} %", str(path.run), f"{path.t:g} s", path.scenario)
+             for path in sorted(result.longest.values(), key=lambda path: path.margin)]
     return [*columns(rows, right={2, 3, 4, 5, 6}, indent="  "),
-            f"  stack    {found.stack:,} of {found.stack_size:,} bytes were used, "
-            f"{100 * (1 - found.stack / found.stack_size):.1f} % are left",
-            f"  heap     {found.heap:,} bytes", *(f"  died     {one}" for one in found.died)]
+            f"  stack    {result.stack:,} of {result.stack_size:,} bytes were used, "
+            f"{100 * (1 - result.stack / result.stack_size):.1f} % are left",
+            f"  heap     {result.heap:,} bytes", *(f"  died     {run}" for run in result.died)]
 
 
-def as_csv(found: Found) -> str:
+def as_csv(result: Result) -> str:
     """A line for each task and mode."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["task", "mode", "period [s]", "longest [s]", "longest [cycles]", "margin [%]", "scenario", "seed",
                      "run", "at [s]"])
-    for one in found.longest.values():
-        writer.writerow([one.task, one.mode, one.period, repr(one.time), one.cycles, f"{one.margin:.6f}", one.scenario,
-                         one.seed, one.run, one.t])
+    for path in result.longest.values():
+        writer.writerow([path.task, path.mode, path.period, repr(path.time), path.cycles, f"{path.margin:.6f}",
+                         path.scenario, path.seed, path.run, path.t])
     return out.getvalue()
 
 
-def as_json(found: Found) -> str:
+def as_json(result: Result) -> str:
     """The same with the draws and inputs of each."""
     from dataclasses import asdict
 
-    return json.dumps({"runs": found.runs, "stack": found.stack, "stack_size": found.stack_size, "heap": found.heap,
-                       "longest": [{**asdict(one), "margin": one.margin} for one in found.longest.values()]},
+    return json.dumps({"runs": result.runs, "stack": result.stack, "stack_size": result.stack_size, "heap": result.heap,
+                       "longest": [{**asdict(path), "margin": path.margin} for path in result.longest.values()]},
                       indent=1) + "\n"

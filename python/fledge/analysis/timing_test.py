@@ -45,12 +45,14 @@ def test_the_search_keeps_the_longest_and_says_how_to_fly_it_again(search):
     found = search.search(6, jobs=2)
     assert found.runs == 6 and 200 < found.stack < found.stack_size == 65536 and found.heap == 0
     drawn = [search.fly(timing.Run(0, index))[0] for index in range(3)]
-    for key, one in found.longest.items():
-        assert one.cycles >= max(paths[key].cycles for paths in drawn)
-        assert one.time == one.cycles / search.clock and one.margin == pytest.approx(100 * (1 - one.time / 0.5))
+    for key, longest in found.longest.items():
+        assert longest.cycles >= max(paths[key].cycles for paths in drawn)
+        assert longest.time == longest.cycles / search.clock
+        assert longest.margin == pytest.approx(100 * (1 - longest.time / 0.5))
         # Its draws are those of the run, and it is what they give.
-        again = search.fly(timing.Run(0, one.run, one.draws))[0][key]
-        assert (again.cycles, again.t, again.inputs, again.draws) == (one.cycles, one.t, one.inputs, one.draws)
+        again = search.fly(timing.Run(0, longest.run, longest.draws))[0][key]
+        assert (again.cycles, again.t, again.inputs, again.draws) == (
+            longest.cycles, longest.t, longest.inputs, longest.draws)
     read = found.longest["gnc", ""].inputs["flight.control.error.sigma_BR"]
     assert len(read) == 3 and any(read)
     assert search.search(6, jobs=1) == found
@@ -69,16 +71,16 @@ def test_a_task_has_a_row_for_each_mode(tmp_path, capsys):
 """)
     words = ["profile", str(folder), "--on", "leon3", "--longest", "2", "--for", "10s", "--jobs", "1", "--out"]
     assert cli.main([*words, str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
-    assert "which differ in their noise" in said and re.search(r"stack +[\d,]+ of 65,536 bytes", said)
+    output = capsys.readouterr().out
+    assert "which differ in their noise" in output and re.search(r"stack +[\d,]+ of 65,536 bytes", output)
     with (tmp_path / "out/timing.csv").open() as file:
         rows = list(csv.DictReader(file))
     facts = json.loads((tmp_path / "out/timing.json").read_text())
     assert facts["runs"] == 2 and len(rows) == 4
-    for row, one in zip(rows, facts["longest"], strict=True):
-        assert float(row["longest [s]"]) == one["time"] and row["mode"] == one["mode"]
-        assert f"{one['margin']:.3f} %" in said
-    times = {(one["task"], one["mode"]): one["t"] for one in facts["longest"]}
+    for row, longest in zip(rows, facts["longest"], strict=True):
+        assert float(row["longest [s]"]) == longest["time"] and row["mode"] == longest["mode"]
+        assert f"{longest['margin']:.3f} %" in output
+    times = {(longest["task"], longest["mode"]): longest["t"] for longest in facts["longest"]}
     assert times["gnc", "early"] <= 3.5 < times["gnc", "late"]
 
 

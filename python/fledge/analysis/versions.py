@@ -5,7 +5,7 @@
     found = compare(this, other)        # a Change of each requirement and each measure
     regressions(found)                  # of requirements that held in a run and are violated there now
 
-A version is a folder of results that a campaign has written (summary.json, runs.csv), or what flies to write one: a
+A version is a folder of results that a campaign has written (summary.json, runs.csv), or a source of such results: a
 folder with the same mission, a tree of Fledge or of a project, or a revision in git.
 """
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 RESULTS = ("summary.json", "runs.csv")
 SOURCES = "sources.json"
 REVISION = "revision-"      # begins the name of the folder with its files
-BESIDE = ("docs", "bench", "tests", "runs", "*.md", "*_test.py", "*_test.cpp")  # what no flight depends on
+BESIDE = ("docs", "bench", "tests", "runs", "*.md", "*_test.py", "*_test.cpp")  # no flight depends on these
 
 
 # --- results ---------------------------------------------------------------------------------------
 
-class Kept:
+class Results:
     """The results of a campaign in a folder. columns: name with its unit -> (runs,), NaN where there is no number"""
 
     def __init__(self, folder: Path) -> None:
@@ -84,7 +84,7 @@ def _head(name: str, unit: str) -> str:
 
 @dataclass
 class Change:
-    """What a requirement's margins, or a measure, did from the other version to this one, run by run.
+    """The change of a requirement's margins, or of a measure, from the other version to this one, run by run.
 
     required: whether it is a requirement; this, other: (runs,); held: how many runs hold it (other, this); worst: its
     least margin (other, this), with the runs; lost: the runs that held it and do not now
@@ -115,7 +115,7 @@ class Change:
         return (float(np.nanmin(values)), int(np.nanargmin(values))) if not np.isnan(values).all() else (np.nan, -1)
 
 
-def compare(this: Kept, other: Kept) -> list[Change]:
+def compare(this: Results, other: Results) -> list[Change]:
     """The changes, requirements first. Raises SetupError unless both flew the same runs with the same draws."""
     import numpy as np
 
@@ -123,35 +123,36 @@ def compare(this: Kept, other: Kept) -> list[Change]:
         if this.summary.get(name) != other.summary.get(name):
             raise SetupError(f"{this.folder} and {other.folder} are of different runs: {name} is "
                              f"{this.summary.get(name)} and {other.summary.get(name)}")
-    for kept in (this, other):
-        if kept.summary["flown"] < kept.summary["runs"]:
-            raise SetupError(f"{kept.folder}: only {kept.summary['flown']} of {kept.summary['runs']} runs were flown")
+    for results in (this, other):
+        if results.summary["flown"] < results.summary["runs"]:
+            raise SetupError(f"{results.folder}: only {results.summary['flown']} of {results.summary['runs']} runs "
+                             "were flown")
     for name in sorted({*this.draws, *other.draws}):
         here, there = this.columns.get(name), other.columns.get(name)
         # A parameter of flight that is drawn about its nominal value differs with that.
         if here is None or there is None or this.draws.get(name) == other.draws.get(name) and not np.array_equal(
                 here, there, equal_nan=True):
             raise SetupError(f"the draws of {name} differ: both versions need the same dispersions")
-    found = []
+    changes = []
     known = {requirement["requirement"]: requirement for requirement in other.summary["requirements"]}
     for requirement in this.summary["requirements"]:
         if requirement["requirement"] in known:
-            found.append(Change(requirement["requirement"], requirement["unit"], True,
-                                other.margins(known[requirement["requirement"]]),
-                                this.margins(requirement)))
-    found += [Change(name, "", False, other.columns[name], values) for name, values in this.columns.items()
-              if name not in this.draws and name in other.columns]
-    return found
+            changes.append(Change(requirement["requirement"], requirement["unit"], True,
+                                  other.margins(known[requirement["requirement"]]),
+                                  this.margins(requirement)))
+    changes += [Change(name, "", False, other.columns[name], values) for name, values in this.columns.items()
+                if name not in this.draws and name in other.columns]
+    return changes
 
 
-def regressions(found: Sequence[Change]) -> list[Change]:
+def regressions(changes: Sequence[Change]) -> list[Change]:
     """Those of requirements that hold in fewer runs: of which a run has held, and does not now."""
-    return [one for one in found if one.lost]
+    return [change for change in changes if change.lost]
 
 
 # --- words -----------------------------------------------------------------------------------------
 
-def text(this: Kept, other: Kept, found: Sequence[Change]) -> list[str]:
+def text(this: Results, other: Results, changes: Sequence[Change]) -> list[str]:
     """Lines: the requirements with their least margins, then what moved."""
     import numpy as np
 
@@ -159,54 +160,56 @@ def text(this: Kept, other: Kept, found: Sequence[Change]) -> list[str]:
         return "-" if np.isnan(x) else f"{x:.4g}"
 
     lines = [f"{this.summary['mission']}, {this.summary['campaign']}: {this.summary['runs']} runs, seed "
-             f"{this.summary['seed']}", *(f"  {name:8} {kept.folder}" + "".join(
-                 f", {what} {revision}" for what, revision in kept.sources.items())
-                 for name, kept in (("this", this), ("other", other)))]
+             f"{this.summary['seed']}", *(f"  {name:8} {results.folder}" + "".join(
+                 f", {what} {revision}" for what, revision in results.sources.items())
+                 for name, results in (("this", this), ("other", other)))]
     rows: list[tuple[str, ...]] = [("required", "held", "of the other", "least margin", "of the other", "run",
                                     "lost in", "")]
-    for one in found:
-        if one.required:
-            (now, at), (then, _) = one.worst(one.this), one.worst(one.other)
-            rows.append((one.name, str(int((one.this > 0).sum())), str(int((one.other > 0).sum())), number(now),
-                         number(then), str(at) if at >= 0 else "-", str(len(one.lost)),
-                         "FELL, run " + ", ".join(map(str, one.lost[:5])) if one.lost else
+    for change in changes:
+        if change.required:
+            (now, at), (then, _) = change.worst(change.this), change.worst(change.other)
+            rows.append((change.name, str(int((change.this > 0).sum())), str(int((change.other > 0).sum())),
+                         number(now), number(then), str(at) if at >= 0 else "-", str(len(change.lost)),
+                         "FELL, run " + ", ".join(map(str, change.lost[:5])) if change.lost else
                          "fell" if now < then else "rose" if now > then else "same"))
     if len(rows) > 1:
         lines += ["", *columns(rows, right=set(range(1, 7)), indent="  ")]
     rows = [("moved", "median", "most", "run")]
-    for one in found:
-        sizes = np.abs(one.moved)
-        if not one.required and np.nan_to_num(sizes, nan=np.inf).any():
+    for change in changes:
+        sizes = np.abs(change.moved)
+        if not change.required and np.nan_to_num(sizes, nan=np.inf).any():
             at = int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))
-            rows.append((one.name, number(float(np.nanmedian(one.moved))), number(float(one.moved[at])), str(at)))
+            rows.append((change.name, number(float(np.nanmedian(change.moved))), number(float(change.moved[at])),
+                         str(at)))
     lines += ["", *columns(rows, right={1, 2, 3}, indent="  ")] if len(rows) > 1 else ["", "  nothing moved by a bit"]
     only = [(name, {requirement["requirement"] for requirement in a.summary["requirements"]} -
              {requirement["requirement"] for requirement in b.summary["requirements"]})
             for name, a, b in (("this", this, other), ("other", other, this))]
-    lines += [f"  not compared: {one} is required in the {name} version alone" for name, texts in only
-              for one in sorted(texts)]
+    lines += [f"  not compared: {requirement} is required in the {name} version alone" for name, texts in only
+              for requirement in sorted(texts)]
     return lines
 
 
-def as_csv(this: Kept, found: Sequence[Change]) -> str:
+def as_csv(this: Results, changes: Sequence[Change]) -> str:
     """A line for each run: its draws; the margins and measures of both versions."""
     import io
 
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    named = [(f"margin: {one.name}" if one.required else one.name, one) for one in found]
+    named = [(f"margin: {change.name}" if change.required else change.name, change) for change in changes]
     draws = sorted(this.draws)
     writer.writerow(["run", *draws, *(f"{name}, {which}" for name, _ in named for which in ("other", "this"))])
     for i in range(len(this.passed)):
         writer.writerow([i, *(repr(float(this.columns[name][i])) for name in draws), *(
-            "" if value != value else repr(float(value)) for _, one in named for value in (one.other[i], one.this[i]))])
+            "" if value != value else repr(float(value))
+            for _, change in named for value in (change.other[i], change.this[i]))])
     return out.getvalue()
 
 
 # --- flying ----------------------------------------------------------------------------------------
 
 def fly(mission: str, against: str, campaign: str | None = None, runs: int = 100, seed: int = 0,
-        folder: Path | None = None, threads: int | None = None) -> tuple[Kept, Kept]:
+        folder: Path | None = None, threads: int | None = None) -> tuple[Results, Results]:
     """Fly this version and the other one; returns the results of both.
 
     against: see above. folder: for the results of both, in `this` and `other`; default: runs/MISSION/versions.
@@ -218,14 +221,14 @@ def fly(mission: str, against: str, campaign: str | None = None, runs: int = 100
     place = Path(against)
     this = _flown(ours, runs, seed, folder / "this", threads)
     if (place / RESULTS[0]).exists():
-        return this, Kept(place)
+        return this, Results(place)
     tree, theirs = other
     if tree is None:
         return this, _flown(Campaign(theirs, ours.name), runs, seed, folder / "other", threads)
     return this, _by_launcher(tree, theirs, ours.name if campaign else None, runs, seed, folder / "other", threads)
 
 
-def _flown(campaign: Campaign, runs: int, seed: int, folder: Path, threads: int | None) -> Kept:
+def _flown(campaign: Campaign, runs: int, seed: int, folder: Path, threads: int | None) -> Results:
     result = campaign.fly(runs, seed, threads)
     if result.interrupted:
         raise KeyboardInterrupt
@@ -233,7 +236,7 @@ def _flown(campaign: Campaign, runs: int, seed: int, folder: Path, threads: int 
                              f"{campaign.name} --seed {seed} --only {index}")
     write_files({RESULTS[0]: json.dumps(summary, indent=1) + "\n", RESULTS[1]: report.as_csv(result),
                  SOURCES: json.dumps(identity(campaign.folder), indent=1) + "\n"}, folder)
-    return Kept(folder)
+    return Results(folder)
 
 
 def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, Path]:
@@ -257,7 +260,7 @@ def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, P
         known = (_git(mission, "for-each-ref", "--format=%(refname:short)") or "").split()
         raise SetupError(f"--against {against}: there is no such folder, and no such revision in {top}"
                          + did_you_mean(against, known).rstrip(";"))
-    beside = [f":(exclude){one}" for one in (inside.parent.as_posix() if len(inside.parts) > 1 else ".", *BESIDE)]
+    beside = [f":(exclude){path}" for path in (inside.parent.as_posix() if len(inside.parts) > 1 else ".", *BESIDE)]
     same = not _builds(Path(top)) or not _differ(top, revision, beside)
     tree = scratch.resolve() / f"{REVISION}{revision[:12]}"
     if not tree.exists():
@@ -294,7 +297,7 @@ def _extract(top: str, revision: str, paths: Sequence[str], folder: Path) -> Non
 
 
 def _git(folder: Path, *words: str) -> str:
-    """What git says; "" if it fails or is not there."""
+    """The output of git; "" if it fails or is not installed."""
     try:
         done = subprocess.run([*GIT, "-C", str(folder), *words], capture_output=True, text=True, check=False)
     except OSError:
@@ -303,13 +306,13 @@ def _git(folder: Path, *words: str) -> str:
 
 
 def _by_launcher(tree: Path, mission: Path, campaign: str | None, runs: int, seed: int, folder: Path,
-                 threads: int | None) -> Kept:
+                 threads: int | None) -> Results:
     """Have another tree build and fly the campaign."""
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "FLEDGE_PROJECT")}
     launcher = [str(tree / "fledge")] if (tree / "fledge").is_file() else [str(ROOT / "fledge"), "--project", str(tree)]
     revision = tree.name.removeprefix(REVISION)
     if revision != tree.name and (tree / "fledge").is_file() and not _differ(str(ROOT), revision, [
-            f":(exclude){one}" for one in ("missions", "python/fledge/**.py", *BESIDE)]):
+            f":(exclude){path}" for path in ("missions", "python/fledge/**.py", *BESIDE)]):
         # Nothing that is compiled differs: its Python takes the extension of this build.
         launcher = [sys.executable, "-P", str(tree / "python/fledge/cli/__main__.py")]
         environment["PYTHONPATH"] = os.pathsep.join(map(str, (tree / "python", tree, build_folder() / "python")))
@@ -321,4 +324,4 @@ def _by_launcher(tree: Path, mission: Path, campaign: str | None, runs: int, see
         raise Failure(f"versions: {' '.join(words)} ended with {done.returncode}", 1)
     sources = {"fledge": revision if revision != tree.name else str(tree)}
     (folder / SOURCES).write_text(json.dumps(sources) + "\n", encoding="utf-8")
-    return Kept(folder)
+    return Results(folder)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fledge import cli
-from fledge.analysis.versions import Kept, compare, fly, regressions
+from fledge.analysis.versions import Results, compare, fly, regressions
 from fledge.montecarlo import Campaign
 from fledge.targets import build
 
@@ -35,9 +35,9 @@ def test_a_weaker_gain_is_found_and_the_tree_is_no_worse_than_itself(weak, tmp_p
     out = tmp_path / "out"
     words = ["--runs", str(RUNS), "--seed", "3", "--out", str(out)]
     assert cli.main(["versions", str(weak), "--against", str(build.ROOT / "missions/nadir_spin"), *words]) == 1
-    said = capsys.readouterr()
-    assert "held in" in said.err and "FELL" in said.out
-    # Margins and moves, against what the campaigns say themselves.
+    output = capsys.readouterr()
+    assert "held in" in output.err and "FELL" in output.out
+    # Margins and moves, against the campaigns themselves.
     this, other = (Campaign(folder).fly(RUNS, seed=3) for folder in (weak, build.ROOT / "missions/nadir_spin"))
     error = this.campaign.dispersions.requirements[0]
     theirs, ours = other.reached(other.campaign.dispersions.requirements[0])[0], this.reached(error)[0]
@@ -48,9 +48,9 @@ def test_a_weaker_gain_is_found_and_the_tree_is_no_worse_than_itself(weak, tmp_p
         found = [float(row[f"margin: {error!r}, {which}"]) for row in rows]
         np.testing.assert_allclose(found, error.limit - values, rtol=1e-15)
     lost = [i for i in range(RUNS) if theirs[i] < error.limit <= ours[i]]
-    assert lost and f"held in {len(lost)} run" in said.err and f"run {lost[0]}" in said.err
+    assert lost and f"held in {len(lost)} run" in output.err and f"run {lost[0]}" in output.err
 
-    # The other way, against what was kept: the tree is better.
+    # The other way, against the stored results: the tree is better.
     assert cli.main(["versions", "nadir_spin", "--against", str(out / "this"), "--runs", str(RUNS), "--seed", "3",
                      "--out", str(tmp_path / "back")]) == 0
     assert cli.main(["versions", "nadir_spin", "--against", str(tmp_path / "back/this"), "--runs", str(RUNS), "--seed",
@@ -69,11 +69,12 @@ def test_a_revision_is_flown(tmp_path):
     flight.write_text(flight.read_text().replace("P=45.0", "P=20.0"))
     this, other = fly(str(folder / "missions/nadir_spin"), "v1", runs=4, seed=3, folder=tmp_path / "out")
     again, tree = fly("nadir_spin", str(other.folder), runs=4, seed=3, folder=tmp_path / "tree")
-    assert not [one for one in compare(again, tree) if one.moved.any()]
+    assert not [change for change in compare(again, tree) if change.moved.any()]
     found = compare(this, other)
-    assert {one.name for one in found if one.required} == {one.name for one in compare(again, tree) if one.required}
-    assert any(np.abs(one.moved).max() > 0 for one in found) and all(regression.lost for regression
-                                                                     in regressions(found))
+    assert {change.name for change in found if change.required} == {
+        change.name for change in compare(again, tree) if change.required}
+    assert any(np.abs(change.moved).max() > 0 for change in found)
+    assert all(regression.lost for regression in regressions(found))
 
 
 def test_only_the_same_runs_are_compared(weak, tmp_path):
@@ -85,7 +86,7 @@ def test_only_the_same_runs_are_compared(weak, tmp_path):
         compare(*fly(str(weak), str(other.folder), runs=2, seed=1, folder=tmp_path / "c"))
     (tmp_path / "empty").mkdir()
     with pytest.raises(Exception, match="has no results of a campaign"):
-        Kept(tmp_path / "empty")
+        Results(tmp_path / "empty")
 
 
 @pytest.mark.parametrize("words, wrong", [

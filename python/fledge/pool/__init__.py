@@ -10,18 +10,18 @@ Example:
             return item * item
 
     with open_pool(jobs=2) as pool:
-        for place, found in pool.fly(Squares(), [1, 2, 3]):     # as they come; in_order() has the order of the items
-            print(place, found.text if isinstance(found, Died) else found)
+        for place, result in pool.fly(Squares(), [1, 2, 3]):    # as they come; in_order() has the order of the items
+            print(place, result.text if isinstance(result, Died) else result)
 
 A process that dies costs its item alone: a Died stands in place of its result, and the others go on. An error of Fledge
 (SetupError, RunError, Failure) is raised where the results are read; any other exception ends its process, with a
-traceback. Ctrl-C is for the reader of the results: when that ends, for whatever reason, the processes end.
+traceback. Ctrl-C reaches only the reader of the results: when the reader ends, for any reason, the processes end.
 
-    work        what is flown, item by item
+    work        the interface of the items and their flights
     children    copies of this process, which answer through pipes
     local       a pool of them
     cluster     the workers of a Dask scheduler
-    worker      what such a worker does with an item
+    worker      how such a worker flies an item
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, Pipe, wait
 
 from fledge.pool.work import death
 
-TICK = 0.1      # [s] at most between two looks at what else there is to do
+TICK = 0.1      # [s] at most between two calls of tick()
 _DEATH_SIGNAL = 1       # PR_SET_PDEATHSIG of prctl()
 
 
@@ -28,7 +28,7 @@ def fork(deaf: bool = False) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
-    # Until the copy is deaf: it would handle Ctrl-C as if it were this process.
+    # Blocked until the copy ignores it: it would handle Ctrl-C as if it were this process.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         process = os.fork()
@@ -73,18 +73,18 @@ class Children:
             assert isinstance(pipe, Connection)
             process, place = self._flying.pop(pipe)
             try:
-                found = pipe.recv_bytes()
+                answer = pipe.recv_bytes()
             except (EOFError, OSError):
                 pipe.close()
                 yield place, death(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])), None
                 continue
             self._flying[pipe] = process, -1
-            yield place, found, pipe
+            yield place, answer, pipe
 
     def give(self, pipe: Connection, place: int) -> None:
         """Let a copy that has answered fly another item."""
         self._flying[pipe] = self._flying[pipe][0], place
-        with suppress(OSError):     # it has died: answers() says so
+        with suppress(OSError):     # it has died: answers() reports it
             pipe.send(place)
 
     def dismiss(self, pipe: Connection) -> None:

@@ -106,13 +106,13 @@ class Cluster:
                     continue
                 place, item = tasks.pop(task)
                 if task.status == "finished":
-                    found = task.result()
-                    if isinstance(found, tuple):
-                        if found[0] not in refused:
-                            self._send_away(*found)
-                        refused.append(found[0])
+                    answer = task.result()
+                    if isinstance(answer, tuple):
+                        if answer[0] not in refused:
+                            self._send_away(*answer)
+                        refused.append(answer[0])
                         if len(refused) > REFUSALS:
-                            raise SetupError("the worker {} {}".format(*found))
+                            raise SetupError("the worker {} {}".format(*answer))
                         waiting.appendleft((place, item))
                         continue
                 elif task.status != "error":                    # lost, with the scheduler
@@ -122,13 +122,13 @@ class Cluster:
                 elif not isinstance(task.exception(), distributed.scheduler.KilledWorker):
                     raise RunError(f"the scheduler at {self.address}: {task.exception()}")
                 else:
-                    found = "the workers that flew it were ended"
-                if isinstance(found, bytes):
-                    yield place, opened(found)
+                    answer = "the workers that flew it were ended"
+                if isinstance(answer, bytes):
+                    yield place, opened(answer)
                 elif parts := work.split(item):
                     waiting.extendleft((place, part) for part in reversed(parts))
                 else:
-                    yield place, Died(item, found)
+                    yield place, Died(item, answer)
         finally:
             if client.status == "running":
                 with suppress(OSError):
@@ -139,7 +139,7 @@ class Cluster:
         if job == self._checked:
             return
 
-        def check() -> str:     # goes to the workers as it is: they may have no Fledge
+        def check() -> str:     # sent by value to the workers, which may have no Fledge
             try:
                 from fledge.pool.worker import check_job
             except ImportError as error:
@@ -177,7 +177,7 @@ def _job(work: Work[Any, Any]) -> bytes:
         module = sys.modules.get(getattr(argument, "__module__", None) or "")
         if callable(argument) and module and not module.__name__.startswith(("fledge.", "__main__")):
             cloudpickle.register_pickle_by_value(module)
-    # As it is, to workers that may have no Fledge, and whose modules may be other ones.
+    # By value: workers may have no Fledge, or other modules.
     return bytes(cloudpickle.dumps({
         "work": (kind, arguments), "identity": {**identity(work.folder), **work.facts},
         "digests": {name: digest(name, work.folder) for name in ("fledge", "mission")}}))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pool of the workers of a Dask scheduler: the same bits although a worker is killed, and names for what is wrong."""
+"""A pool of the workers of a Dask scheduler: the same bits although a worker is killed; errors name the problem."""
 
 import os
 import re
@@ -19,7 +19,7 @@ from fledge.falsify import Flights, search
 from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE, same
-from fledge.pool.pool_test import OfFaults, OfFlips, OfSweep, OfVerify, compiled
+from fledge.pool.pool_test import OfFaults, OfFlips, OfSweep, OfTiming, OfVerify, compiled
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
@@ -154,7 +154,8 @@ def test_a_search_flies_on_workers_too(scheduler, worker, tmp_path):
 
 
 @pytest.mark.long("flies all that a pool flies on workers")
-@pytest.mark.parametrize("user", [OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled)])
+@pytest.mark.parametrize("user", [
+    OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled), pytest.param(OfTiming, marks=compiled)])
 def test_workers_give_what_processes_give(scheduler, worker, tmp_path, user):
     worker(), worker()
     flights = user(tmp_path)

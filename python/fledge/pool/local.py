@@ -49,7 +49,7 @@ class Local:
                 start(place)
             while children:
                 tick()
-                for place, found, pipe in children.answers():
+                for place, reply, pipe in children.answers():
                     following = next(waiting, None)
                     if pipe and following is not None and not work.fresh:
                         children.give(pipe, following)
@@ -58,7 +58,7 @@ class Local:
                             children.dismiss(pipe)
                         if following is not None:
                             start(following)
-                    yield place, Died(items[place], found) if isinstance(found, str) else opened(found)
+                    yield place, Died(items[place], reply) if isinstance(reply, str) else opened(reply)
         finally:
             children.end()
 
@@ -69,9 +69,9 @@ def _serve(work: Work[Item, Any], items: Sequence[Item], place: int | None, pipe
     try:
         work.begin()
         while place is not None:
-            found = answer(work, items[place])
+            result = answer(work, items[place])
             try:
-                pipe.send_bytes(found)
+                pipe.send_bytes(result)
                 place = pipe.recv()
             except (EOFError, OSError):
                 break

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pools of processes: results in any order, a process that dies, errors, Ctrl-C; and the same of all that use one."""
+"""Pools of processes: results in any order, a process that dies, errors, Ctrl-C; and all users of a pool."""
 
 import os
 import signal
@@ -57,7 +57,7 @@ def begun(monkeypatch):
 
 
 def ended(processes):
-    """Whether there is none of them any more, not even one whose end was not read."""
+    """Whether none of the processes exists any more, not even as a zombie."""
     def there(process):
         try:
             return os.kill(process, 0) is None
@@ -166,7 +166,7 @@ def test_the_processes_end_with_this_one():
     os.close(reader)
 
 
-# --- all who use one -------------------------------------------------------------------------------
+# --- all users of pools ----------------------------------------------------------------------------
 
 def short(d):
     d.duration, d.every = 2 * s, 1 * s
@@ -265,7 +265,7 @@ class OfTiming(User):
 
     def fly(self, jobs=None, progress=None, scheduler=None):
         self.search = self.search or timing.Search("nadir_spin", duration=2.0, folder=self.folder)
-        found = self.search.search(4, jobs, progress and (lambda _: progress()) or (lambda _: None))
+        found = self.search.search(4, jobs, progress and (lambda _: progress()) or (lambda _: None), scheduler)
         return [None] * len(found.died) + [found.longest], [text.rpartition(": ")[2] for text in found.died]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a pool flies, and what comes of an item."""
+"""The work of a pool, and the results of its items."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Work(Generic[Item, Result]):
 
     @property
     def recipe(self) -> tuple[Callable[..., Work[Item, Result]], tuple[Any, ...]]:
-        """(a function, its arguments) that make this work on another machine."""
+        """(a function, its arguments) that create this work on another machine."""
         raise SetupError("this flies on this machine alone, not by a scheduler")
 
     def begin(self) -> None:
@@ -40,7 +40,7 @@ class Work(Generic[Item, Result]):
         raise NotImplementedError
 
     def split(self, item: Item) -> Sequence[Item]:
-        """Smaller items in place of one in which a process died; none: it is what died."""
+        """Smaller items in place of one in which a process died; none: the item itself has died."""
         return ()
 
 
@@ -51,7 +51,7 @@ class Died(Generic[Item]):
     text: str
 
 
-# What comes of items: (place, result), as they come.
+# (place, result) of items, as they come.
 Flown = Generator[tuple[int, Died[Item] | Result], None, None]
 
 
@@ -68,11 +68,11 @@ def death(code: int) -> str:
     return f"the process that flew it ended with code {code}"
 
 
-def in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
+def in_order(results: Iterable[tuple[int, Result]]) -> Iterator[Result]:
     """The results of a pool in the order of the items, each as soon as those before it are there."""
     early: dict[int, Result] = {}
     following = 0
-    for place, result in found:
+    for place, result in results:
         early[place] = result
         while following in early:
             yield early.pop(following)
@@ -97,9 +97,9 @@ def answer(work: Work[Item, Any], item: Item) -> bytes:
         return pickle.dumps(_Raised(kind, str(error)))
 
 
-def opened(found: bytes) -> Any:
+def opened(reply: bytes) -> Any:
     """The result of answer(); raises its error."""
-    result = pickle.loads(found)
+    result = pickle.loads(reply)
     if isinstance(result, _Raised):
         raise _ERRORS[result.kind](result.text)
     return result

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a worker of a Dask scheduler does with an item.
+"""A worker of a Dask scheduler flies an item.
 
-The worker hands it to a child process of its own, `python3 -m fledge.pool.worker PIPE`, which makes the work once: what
-happens in a flight cannot end a worker. A child says first whether its Fledge and its mission are those of the work.
+The worker hands it to a child process of its own, `python3 -m fledge.pool.worker PIPE`, which creates the work once: a
+flight cannot end a worker. A child first reports whether its Fledge and its mission are those of the work.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fledge.pool.work import Died, Item, Result, Work, answer, death
 
 
 class Refused(Exception):
-    """A worker must not fly: its Fledge or mission is another one."""
+    """A worker must not fly: its Fledge or mission differs."""
 
 
 class _Died(Exception):
@@ -42,15 +42,15 @@ class _Child:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "fledge.pool.worker", str(theirs.fileno())], stdin=subprocess.DEVNULL,
                 stdout=2, pass_fds=[theirs.fileno()])
-        problem = self.ask(job).decode()
+        problem = self.request(job).decode()
         if problem:
             self.end()
             raise Refused(problem)
 
-    def ask(self, request: bytes) -> bytes:
-        """The answer to a request. Raises _Died."""
+    def request(self, data: bytes) -> bytes:
+        """The reply to a request. Raises _Died."""
         try:
-            self._pipe.send_bytes(request)
+            self._pipe.send_bytes(data)
             return self._pipe.recv_bytes()
         except (OSError, EOFError):
             raise _Died(death(self._process.wait())) from None
@@ -90,15 +90,15 @@ def fly(job: bytes, item: bytes, twice: bool) -> bytes | str:
     else, as a lack of memory, may have ended the process. Raises Refused."""
     try:
         child = _child(job)
-        found = child.ask(item)
+        reply = child.request(item)
     except _Died as error:
         return fly(job, item, False) if twice else str(error)
     _rest(job, child)
-    return found
+    return reply
 
 
 def _rest(job: bytes, child: _Child) -> None:
-    """A child has flown, and may be asked again."""
+    """Return a child that has flown to the idle ones."""
     with _lock:
         _idle.setdefault(job, []).append(child)
 
@@ -112,12 +112,12 @@ class _Apart(Work[Item, Result | Died[Item]]):
         self._work, self._pool = work, Local(1)
 
     def fly(self, item: Item) -> Result | Died[Item]:
-        (_, found), = self._pool.fly(self._work, [item])
-        return found
+        (_, result), = self._pool.fly(self._work, [item])
+        return result
 
 
 def _work(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
-    """(the work of a job, why it must not fly here). Other revisions may, whose files are the same."""
+    """(the work of a job, why it must not fly here). Another revision with the same files may fly."""
     kind, arguments = job["work"]
     try:
         work: Work[Any, Any] = kind(*arguments)

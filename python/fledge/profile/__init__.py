@@ -2,7 +2,7 @@
 """What flight costs on a target: memory, code, instructions and time, initialisation and loop apart.
 
     run.py        a profile of each target
-    measure.py    what is measured of a target, and what of it must not grow
+    measure.py    the figures of a target, and those that must not grow
     process.py    a process on this machine, by Valgrind, with the inputs of the closed loop
     board.py      a LEON3 board, by the emulator, in the closed loop
     line.py       a board behind a serial line, by QEMU's count, in the closed loop

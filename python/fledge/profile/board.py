@@ -29,16 +29,16 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     board = Board(target.board, built)
     board.fly(job.begun(), part.tables(), part.process)
     flight, core = board.in_flight, board.core
-    flight.script = [(one.t, one.packet) for one in part.script]
+    flight.script = [(entry.t, entry.packet) for entry in part.script]
     after: list[int] = []       # the instructions until the end of each tick; the first is the reset
     heap: list[tuple[int, int]] = []
     stack: list[tuple[int, int]] = []
     memory = Memory(board)
     outputs: list[tuple[int, bytes]] = []
-    crossing = [one for id, one in enumerate(part.mission.outputs, len(part.mission.inputs))
+    crossing = [output for id, output in enumerate(part.mission.outputs, len(part.mission.inputs))
                 if board._link.carries(id)]
     views = [getattr(board.sim.process(part.process).instances[name], port) for name, port in
-             (one.path.split(".")[1:] for one in crossing)]
+             (output.path.split(".")[1:] for output in crossing)]
     tick, exchange = flight.tick, flight.exchange
     every = max(1, len(part.instants) // MARKS)
 
@@ -66,23 +66,23 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     parts, static = code.by_part(built)
     clock = read_board(target.board)["clock"]
     link = board._link
-    found = Profile(target.name, "the emulator, in the closed loop", n, code=parts, static=static,
-                    executable=sum(parts.values()),
-                    time={"mean": link.cycles / link.ticks / clock}, time_of="simulated, from tick to answer")
+    profile = Profile(target.name, "the emulator, in the closed loop", n, code=parts, static=static,
+                      executable=sum(parts.values()),
+                      time={"mean": link.cycles / link.ticks / clock}, time_of="simulated, from tick to answer")
     with Archive(record) as archive:
-        found.same = _same(archive, crossing, outputs)
-    found.total_instructions = after[-1]
+        profile.same = _same(archive, crossing, outputs)
+    profile.total_instructions = after[-1]
     # The first cycle also begins the record: what that takes belongs to the start.
-    found.init_instructions = after[0] + steps[0] - steps[1]
+    profile.init_instructions = after[0] + steps[0] - steps[1]
     steps[0] = steps[1]
-    found.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
-    found.init_heap, found.init_stack = memory.peak or heap[0][1], stack[0][1]
-    found.heap = [(cycle, bytes_) for cycle, bytes_ in heap[1:]]
+    profile.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
+    profile.init_heap, profile.init_stack = memory.peak or heap[0][1], stack[0][1]
+    profile.heap = [(cycle, bytes_) for cycle, bytes_ in heap[1:]]
     if memory.refused:      # under the lock no request succeeds
-        found.allocations = sum(one != memory.refused[0] for one in memory.refused)
-    found.loop_heap = max((one for _, one in heap[1:]), default=None)
-    found.loop_stack = max((one for _, one in stack[1:]), default=None)
-    return found
+        profile.allocations = sum(refusals != memory.refused[0] for refusals in memory.refused)
+    profile.loop_heap = max((used for _, used in heap[1:]), default=None)
+    profile.loop_stack = max((used for _, used in stack[1:]), default=None)
+    return profile
 
 
 class Memory:

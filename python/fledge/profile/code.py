@@ -52,8 +52,8 @@ def part_of(file: str, sources: dict[str, str]) -> str:
         if path.is_relative_to(build.ROOT):
             path = path.relative_to(build.ROOT)
         inside = path.as_posix()
-        found = next((part for begin, part in PARTS if inside.startswith(begin)), None)
-        return found or ("modules" if "/flight/" in inside else TABLES)
+        known = next((part for begin, part in PARTS if inside.startswith(begin)), None)
+        return known or ("modules" if "/flight/" in inside else TABLES)
     archive, _, member = file.partition("(")
     if "micropython" in archive:        # the interpreter and our part of it, in one library
         return EXECUTIVE if member.startswith("micropython_") else INTERPRETER

@@ -43,12 +43,12 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     every = max(1, n // MARKS)
     with Archive(record) as ours, Archive(own) as its:
         same = not compare(ours, its, part.outputs, times=part.is_instant)
-    found = Profile(target.name, "QEMU, in the closed loop: each exchange, without its record", n, same, code=parts,
-                    static=static, executable=sum(parts.values()), time={"mean": sum(steps) / n / 1e9},
-                    time_of="QEMU's count, 1 ns an instruction")
-    found.init_instructions = int(figures["cycle_first"])
-    found.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
-    found.loop_stack = int(figures["stack_bytes"]) if "stack_bytes" in figures else None
+    profile = Profile(target.name, "QEMU, in the closed loop: each exchange, without its record", n, same, code=parts,
+                      static=static, executable=sum(parts.values()), time={"mean": sum(steps) / n / 1e9},
+                      time_of="QEMU's count, 1 ns an instruction")
+    profile.init_instructions = int(figures["cycle_first"])
+    profile.instructions = [(i, sum(steps[i:i + every]) / len(steps[i:i + every])) for i in range(0, n, every)]
+    profile.loop_stack = int(figures["stack_bytes"]) if "stack_bytes" in figures else None
     if " malloc" not in built.with_name(f"{built.name}.map").read_text(errors="replace"):
-        found.loop_heap = found.allocations = 0     # there is no heap
-    return found
+        profile.loop_heap = profile.allocations = 0     # there is no heap
+    return profile

@@ -46,32 +46,32 @@ class Profile:
         return _mean(self.instructions, 0, self.cycles, self.cycles)
 
     def thirds(self) -> tuple[list[float], list[float]]:
-        """(instructions per cycle, heap at most) in each third of the loop; [] of what is not known."""
+        """(instructions per cycle, heap at most) in each third of the loop; [] of figures that are not known."""
         parts = _parts(0, self.cycles)
         heap = [[h for cycle, h in self.heap if a <= cycle <= b] for a, b in parts]
         counts = [_mean(self.instructions, a, b, self.cycles) for a, b in parts]
         return ([count for count in counts if count is not None] if None not in counts else [],
-                [max(one) for one in heap] if all(heap) else [])
+                [max(samples) for samples in heap] if all(heap) else [])
 
     def problems(self) -> list[str]:
         """What is wrong with the loop, in words."""
-        found = [] if self.same in (None, True) else ["its outputs differ from the desktop's"]
+        texts = [] if self.same in (None, True) else ["its outputs differ from the desktop's"]
         if not self.strict:
-            return found
+            return texts
         _, heap = self.thirds()
         if heap and heap[2] > heap[0]:
-            found.append(f"its heap grows in the loop, from {heap[0]:,.0f} to {heap[2]:,.0f} bytes between the first "
+            texts.append(f"its heap grows in the loop, from {heap[0]:,.0f} to {heap[2]:,.0f} bytes between the first "
                          f"and the last third, {(heap[2] - heap[0]) / (self.cycles * 2 / 3):.3g} bytes per cycle")
         if self.allocations:
-            found.append(f"its loop allocates: {self.allocations:,} requests in {self.cycles:,} cycles")
+            texts.append(f"its loop allocates: {self.allocations:,} requests in {self.cycles:,} cycles")
         for begin, end in self._stays():
             first, second, third = (_mean(self.instructions, *part, cycles=self.cycles) or 0.0
                                     for part in _parts(begin, end))
             if first < second < third and third > first * (1 + GROWTH):
                 where = f"the cycles {begin:,} to {end:,}, of one mode" if self.changes else "the loop"
-                found.append(f"a cycle takes ever more instructions: {first:,.0f}, {second:,.0f} and {third:,.0f} in "
+                texts.append(f"a cycle takes ever more instructions: {first:,.0f}, {second:,.0f} and {third:,.0f} in "
                              f"the thirds of {where}, {third / first - 1:+.1%}")
-        return found
+        return texts
 
     def _stays(self) -> Iterator[tuple[int, int]]:
         """(begin, end) of the cycles in each mode, in whole points; another mode may well take more."""

@@ -56,55 +56,56 @@ GROUPS: list[tuple[str, list[Row]]] = [
 ]
 
 
-def table(found: Sequence[Profile]) -> list[tuple[str, ...]]:
+def table(profiles: Sequence[Profile]) -> list[tuple[str, ...]]:
     """Rows of the table for the terminal."""
-    rows: list[tuple[str, ...]] = [("", *(one.target for one in found))]
+    rows: list[tuple[str, ...]] = [("", *(profile.target for profile in profiles))]
     for title, lines in GROUPS:
-        rows += [(title, *("" for _ in found)),
-                 *((f"  {name.strip()}", *(value(one) for one in found)) for name, value in lines)]
-    if parts := _parts(found):
-        rows += [("Code", *("" for _ in found)),
-                 *((f"  {name}", *(_bytes(one.code.get(name)) for one in found)) for name in parts)]
+        rows += [(title, *("" for _ in profiles)),
+                 *((f"  {name.strip()}", *(value(profile) for profile in profiles)) for name, value in lines)]
+    if parts := _parts(profiles):
+        rows += [("Code", *("" for _ in profiles)),
+                 *((f"  {name}", *(_bytes(profile.code.get(name)) for profile in profiles)) for name in parts)]
     return rows
 
 
-def _parts(found: Sequence[Profile]) -> list[str]:
-    return [name for name in NAMES if any(name in one.code for one in found)]
+def _parts(profiles: Sequence[Profile]) -> list[str]:
+    return [name for name in NAMES if any(name in profile.code for profile in profiles)]
 
 
 # --- the page --------------------------------------------------------------------------------------
 
-def page(mission: str, scenario: str, duration: float | None, found: Sequence[Profile]) -> str:
+def page(mission: str, scenario: str, duration: float | None, profiles: Sequence[Profile]) -> str:
     """The page as text."""
     from fledge import __version__
     from fledge.report.run import templates
 
-    groups = [(title, [(name.strip(), [value(one) for one in found]) for name, value in lines])
+    groups = [(title, [(name.strip(), [value(profile) for profile in profiles]) for name, value in lines])
               for title, lines in GROUPS]
-    if parts := _parts(found):
+    if parts := _parts(profiles):
         groups.append(("Code and constants by part", [
-            (name, [_bytes(one.code.get(name)) for one in found]) for name in parts]))
+            (name, [_bytes(profile.code.get(name)) for profile in profiles]) for name in parts]))
     return templates().get_template("profile.html").render(
-        mission=mission, scenario=scenario, duration=duration, found=found, groups=groups, version=__version__,
-        made=datetime.now(timezone.utc), problems=[(one.target, text) for one in found for text in one.problems()],
-        figures=[(title, note, b64encode(png).decode()) for title, note, png in _figures(found)],
-        heapless=[one.target for one in found if one.init_heap == 0 and one.loop_heap == 0],
-        short=[one.target for one in found if not one.heap],
-        functions=[one for one in found if one.functions])
+        mission=mission, scenario=scenario, duration=duration, profiles=profiles, groups=groups, version=__version__,
+        made=datetime.now(timezone.utc),
+        problems=[(profile.target, text) for profile in profiles for text in profile.problems()],
+        figures=[(title, note, b64encode(png).decode()) for title, note, png in _figures(profiles)],
+        heapless=[profile.target for profile in profiles if profile.init_heap == 0 and profile.loop_heap == 0],
+        short=[profile.target for profile in profiles if not profile.heap],
+        functions=[profile for profile in profiles if profile.functions])
 
 
-def _figures(found: Sequence[Profile]) -> list[tuple[str, str, bytes]]:
+def _figures(profiles: Sequence[Profile]) -> list[tuple[str, str, bytes]]:
     """(title, note, PNG) of each plot."""
     plots = []
-    for one in found:
-        if one.heap and (one.init_heap or one.loop_heap):
-            note = f"At most {_bytes(one.init_heap)} in initialisation, {_bytes(one.loop_heap)} in the loop."
-            plots.append((f"Heap over time, {one.target}", note, _png(partial(_heap, one))))
-    counted = [one for one in found if one.instructions]
+    for profile in profiles:
+        if profile.heap and (profile.init_heap or profile.loop_heap):
+            note = f"At most {_bytes(profile.init_heap)} in initialisation, {_bytes(profile.loop_heap)} in the loop."
+            plots.append((f"Heap over time, {profile.target}", note, _png(partial(_heap, profile))))
+    counted = [profile for profile in profiles if profile.instructions]
     if counted:
         plots.append(("Instructions per cycle", "The mean of the cycles between two marks; on a logarithmic scale, the "
                       "targets side by side.", _png(partial(_instructions, counted))))
-    coded = [one for one in found if one.code]
+    coded = [profile for profile in profiles if profile.code]
     if coded:
         plots.append(("Code and constants by part", "What the linker took, by the folder of its source; the C "
                       "library, which is static on some targets, is left out here.",
@@ -126,38 +127,39 @@ def _png(draw: Callable[[Any], None], height: float = 2.4) -> bytes:
     return out.getvalue()
 
 
-def _heap(one: Profile, axes: Any) -> None:
+def _heap(profile: Profile, axes: Any) -> None:
     """The start stands left of cycle 0, in a strip of its own."""
-    peak = max(one.init_heap or 0, one.loop_heap or 0)
+    peak = max(profile.init_heap or 0, profile.loop_heap or 0)
     scale, unit = (1024, "KiB") if peak >= 4096 else (1, "B")
-    strip = one.cycles * 0.06
-    axes.fill_between([-strip, 0], [(one.init_heap or 0) / scale] * 2, step="post", color="C1", alpha=0.85, linewidth=0,
+    strip = profile.cycles * 0.06
+    axes.fill_between([-strip, 0], [(profile.init_heap or 0) / scale] * 2, step="post", color="C1", alpha=0.85,
+                      linewidth=0,
                       label="initialisation, most")
-    cycles = [cycle for cycle, _ in one.heap] + [one.cycles]
-    heap = [bytes_ / scale for _, bytes_ in one.heap]
+    cycles = [cycle for cycle, _ in profile.heap] + [profile.cycles]
+    heap = [bytes_ / scale for _, bytes_ in profile.heap]
     axes.fill_between(cycles, heap + heap[-1:], step="post", color="C0", alpha=0.85, linewidth=0, label="loop")
-    axes.set(xlim=(-strip, one.cycles), ylim=(0, 1.15 * peak / scale or 1), xlabel="cycle", ylabel=f"heap [{unit}]")
+    axes.set(xlim=(-strip, profile.cycles), ylim=(0, 1.15 * peak / scale or 1), xlabel="cycle", ylabel=f"heap [{unit}]")
     axes.legend(loc="upper right", ncols=2)
 
 
-def _instructions(found: Sequence[Profile], axes: Any) -> None:
-    for one in found:
-        cycles = [100 * cycle / one.cycles for cycle, _ in one.instructions] + [100]
-        counts = [count for _, count in one.instructions]
-        axes.step(cycles, counts + counts[-1:], where="post", label=one.target)
+def _instructions(profiles: Sequence[Profile], axes: Any) -> None:
+    for profile in profiles:
+        cycles = [100 * cycle / profile.cycles for cycle, _ in profile.instructions] + [100]
+        counts = [count for _, count in profile.instructions]
+        axes.step(cycles, counts + counts[-1:], where="post", label=profile.target)
     axes.set(xlabel="share of the loop [%]", ylabel="instructions", yscale="log", xlim=(0, 100))
     low, high = axes.get_ylim()
     axes.set_ylim(low / 2, high * 3)
-    axes.legend(loc="upper right", ncols=len(found))
+    axes.legend(loc="upper right", ncols=len(profiles))
 
 
-def _code(found: Sequence[Profile], axes: Any) -> None:
-    left = [0.0] * len(found)
-    names = [one.target for one in found]
-    for part in _parts(found):
+def _code(profiles: Sequence[Profile], axes: Any) -> None:
+    left = [0.0] * len(profiles)
+    names = [profile.target for profile in profiles]
+    for part in _parts(profiles):
         if part == LIBRARY:
             continue
-        sizes = [one.code.get(part, 0) / 1024 for one in found]
+        sizes = [profile.code.get(part, 0) / 1024 for profile in profiles]
         axes.barh(names, sizes, left=left, label=part, height=0.6)
         left = [a + b for a, b in zip(left, sizes)]
     axes.invert_yaxis()

@@ -41,35 +41,36 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
     with Archive(record) as ours, Archive(folder / "record.mcap") as its:
         same = not compare(ours, its, part.outputs, times=part.is_instant)
     parts, static = code.by_part(built)
-    found = Profile(target.name, "Valgrind, with the inputs of the closed loop", n, same, code=parts, static=static,
-                    executable=code.stripped(built, target.size), time=times(figures), time_of="processor time")
+    profile = Profile(target.name, "Valgrind, with the inputs of the closed loop", n, same, code=parts, static=static,
+                      executable=code.stripped(built, target.size), time=times(figures), time_of="processor time")
 
     first, *stretches = valgrind.callgrind(command, folder, "inputs_mark")
-    found.init_instructions = first.total
-    found.total_instructions = first.total + sum(stretch.total for stretch in stretches)
+    profile.init_instructions = first.total
+    profile.total_instructions = first.total + sum(stretch.total for stretch in stretches)
     loop = stretches[:-1]       # what follows the last mark is the last cycle, and the end
-    found.instructions = [(mark, sum(one.inclusive[name] for name in LOOP) / (end - mark))
-                          for one, mark, end in zip(loop, marks, marks[1:])]
-    found.allocations = sum(one.calls[name] for one in loop for name in ALLOCATORS)
-    own: Counter[str] = sum((one.own for one in loop), Counter())
-    found.functions = [(name, cost / marks[-1]) for name, cost in own.most_common(12)]
+    profile.instructions = [(mark, sum(stretch.inclusive[name] for name in LOOP) / (end - mark))
+                            for stretch, mark, end in zip(loop, marks, marks[1:])]
+    profile.allocations = sum(stretch.calls[name] for stretch in loop for name in ALLOCATORS)
+    own: Counter[str] = sum((stretch.own for stretch in loop), Counter())
+    profile.functions = [(name, cost / marks[-1]) for name, cost in own.most_common(12)]
 
     # Massif sees only an allocator that it can replace by one in a library.
     shared = copy.copy(target)
     shared.name, shared.link = f"{target.name}_shared", ("-no-pie",)
     snapshots = valgrind.massif([shared.build(part).resolve(), *command[1:]], folder)
-    loader = snapshots[-1].time - found.total_instructions      # what loads that library runs first
+    loader = snapshots[-1].time - profile.total_instructions      # what loads that library runs first
     ends = [first.total + loader]       # the instructions until each mark
-    for one in loop:
-        ends.append(ends[-1] + one.total)
+    for stretch in loop:
+        ends.append(ends[-1] + stretch.total)
     before = [snapshot for snapshot in snapshots if snapshot.time < ends[0]]
     during = [snapshot for snapshot in snapshots if ends[0] <= snapshot.time < ends[-1]]
     script = heap_marks(figures)
-    found.init_heap = max((one.heap for one in before), default=0) + max((peak for t, _, peak in script[:1]), default=0)
-    found.init_stack = max((one.stack for one in before), default=None)
-    found.loop_stack = max((one.stack for one in during), default=None)
+    profile.init_heap = max((snapshot.heap for snapshot in before), default=0) + max(
+        (peak for t, _, peak in script[:1]), default=0)
+    profile.init_stack = max((snapshot.stack for snapshot in before), default=None)
+    profile.loop_stack = max((snapshot.stack for snapshot in during), default=None)
 
-    def cycle(time: int) -> int:
+    def cycle_at(time: int) -> int:
         return marks[max(0, bisect_right(ends, time) - 1)]
 
     def script_heap(at: int) -> int:
@@ -77,13 +78,13 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
 
     heap: dict[int, int] = {mark: 0 for mark in marks}
     for seen in during:
-        heap[cycle(seen.time)] = max(heap[cycle(seen.time)], seen.heap)
+        heap[cycle_at(seen.time)] = max(heap[cycle_at(seen.time)], seen.heap)
     held = 0
     for mark in marks:      # Massif writes a snapshot only now and then
         held = heap[mark] = heap[mark] or held
-    found.heap = [(mark, n + script_heap(mark)) for mark, n in heap.items()]
-    found.loop_heap = round(max(n for _, n in found.heap))
-    return found
+    profile.heap = [(mark, n + script_heap(mark)) for mark, n in heap.items()]
+    profile.loop_heap = round(max(n for _, n in profile.heap))
+    return profile
 
 
 def plain(command: list[Any], folder: Path) -> dict[str, str]:
@@ -101,8 +102,8 @@ def times(figures: dict[str, str]) -> dict[str, float]:
 
 def heap_marks(figures: dict[str, str]) -> list[tuple[int, int, int]]:
     """(cycles until then, bytes in use, most until then) of a script's heap."""
-    found = []
+    marks = []
     for word in figures.get("heap", "").split():
         tick, used, peak = map(int, word.split(":"))
-        found.append((tick, used, peak))
-    return found
+        marks.append((tick, used, peak))
+    return marks

@@ -28,28 +28,28 @@ def test_a_short_flight_is_profiled(tmp_path, capsys, target):
         pytest.skip(f"{target} is not there")
     out = str(tmp_path / "out")
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", target, "--out", out]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     facts = json.loads((tmp_path / "out/profile.json").read_text())
     page = (tmp_path / "out/profile.html").read_text()
     assert (facts["mission"], facts["duration"]) == ("inertial_spin", 15.0)
-    one, = facts["targets"]
-    assert one["target"] == target and one["cycles"] == 31 and one["same"] is True and one["problems"] == []
-    assert one["per_cycle"] > 1000 and one["total_instructions"] > 31 * one["per_cycle"] * 0.9
-    assert one["init_instructions"] > 1000
-    assert len(one["thirds"]["instructions"]) == 3 and len(one["thirds"]["heap"]) == 3
-    assert 200 < one["init_stack"] < 65536 and 200 < one["loop_stack"] < 65536
-    assert {"modules", "tables and scripts", "registers, record and host"} <= set(one["code"])
-    assert 30_000 < sum(one["code"].values()) < 2_000_000
+    row, = facts["targets"]
+    assert row["target"] == target and row["cycles"] == 31 and row["same"] is True and row["problems"] == []
+    assert row["per_cycle"] > 1000 and row["total_instructions"] > 31 * row["per_cycle"] * 0.9
+    assert row["init_instructions"] > 1000
+    assert len(row["thirds"]["instructions"]) == 3 and len(row["thirds"]["heap"]) == 3
+    assert 200 < row["init_stack"] < 65536 and 200 < row["loop_stack"] < 65536
+    assert {"modules", "tables and scripts", "registers, record and host"} <= set(row["code"])
+    assert 30_000 < sum(row["code"].values()) < 2_000_000
     if "micropython" in target:
-        assert 1000 < one["loop_heap"] < 65536 and {"interpreter", "executive and binding"} <= set(one["code"])
+        assert 1000 < row["loop_heap"] < 65536 and {"interpreter", "executive and binding"} <= set(row["code"])
     else:
-        assert one["loop_heap"] == 0
-    for shown in (f"{one['per_cycle']:,.0f}", f"{one['init_instructions']:,}", f"{one['loop_stack']:,} B"):
-        assert shown in page and shown in said
+        assert row["loop_heap"] == 0
+    for shown in (f"{row['per_cycle']:,.0f}", f"{row['init_instructions']:,}", f"{row['loop_stack']:,} B"):
+        assert shown in page and shown in output
     assert page.count("data:image/png;base64,") >= 2 and "http" not in page
 
 
-BARE = [name for name, one in TARGETS.items() if isinstance(one, Bare) and one.emulator]
+BARE = [name for name, target in TARGETS.items() if isinstance(target, Bare) and target.emulator]
 
 
 @pytest.mark.long("builds and flies on a board")
@@ -58,17 +58,17 @@ def test_a_board_behind_a_line_is_profiled(tmp_path, capsys, target):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not there")
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", target, "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    one, = json.loads((tmp_path / "profile.json").read_text())["targets"]
-    assert one["cycles"] == 31 and one["same"] is True and one["problems"] == []
-    assert 1000 < one["per_cycle"] < one["init_instructions"] and one["loop_heap"] == one["allocations"] == 0
-    assert 200 < one["loop_stack"] < 65536 and {"modules", "tables and scripts"} <= set(one["code"])
-    assert f"{one['per_cycle']:,.0f}" in said
+    output = capsys.readouterr().out
+    row, = json.loads((tmp_path / "profile.json").read_text())["targets"]
+    assert row["cycles"] == 31 and row["same"] is True and row["problems"] == []
+    assert 1000 < row["per_cycle"] < row["init_instructions"] and row["loop_heap"] == row["allocations"] == 0
+    assert 200 < row["loop_stack"] < 65536 and {"modules", "tables and scripts"} <= set(row["code"])
+    assert f"{row['per_cycle']:,.0f}" in output
 
 
 @pytest.mark.parametrize("name, loop", [("cortex-m7", "subs %0, %0, #1"), ("riscv64", "addi %0, %0, -1")])
 def test_an_instruction_is_a_nanosecond_of_a_board(tmp_path, name, loop):
-    """What the processor does in a loop of two instructions, whose number is known."""
+    """The processor counts a loop of two instructions, whose number is known."""
     target, again = TARGETS[name], "bne 1b" if name == "cortex-m7" else "bnez %0, 1b"
     if target.missing():
         pytest.skip(f"{name} is not there")
@@ -114,11 +114,11 @@ def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
     monkeypatch.setattr(process, "LOOP", ("__wrap_mission_host_exchange", "mission_record_take"))
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", "planted", "--out",
                      str(tmp_path)]) == 1
-    said = capsys.readouterr().err
+    errors = capsys.readouterr().err
     page = (tmp_path / "profile.html").read_text()
-    assert len(said.splitlines()) == len(wrong)
-    for one in wrong:
-        assert re.search(f"fledge: planted: {one}", said) and re.search(f"planted: {one}", page), said
+    assert len(errors.splitlines()) == len(wrong)
+    for script in wrong:
+        assert re.search(f"fledge: planted: {script}", errors) and re.search(f"planted: {script}", page), errors
 
 
 @pytest.mark.long("flies under valgrind")
@@ -135,8 +135,9 @@ def test_a_script_that_allocates_in_the_loop_is_found(tmp_path, capsys):
         "def careless(m, t, dt):\n    pair = [t, dt]\n    m.publish(m.reference)\n\n\ndef build(f):")))
     assert cli.main(["profile", str(mission), "--free", "--for", "15s", "--on", "micropython", "--out",
                      str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
-    assert re.search(r"^fledge: micropython: its loop allocates: \d+ requests in 31 cycles$", said, re.MULTILINE), said
+    errors = capsys.readouterr().err
+    assert re.search(r"^fledge: micropython: its loop allocates: \d+ requests in 31 cycles$", errors,
+                     re.MULTILINE), errors
 
 
 def flight(instructions, heap, **more):
@@ -200,4 +201,4 @@ def test_wrong_words_are_refused(tmp_path, capsys, arguments, wrong):
     words = ["profile", "inertial_spin", "--out", str(tmp_path), *arguments]
     assert cli.main(words if "--for" in arguments or "--free" in arguments else [*words, "--for", "1s"]) == 2
     assert wrong in capsys.readouterr().err
-    assert run.METHODS.keys() >= {one.profiled_by for one in TARGETS.values()} - {""}
+    assert run.METHODS.keys() >= {target.profiled_by for target in TARGETS.values()} - {""}

@@ -28,20 +28,20 @@ def profile(job: Job, names: Sequence[str], process: str | None = None,
     before each."""
     if process is None and len(job.parts) > 1:
         raise Failure(f"{job.title} has several flight processes; choose one with --process: "
-                      + ", ".join(one.process for one in job.parts))
+                      + ", ".join(part.process for part in job.parts))
     part = job.part(process) if process else job.parts[0]
     for name in names:
         if name not in TARGETS or not TARGETS[name].profiled_by:
-            can = [one.name for one in TARGETS.values() if one.profiled_by]
+            can = [target.name for target in TARGETS.values() if target.profiled_by]
             raise Failure(f"profile: cannot profile on '{name}'; there are {', '.join(can)}")
     targets = TARGETS.ready(names, "profile")
     flown = Desktop().fly(job)[part.process]
-    found: list[Profile] = []
+    profiles: list[Profile] = []
     for target in targets:
-        progress(target.name, len(found))
-        found.append(METHODS[target.profiled_by](target, part, flown.record))
-        found[-1].changes = _changes(part, flown.record)
-    return found
+        progress(target.name, len(profiles))
+        profiles.append(METHODS[target.profiled_by](target, part, flown.record))
+        profiles[-1].changes = _changes(part, flown.record)
+    return profiles
 
 
 def _changes(part: Part, path: Path) -> list[int]:

@@ -53,7 +53,7 @@ def callgrind(command: Sequence[str | Path], folder: Path, mark: str,
 
 def read_callgrind(text: str) -> Stretch:
     """A file in callgrind's format, with instructions as its only event."""
-    found, names = Stretch(), {}
+    stretch, names = Stretch(), {}
     function, called = "", ""
 
     def name(word: str) -> str:
@@ -69,16 +69,16 @@ def read_callgrind(text: str) -> Stretch:
         elif equals and key == "cfn":
             called = name(value)
         elif equals and key == "calls":
-            found.calls[called] += int(value.split()[0])
+            stretch.calls[called] += int(value.split()[0])
         elif line[:1] in "+-*0123456789" and line:
             cost = int(line.split()[1])
             if called:
-                found.inclusive[called] += cost
+                stretch.inclusive[called] += cost
                 called = ""
             else:
-                found.own[function] += cost
-                found.total += cost
-    return found
+                stretch.own[function] += cost
+                stretch.total += cost
+    return stretch
 
 
 # --- massif ----------------------------------------------------------------------------------------
@@ -100,6 +100,6 @@ def massif(command: Sequence[str | Path], folder: Path, stacks: bool = True,
 
 
 def read_massif(text: str) -> list[Snapshot]:
-    rows = [tuple(int(value) for value in found) for found in re.findall(
+    rows = [tuple(int(value) for value in numbers) for numbers in re.findall(
         r"^time=(\d+)\nmem_heap_B=(\d+)\nmem_heap_extra_B=(\d+)\nmem_stacks_B=(\d+)$", text, re.MULTILINE)]
     return [Snapshot(time, heap + extra, stack) for time, heap, extra, stack in rows]
