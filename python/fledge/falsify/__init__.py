@@ -14,7 +14,7 @@ Example:
 
 The modules:
 
-    space       what a campaign may draw, as the unit cube
+    space       the draws of a campaign as the unit cube
     stages      the stages of the search
     splitting   failure probabilities that counting does not reach
     flights     runs with chosen numbers, and their margins

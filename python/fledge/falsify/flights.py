@@ -45,11 +45,11 @@ class _Campaign(Chosen):
 
         def prepare(sim: Simulation) -> None:
             name, function = chosen(sim, self._scenario)
-            found = set_up(sim, function)
-            if found is None:
+            length = set_up(sim, function)
+            if length is None:
                 raise SetupError(f"the scenario {name} begins with no run of a duration, as sim.run(10 * minute): "
                                  "there is nothing to fly")
-            duration.append(found)
+            duration.append(length)
 
         sim, d, known, name = declare(self._mission, self._function, {}, prepare if self._scenario else None)
         if duration:
@@ -58,7 +58,7 @@ class _Campaign(Chosen):
         if not Requirements(sim):
             raise SetupError(f"the mission {sim.name} declares no requirements; expected them in "
                              f"{sim.mission.folder / 'requirements.py'}")
-        d.requirements.clear()      # those of the campaign are not asked
+        d.requirements.clear()      # those of the campaign are not judged
         d.require(self._requirement)
         every = _check(d).declared.every
         if every:       # sampled as a scenario samples it, so that it has the same margin there

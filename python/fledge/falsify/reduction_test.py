@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left of a counterexample is what makes it fail."""
+"""A reduced counterexample keeps the changes that make it fail."""
 
 import numpy as np
 

@@ -22,12 +22,12 @@ def name_of(requirement: str) -> str:
     return "keeps_" + re.sub(r"\W+", "_", requirement).strip("_").lower()
 
 
-def scenario(flights: Flights, found: Counterexample, command: str) -> str:
+def scenario(flights: Flights, example: Counterexample, command: str) -> str:
     """The text of a file in Python whose function flies the counterexample, for a mission's scenarios.py: it fails for
     as long as the requirement does."""
-    sim = flights.simulation(found.values)
+    sim = flights.simulation(example.values)
     changed = [path for path, m in flights.marginals.items() if ".faults[" not in path
-               and found.values[path] != m.nominal]
+               and example.values[path] != m.nominal]
     lines = [f'set_up(sim, chosen(sim, "{flights.scenario}")[1])'] if flights.scenario else []
     lines.append(f"sim.seed = {sim.seed}")
     for craft in dict.fromkeys(path.partition(".orbit.")[0] for path in changed if ".orbit." in path):
@@ -35,10 +35,10 @@ def scenario(flights: Flights, found: Counterexample, command: str) -> str:
                   for name in ("r_BN_N", "v_BN_N")]
     lines += [line for path in changed if ".orbit." not in path
               for line in _assignments(sim, path, flights.marginals[path].nominal)]
-    for model in dict.fromkeys(fault.rpartition(".")[0] for fault in flights.faults if fault in found.kept):
-        rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in found.removed]
+    for model in dict.fromkeys(fault.rpartition(".")[0] for fault in flights.faults if fault in example.kept):
+        rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in example.removed]
         lines.append(f"sim.{model}.faults = [" + "".join(f"\n        {_fault(row)}," for row in rows) + "\n    ]")
-    margin = number_text(found.margin, flights.unit)
+    margin = number_text(example.margin, flights.unit)
     return f'''"""A counterexample to {flights.requirement}, found by
 
     {command}
@@ -77,7 +77,7 @@ def _assignments(sim: Simulation, path: str, nominal: float) -> list[str]:
 
 
 def _fault(row: Any) -> str:
-    """A fault as Python; what is 0 is left out."""
+    """A fault as Python; fields that are 0 are left out."""
     parts = []
     for field in objects.struct(row).fields:
         x = getattr(row, field.name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign may draw, as the unit cube: a point of the cube gives each dispersed number by its quantile function,
+"""The draws of a campaign as the unit cube: a point of the cube gives each dispersed number by its quantile function,
 so that points with equal probability in the cube are draws of the campaign.
 
 The evolutionary search goes through a box: that of the same numbers, with normal distributions cut at SIGMAS and at
@@ -67,8 +67,8 @@ class Axis:
         return m.nominal * x if m.scale == "relative" else m.nominal + x if m.scale == "about" else x
 
     def _deviation(self, u: Array) -> Array:
-        """[standard deviations] of a cut normal distribution. The upper half goes by what is above, as the lower one by
-        what is below: there is no 1 - 1e-17."""
+        """[standard deviations] of a cut normal distribution. The upper half is computed from the upper
+        tail, the lower half from the lower one: there is no 1 - 1e-17."""
         m = self.of
         if m.b == 0:
             return np.zeros_like(u)
@@ -89,7 +89,7 @@ class Axis:
         return (ndtr(x) - ndtr(low)) / (ndtr(high) - ndtr(low))
 
     def to_box(self, u: Array) -> Array:
-        """The reverse; what is outside the box comes to its side."""
+        """The reverse; a point outside the box comes to its side."""
         m = self.of
         if m.kind != "normal" or m.b == 0:
             return u
@@ -97,7 +97,7 @@ class Axis:
         return np.clip((m.a + m.b * self._deviation(np.clip(u, 1e-300, _BELOW_ONE)) - begin) / (end - begin), 0, 1)
 
     def described(self, text: Callable[[str, float], str]) -> str:
-        """What it may be, in words. text: a number of a path for people"""
+        """Its values in words. text: formats a number of a path"""
         m = self.of
         if m.kind == "attitude":
             return f"{self.names[0].rpartition('[')[0]}: any attitude"
@@ -154,8 +154,8 @@ class Space:
         return [(axis, u[:, i:i + axis.n]) for axis, i in zip(self.axes, k)]
 
     def described(self, text: Callable[[str, float], str]) -> list[str]:
-        """What each number may be, in words; those of an array that may be the same are one. text: a number of a path
-        for people"""
+        """The values of each number in words; elements of an array with the same values are one line. text: formats a
+        number of a path"""
         lines = []
         for axis in self.axes:
             name, _, words = axis.described(text).partition(": ")

@@ -112,8 +112,8 @@ def _chains(margin: Callable[[Array], Array], z: Array, g: Array, level: float, 
     guess = _Guess(z, g, level)
     z, g = z[g <= level], g[g <= level]
     deviation = np.clip(z.std(axis=0), 0.1, None)
-    all_z, all_g, made, step, plain = [z], [g], len(z), 0, 0
-    while made < runs:
+    all_z, all_g, count, step, plain = [z], [g], len(z), 0, 0
+    while count < runs:
         step += 1
         if guess.useful and step % 3:
             tried = guess.lead(z, random)
@@ -127,7 +127,7 @@ def _chains(margin: Callable[[Array], Array], z: Array, g: Array, level: float, 
         z, g = np.where(accepted[:, None], tried, z), np.where(accepted, g_tried, g)
         all_z.append(z)
         all_g.append(g)
-        made += len(z)
+        count += len(z)
         if not guess.useful or step % 3 == 0:
             spread = float(np.clip(spread * math.exp((accepted.mean() - ACCEPTED) / math.sqrt(plain)), 1e-3, 10.0))
     return np.vstack(all_z), np.concatenate(all_g), spread
@@ -135,7 +135,7 @@ def _chains(margin: Callable[[Array], Array], z: Array, g: Array, level: float, 
 
 class _Guess:
     """The margin as a linear function, by the draws of a level. It proposes: a step goes as the share of those that are
-    guessed to be below the level would, and what is accepted is corrected by the margin itself (delayed acceptance,
+    guessed to be below the level would, and the margin itself corrects which steps are accepted (delayed acceptance,
     Christen and Fox 2005), so that a bad guess costs runs, and no truth."""
 
     STEPS = 12

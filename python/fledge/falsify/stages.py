@@ -30,12 +30,12 @@ Margins = Callable[[Array], Array]      # (runs, columns) numbers of a Space -> 
 DRAWS, CROSS_ENTROPY, EVOLUTION = 0.15, 0.4, 0.85   # of the budget are spent when a stage ends
 ELITE, SMOOTH = 0.2, 0.5            # of a generation; how far its distribution goes to that of its elite
 NEW = 0.1                           # of a generation are draws of the campaign: the least margins may mislead
-NO_MARGIN = 1e30                    # of runs that say nothing
+NO_MARGIN = 1e30                    # of runs without a margin
 
 
 @dataclass
 class Tried:
-    """What was flown, in its order. values: (runs, columns) in SI; margins: (runs,), the first of the nominal run;
+    """The runs in their order. values: (runs, columns) in SI; margins: (runs,), the first of the nominal run;
     stages: name -> its runs; interrupted: by Ctrl-C"""
     values: Array
     margins: Array
@@ -68,7 +68,7 @@ def random_search(margins: Margins, space: Space, runs: int, seed: int = 0, firs
 
 def search(margins: Margins, space: Space, runs: int, seed: int = 0, first: bool = False) -> Tried:
     """Search for the least margin by at most so many runs. first: end with the first margin below 0. KeyboardInterrupt
-    in margins ends the search with what was flown."""
+    in margins ends the search with the runs so far."""
     search_ = _Search(margins, space, runs, seed, first)
     search_.run([("draws", DRAWS, search_.draws), ("cross-entropy", CROSS_ENTROPY, search_.cross_entropy),
                  ("evolution", EVOLUTION, search_.evolution), ("polishing", 1.0, search_.polish)])
@@ -76,7 +76,7 @@ def search(margins: Margins, space: Space, runs: int, seed: int = 0, first: bool
 
 
 class _Search:
-    """The stages of a search. u, g: what they have flown but the nominal run, as points of the cube, and its margins,
+    """The stages of a search. u, g: all runs but the nominal one, as points of the cube, and their margins,
     finite"""
 
     def __init__(self, margins: Margins, space: Space, runs: int, seed: int, first: bool) -> None:

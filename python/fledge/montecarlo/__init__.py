@@ -15,7 +15,7 @@ Example:
 A run is fixed by (seed, index): neither threads nor processes nor their order change a bit of it.
 
     campaign, sweep campaigns, and those whose runs are the points of a grid
-    dispersions     what a campaign declares: draws, retained variables, requirements (requirements)
+    dispersions     the declarations of a campaign: draws, retained variables, requirements (requirements)
     shares          the results of some runs, and the ways to fly them: by threads, or by a pool (fledge.pool)
     store, counts   where results are kept: rows on disk, counts for percentiles
     result          what came of a campaign

@@ -153,7 +153,7 @@ class Campaign:
                 for path in self.dispersions.drawn}
 
     def enumerators(self, path: str) -> Mapping[float, str]:
-        """Number -> name of what a draw chooses among; {} of one that is no enumeration."""
+        """Number -> name of the enumerators that a draw chooses among; {} of a draw of numbers."""
         if path in self.dispersions.orbit_elements or path in getattr(self, "parameters", ()):
             return {}
         return {float(n): name for n, name in enumerator_names(FieldPath(self.nominal, path).field).items()}
@@ -171,12 +171,12 @@ class Campaign:
         d = self.dispersions
         every = d.ns[1] if len(d.ns) > 1 else d.ns[0] + 1
         retained = []
-        for one in d.retained.values():
-            path = one.field_path.recorded
+        for variable in d.retained.values():
+            path = variable.field_path.recorded
             # As the kernel keeps them: between two instants a sample is that of the first.
             taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
             at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
-            retained.append(np.asarray((log.raw if one.raw else log)[
+            retained.append(np.asarray((log.raw if variable.raw else log)[
                             path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
         store = Store(self, 1, seed)
         store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan),
@@ -212,10 +212,10 @@ class Campaign:
 
         d = self.dispersions
         drawn = [(path, repr(draw)) for path, draw in d.draws.items()]
-        kept = [(one.path, one.field_path.field.doc) for one in d.shown]
+        retained = [(variable.path, variable.field_path.field.doc) for variable in d.shown]
         checked = [(repr(requirement), requirement.message) for requirement in d.requirements]
         return table(f"{self.name} of {self.nominal.name}, runs of {d.duration:g} s",
-                     [("dispersed", drawn), ("retained", kept), ("requirements", checked)], notes=[self.summary])
+                     [("dispersed", drawn), ("retained", retained), ("requirements", checked)], notes=[self.summary])
 
     def __repr__(self) -> str:
         return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"

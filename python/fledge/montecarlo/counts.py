@@ -60,9 +60,9 @@ class Counts:
         n = below[ends[1:]] - below[ends[:-1]]
         if not len(self.keys):
             return np.full((len(list(shown)), self.samples), np.nan)
-        found = [np.searchsorted(below, below[ends[:-1]] + (n - 1) * int(round(p * 1000)) // 100_000, "right") - 1
-                 for p in shown]
-        values = _middles(self.keys[np.array(found, int).clip(0, len(self.keys) - 1)] % _CODES)
+        bins = [np.searchsorted(below, below[ends[:-1]] + (n - 1) * int(round(p * 1000)) // 100_000, "right") - 1
+                for p in shown]
+        values = _middles(self.keys[np.array(bins, int).clip(0, len(self.keys) - 1)] % _CODES)
         return np.where(n > 0, values, np.nan)
 
     def least_positive(self) -> float:

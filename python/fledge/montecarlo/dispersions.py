@@ -17,8 +17,8 @@
         error = d.retain("flight.tracking.error.sigma_BR")
         d.check(error.norm().final < 1e-3, "the attitude did not settle")
 
-Every public function of the file that takes `d` is a campaign; the first line of its docstring says
-what it shows. Each run is fixed by the campaign's seed and the run's index alone, and each element of
+Every public function of the file that takes `d` is a campaign; the first line of its docstring is
+its purpose. Each run is fixed by the campaign's seed and the run's index alone, and each element of
 a parameter is drawn from a stream of its own: a line more changes no other line's draws.
 """
 
@@ -46,7 +46,7 @@ _NUMBER = (0,) * 8
 _INFINITY = float("inf")
 
 
-# --- what is drawn ---------------------------------------------------------------------------------
+# --- draws -----------------------------------------------------------------------------------------
 
 class Draw:
     """A distribution: made by uniform(), normal(), choice() and attitude() of `d`."""
@@ -225,9 +225,9 @@ class Dispersions:
         # Of whole inertias the upper triangles are drawn; the kernel keeps them symmetric.
         across = {e: e - e % 9 + e % 3 * 3 + e % 9 // 3 if "inertia" in target.field.rule else e
                   for e in target.elements}
-        kept = [k for k, e in enumerate(target.elements) if not (across[e] < e and across[e] in across)]
+        drawn = [k for k, e in enumerate(target.elements) if not (across[e] < e and across[e] in across)]
         names = target.names()
-        for k in kept:
+        for k in drawn:
             mirror = target.full + index_text(across[target.elements[k]], target.field.shape)
             if names[k] in self._columns or mirror in self._columns:
                 raise SetupError(f"{names[k]} is dispersed twice")
@@ -244,7 +244,7 @@ class Dispersions:
         numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
                     self._numbers(draw.high, target, draw, _INFINITY)]
         groups: dict[tuple[float, ...], list[int]] = {}  # elements with the same numbers
-        for k in kept:
+        for k in drawn:
             groups.setdefault(tuple(number[k] for number in numbers), []).append(k)
         for (a, b, low, high), group in groups.items():
             self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group],
@@ -275,10 +275,10 @@ class Dispersions:
                       _NUMBER if relative else target.field.dims, "a number, or one for each element")
         if isinstance(value, (int, float)):
             return [float(value)] * n
-        found = _shape(value)
-        if found != target.shape:
+        shape = _shape(value)
+        if shape != target.shape:
             raise SetupError(f"{shown}: expected a number, or an array of shape {target.shape}; found one of shape "
-                             f"{found}")
+                             f"{shape}")
         return [float(x) for x in _flat(value)]
 
     # --- orbits and faults ---
@@ -298,12 +298,12 @@ class Dispersions:
         craft = craft.instances.get(name) if craft else None
         if craft is None:
             raise SetupError(f"d.orbit({path!r}): there is no such spacecraft"
-                             + did_you_mean(path, [_core.path(one) for one in self._crafts()]).rstrip(";")
+                             + did_you_mean(path, [_core.path(craft) for craft in self._crafts()]).rstrip(";")
                              + f" there {'is' if len(self._crafts()) == 1 else 'are'} "
-                             + listed([_core.path(one) for one in self._crafts()]))
+                             + listed([_core.path(craft) for craft in self._crafts()]))
         if craft not in self._crafts():
             raise SetupError(f"d.orbit({path!r}): it is no spacecraft but {_core.struct(craft).name}; there are "
-                             + listed([_core.path(one) for one in self._crafts()]))
+                             + listed([_core.path(craft) for craft in self._crafts()]))
         orbit = given_orbit(craft)
         if orbit is None:
             raise SetupError(f"d.orbit({path!r}): the mission gives it no orbit=Orbit(...) as its initial state; "
@@ -326,31 +326,31 @@ class Dispersions:
                    "altitude": orbit.p / (1 + orbit.e) - orbit.body.radius,
                    "i": orbit.i, "Omega": orbit.Omega, "omega": orbit.omega, "f": orbit.f}
         order = [*shape, "i", "Omega", "omega", "f"]
-        made: dict[str, Any] = {}
+        distributions: dict[str, Any] = {}
         for name, draw in elements.items():
             shown = f"{path}.orbit.{name}"
             unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
                           ("rad", ANGLE) if name in ("i", "Omega", "omega", "f") else ("m", LENGTH))
-            said = f"{shown} = {draw!r}"
-            numbers = [to_number(x, said, unit, dims) for x in draw.numbers]
-            low, high = (x if one is None else to_number(one, said, unit, dims)
-                         for one, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
+            declared = f"{shown} = {draw!r}"
+            numbers = [to_number(x, declared, unit, dims) for x in draw.numbers]
+            low, high = (x if limit is None else to_number(limit, declared, unit, dims)
+                         for limit, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
             listing = draw.kind in ("choice", "grid")
-            made[name] = (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale,
-                          numbers if listing else [], draw.stride)
+            distributions[name] = (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale,
+                                   numbers if listing else [], draw.stride)
         body, axes = orbit.body, orbit.frame or [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
         relative = _core.orbit_state(body.mu, orbit.p, orbit.e, orbit.i, orbit.Omega, orbit.omega, orbit.f)
         turned = [sum(x * axis[k] for x, axis in zip(part, axes)) for part in relative for k in range(3)]
         origin = [float(x) - y for x, y in zip([*craft.r_BN_N, *craft.v_BN_N], turned)]
         paths = {f"{path}.orbit.{name}": name for name in elements}
         self._plan.orbit(self.simulation.kernel, path, list(paths),
-                         [_core.Distribution(*one) for one in made.values()], ", ".join(shape),
+                         [_core.Distribution(*arguments) for arguments in distributions.values()], ", ".join(shape),
                          [nominal[name] for name in order], [order.index(name) for name in elements], body.mu,
                          body.radius, body.radius if body.surface is None else body.surface,
                          [x for axis in axes for x in axis], origin)
         for shown, name in paths.items():
             self._orbit_columns[shown] = "" if name == "e" else "rad" if name in known[6:] else "m"
-            kind, a, b, low, high, scale, choices, _ = made[name]
+            kind, a, b, low, high, scale, choices, _ = distributions[name]
             self.marginals[shown] = Marginal(kind, a, b, low, high, scale, tuple(choices), nominal[name], False, shown)
             self.orbit_elements[shown] = nominal[name]
             self.draws[shown] = elements[name]
@@ -369,8 +369,9 @@ class Dispersions:
         The fields are those of `faults` (docs/sensors.md): kind, channels, size, begin, lasts; each is drawn, or a
         constant for all runs. With "NONE" among the kinds some runs have no fault. Raises SetupError.
         """
-        takers = {f"{p.name}.{name}": one for p in self.simulation.processes for name, one in p.instances.items()
-                  if any(f.name == "n_faults" for f in _core.struct(one).fields)}
+        takers = {f"{p.name}.{name}": instance for p in self.simulation.processes
+                  for name, instance in p.instances.items()
+                  if any(f.name == "n_faults" for f in _core.struct(instance).fields)}
         if path not in takers:
             raise SetupError(f"d.fault({path!r}): no model of that name takes faults; these do: "
                              + listed(list(takers)))
@@ -394,8 +395,8 @@ class Dispersions:
 
     @property
     def shown(self) -> list[Variable]:
-        """What was retained by name: not the qualities that requirements look at."""
-        return [one for one in self.retained.values() if not one.hidden]
+        """The variables that were retained by name, without the qualities that requirements read."""
+        return [variable for variable in self.retained.values() if not variable.hidden]
 
     def retain(self, *paths: str, raw: bool = False) -> Any:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.
@@ -406,8 +407,8 @@ class Dispersions:
         if not paths:
             raise SetupError('d.retain: name at least one field, as in d.retain("flight.tracking.error.sigma_BR")')
         variable = [self._retain(path, raw) for path in paths]
-        for one in variable:
-            one.hidden = False
+        for single in variable:
+            single.hidden = False
         return variable[0] if len(variable) == 1 else variable
 
     def _retain(self, path: str, raw: bool) -> Variable:
@@ -431,10 +432,10 @@ class Dispersions:
         """A run that does not fulfil these requirements of the mission's requirements.py has failed."""
         own = Requirements(self.simulation)
         for id in ids:
-            one = own.of(id)
-            if one.formula is None:
-                raise SetupError(f"d.require: {one.id} is shown by {one.method}, and has no formula")
-            self._check_formula(one, one.text)
+            requirement = own.of(id)
+            if requirement.formula is None:
+                raise SetupError(f"d.require: {requirement.id} is shown by {requirement.method}, and has no formula")
+            self._check_formula(requirement, requirement.text)
 
     def _check_formula(self, declared: Declared, message: str) -> None:
         assert declared.formula is not None
@@ -531,12 +532,12 @@ class Dispersions:
 
     def measures(self) -> list[Variable]:
         """A number over time for each retained variable and for each requirement."""
-        found: dict[str, Variable] = {}
-        for one in [*(variable.summary for variable in self.shown),
-                    *(requirement.variable
-                      for requirement in self.requirements if not isinstance(requirement, FormulaCheck))]:
-            found.setdefault(one.measure_text, one)
-        return list(found.values())
+        by_text: dict[str, Variable] = {}
+        for variable in [*(variable.summary for variable in self.shown),
+                         *(requirement.variable
+                           for requirement in self.requirements if not isinstance(requirement, FormulaCheck))]:
+            by_text.setdefault(variable.measure_text, variable)
+        return list(by_text.values())
 
     def _finished(self) -> Any:
         """The complete plan. Raises SetupError if something is missing."""
@@ -566,7 +567,7 @@ class Dispersions:
     def __repr__(self) -> str:
         lines = ["dispersions" + (f", {self.duration:g} s" if self._duration else "")]
         lines += [f"  {path} = {draw!r}" for path, draw in self.draws.items()]
-        lines += [f"  retain {one.path}" for one in self.shown]
+        lines += [f"  retain {variable.path}" for variable in self.shown]
         lines += [f"  check {requirement!r}" for requirement in self.requirements]
         return "\n".join(lines)
 
@@ -593,5 +594,5 @@ def _shape(value: Any) -> tuple[int, ...]:
 
 def _flat(value: Any) -> list[Any]:
     if isinstance(value, (list, tuple)):
-        return [x for one in value for x in _flat(one)]
+        return [x for item in value for x in _flat(item)]
     return [value]

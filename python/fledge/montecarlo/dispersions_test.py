@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign declares: paths, units, distributions, requirements, and the words for what is wrong."""
+"""What a campaign declares: paths, units, distributions, requirements, and the messages of errors."""
 
 from itertools import product
 
@@ -30,7 +30,7 @@ def drawn(d, runs, seed=0, of=lambda: fledge.load("nadir_spin")):
     return np.array([disperse(d.simulation, other, plan, i) for i in range(runs)]), other
 
 
-# --- what is refused, before anything flies ---------------------------------------------------------
+# --- errors before the first flight -----------------------------------------------------------------
 
 @pytest.mark.parametrize("path, words", [
     ("craft.I_B", "'craft.I_B': expected process.instance.name, as in world.craft.I_B"),
@@ -149,7 +149,7 @@ def mission(folder, dispersions, world=""):
     (folder / "dispersions.py").write_text(dispersions)
 
 
-# --- what is drawn ---------------------------------------------------------------------------------
+# --- draws -----------------------------------------------------------------------------------------
 
 def test_draws_are_about_the_nominal_values(d):
     d["world.craft.I_B[0, 0]"] = d.nominal + d.normal(0, 10 * kg * m**2)
@@ -467,7 +467,7 @@ def test_whole_numbers_and_enumerations_are_dispersed_in_structs_too(every_kind)
     assert set(draws["flight.noise.part.pairs[0].count"]) == set(range(15))
     assert draws["flight.noise.part.share"].std() > 0.1 and set(draws["flight.noise.parts[2].steps[1]"]) == {-5, 5}
     sim = result.campaign.simulation(17, seed=5)
-    assert result.campaign.drawn(sim) == {path: one[17] for path, one in draws.items()}
+    assert result.campaign.drawn(sim) == {path: values[17] for path, values in draws.items()}
     assert sim.flight.noise.parts[1].pairs[1].x == draws["flight.noise.parts[1].pairs[1].x"][17]
     assert sim.flight.noise.phase == draws["flight.noise.phase"][17]
 

@@ -41,7 +41,7 @@ def drivers(result: Result, values: np.ndarray) -> list[Driver]:
         return []
     own = ranks(values[used])
     total = float(own @ own)
-    found = []
+    strong = []
     for path, draws in result.draws.items() if total else ():
         drawn = draws[used]
         groups = _groups(drawn)
@@ -50,8 +50,9 @@ def drivers(result: Result, values: np.ndarray) -> list[Driver]:
         # n - 1 times the share has the distribution chi^2 with k - 1 degrees of freedom.
         if k > 1 and (n - 1) * between / total > chi_squared(1 - SIGNIFICANCE / len(result.draws), k - 1):
             theirs = ranks(drawn)
-            found.append(Driver(between / total, path, float(own @ theirs) / math.sqrt(total * float(theirs @ theirs))))
-    return sorted(found, key=lambda one: -one.share)
+            correlation = float(own @ theirs) / math.sqrt(total * float(theirs @ theirs))
+            strong.append(Driver(between / total, path, correlation))
+    return sorted(strong, key=lambda driver: -driver.share)
 
 
 def ranks(x: np.ndarray) -> np.ndarray:

@@ -122,17 +122,17 @@ def test_python_events_fall_back_to_processes(tmp_path, capfd):
     mission(tmp_path, RELEASE, CALLABLES)
     campaign = Campaign(tmp_path)
     assert campaign.has_callables
-    two, one = campaign.fly(9, seed=2, threads=2), campaign.fly(9, seed=2, threads=1)
-    assert same(one, two) and len(one.passed) == 9 and one.passed.all()
+    by_two_threads, by_one_thread = campaign.fly(9, seed=2, threads=2), campaign.fly(9, seed=2, threads=1)
+    assert same(by_one_thread, by_two_threads) and len(by_one_thread.passed) == 9 and by_one_thread.passed.all()
     sim = campaign.simulation(7, seed=2)
     sim.run(10 * s)
     assert sim.world.craft.mass == 1
-    assert (sim.world.nav.attitude.sigma_BN == two.retained["world.nav.attitude.sigma_BN"][7, -1]).all()
+    assert (sim.world.nav.attitude.sigma_BN == by_two_threads.retained["world.nav.attitude.sigma_BN"][7, -1]).all()
     with pytest.raises(fledge.SetupError, match="cannot be flown by threads"):
         _core.fly(campaign.nominal.kernel, campaign.plan, 1)
-    # The same without Python, by threads: an event that only looks changes nothing.
+    # The same without Python, by threads: an event that only reads changes nothing.
     mission(tmp_path, RELEASE)
-    assert same(Campaign(tmp_path).fly(9, seed=2), two)
+    assert same(Campaign(tmp_path).fly(9, seed=2), by_two_threads)
 
     mission(tmp_path, RELEASE, CALLABLES)
     assert cli.main(["montecarlo", str(tmp_path), "--runs", "3", "--jobs", "2", "--out", str(tmp_path / "out")]) == 0
@@ -147,7 +147,7 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
             "    w.at(4 * s, lambda: 1 / 0 if w.craft.mass < 0.3 else None)\n")
     result = Campaign(tmp_path).fly(16, threads=2)
     mass = result.draws["world.craft.mass"]
-    died = np.isnan(mass)   # what it had drawn went with it
+    died = np.isnan(mass)   # its draws are lost, too
     assert 2 < died.sum() < 14 and result.flown.all()
     for i, text in result.failures.items():
         assert (text == "the process that flew it ended with code 3") if died[i] else "ZeroDivisionError" in text
@@ -179,7 +179,7 @@ def test_a_campaign_counts_the_findings_of_its_runs_and_strict_fails_them(tmp_pa
     assert 0 < len(with_findings) < 30
     assert lenient.passed.all() and set(strict.failures) == with_findings
     data = report.summary(lenient, str)
-    motor = next(one for one in data["health"] if one["path"] == "flight.motor")
+    motor = next(finding for finding in data["health"] if finding["path"] == "flight.motor")
     assert motor["kind"] == "saturated" and motor["runs"] == len(with_findings) and motor["run"] == min(with_findings)
     assert f"in {len(with_findings)} of 30 runs, as in run {min(with_findings)}: flight.motor was" in report.text(data)
 
@@ -227,16 +227,16 @@ def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "runs" / tmp_path.name / "montecarlo" / "release"
     data = json.loads((folder / "summary.json").read_text())
     assert 0 < data["failed"] < 12
-    one = data["failures"][0]
-    assert one["command"] == f"./fledge montecarlo {tmp_path} --seed 3 --only {one['run']}"
-    assert one["text"] in capsys.readouterr().out
+    failure = data["failures"][0]
+    assert failure["command"] == f"./fledge montecarlo {tmp_path} --seed 3 --only {failure['run']}"
+    assert failure["text"] in capsys.readouterr().out
 
-    assert cli.main(shlex.split(one["command"])[1:]) == 1
+    assert cli.main(shlex.split(failure["command"])[1:]) == 1
     out, err = capsys.readouterr()
-    assert one["text"] in err and "FAILS" in out and (folder / str(one["run"]) / "retained.png").exists()
-    archive = Archive(folder / str(one["run"]) / "run.mcap")
+    assert failure["text"] in err and "FAILS" in out and (folder / str(failure["run"]) / "retained.png").exists()
+    archive = Archive(folder / str(failure["run"]) / "run.mcap")
     campaign = Campaign(tmp_path)
-    retained = campaign.fly(12, seed=3).retained["flight.tracking.error.sigma_BR"][one["run"]]
+    retained = campaign.fly(12, seed=3).retained["flight.tracking.error.sigma_BR"][failure["run"]]
     assert (archive["flight.tracking.error.sigma_BR"] == retained).all()
 
     good = next(i for i in range(12) if i not in {f["run"] for f in data["failures"]})
@@ -249,20 +249,20 @@ def test_drawn_enumerators_have_their_names_and_times_are_seconds(tmp_path, caps
     campaign = Campaign("sun_safe", "faults")
     kind, begin = (f"world.adc_a.faults[1].{name}" for name in ("kind", "begin"))
     drawn = {path: values[3] for path, values in campaign.fly(4).draws.items()}
-    name = {one: number for number, one in campaign.enumerators(kind).items()}
+    name = {text: number for number, text in campaign.enumerators(kind).items()}
     assert len(name) > 5 and campaign.enumerators(begin) == {}
-    said = {}
+    printed = {}
     assert cli.main(["montecarlo", "sun_safe", "--campaign", "faults", "--only", "3", "--out", str(tmp_path)]) == 0
     for line in capsys.readouterr().out.splitlines():
         if line.startswith("  drawn "):
-            said[line.split()[1]] = line.split(maxsplit=2)[2].partition(", nominal ")[::2]
-    assert name[said[kind][0]] == drawn[kind] and said[kind][1] == "NONE"
-    assert said[begin] == (f"{drawn[begin] / 1e9:.7g} s", "0 s")
+            printed[line.split()[1]] = line.split(maxsplit=2)[2].partition(", nominal ")[::2]
+    assert name[printed[kind][0]] == drawn[kind] and printed[kind][1] == "NONE"
+    assert printed[begin] == (f"{drawn[begin] / 1e9:.7g} s", "0 s")
     row, = (draw for draw in report.summary(campaign.fly(4), str)["draws"] if draw["path"] == kind)
-    assert sum(row["counts"].values()) == 4 and row["counts"][said[kind][0]] >= 1 and "mean" not in row
+    assert sum(row["counts"].values()) == 4 and row["counts"][printed[kind][0]] >= 1 and "mean" not in row
 
 
-# --- what is wrong with the command ----------------------------------------------------------------
+# --- errors of the command -------------------------------------------------------------------------
 
 @pytest.mark.parametrize("arguments, words", [
     ([], "give --runs N, or --only INDEX"),
@@ -363,7 +363,7 @@ def test_the_figures_in_the_report(campaign, result, tmp_path):
 
     data, _ = report.write(result, tmp_path, lambda i: f"again {i}")
     error = np.linalg.norm(result.retained["flight.tracking.error.sigma_BR"], axis=2)
-    final = {one["measure"]: one for one in data["final"]}["norm(flight.tracking.error.sigma_BR)"]
+    final = {measure["measure"]: measure for measure in data["final"]}["norm(flight.tracking.error.sigma_BR)"]
     assert final["percentiles"] == {str(p): pytest.approx(np.percentile(error[:, -1], p)) for p in (5, 25, 50, 75, 95)}
     failed = np.flatnonzero(error[:, -1] >= 0.8)
     assert 0 < len(failed) < 40 and [f["run"] for f in data["failures"]] == failed.tolist()
@@ -436,7 +436,7 @@ def test_a_page_is_whole_and_has_no_links_outside(campaign, result, tmp_path):
     assert page.source.count("<figure>") == sum(p.suffix == ".png" for p in paths)
 
 
-# --- beyond what is kept one by one ----------------------------------------------------------------
+# --- more runs than are stored one by one ----------------------------------------------------------
 
 def shares_of(campaign, cuts, seed=5):
     return [fly_share(campaign, seed, first, end)[0] for first, end in cuts]
@@ -451,23 +451,24 @@ def test_percentiles_from_counts_do_not_depend_on_the_shares(campaign, result, t
         for share in shares_of(campaign, cuts):
             kept.add(share)
         results.append(Result(campaign, 5, kept))
-    one, two = results
-    assert not one.exact and one.failures == two.failures == result.failures and one.unhealthy() == two.unhealthy()
+    first, second = results
+    assert not first.exact and first.failures == second.failures == result.failures
+    assert first.unhealthy() == second.unhealthy()
     for path, values in result.draws.items():
-        assert (one.draws[path] == values).all() and (two.draws[path] == values).all()
+        assert (first.draws[path] == values).all() and (second.draws[path] == values).all()
     for variable in campaign.dispersions.shown:
         for panel in variable.panels:
-            bands = one.bands(panel, (5, 50, 95))
-            assert (bands == two.bands(panel, (5, 50, 95))).all()
+            bands = first.bands(panel, (5, 50, 95))
+            assert (bands == second.bands(panel, (5, 50, 95))).all()
             lower = np.percentile(panel.values(result.store.series()), (5, 50, 95), axis=0, method="lower")
             assert (np.abs(bands - lower) <= BOUND * np.abs(lower)).all()
-        assert list(one.runs_of(panel, range(40))) == list(result.failures)[:store.LINES]
-        for run, values in one.runs_of(panel, range(40)).items():
+        assert list(first.runs_of(panel, range(40))) == list(result.failures)[:store.LINES]
+        for run, values in first.runs_of(panel, range(40)).items():
             assert (values == result.runs_of(panel, [run])[run]).all()
     with pytest.raises(fledge.SetupError, match="of which the percentiles are kept"):
-        one.retained
-    data, paths = report.write(two, tmp_path, str)
-    two.close()
+        first.retained
+    data, paths = report.write(second, tmp_path, str)
+    second.close()
     rows = np.load(tmp_path / "rows.npy")
     assert "runs.csv" not in [p.name for p in paths] and not (tmp_path / "unfinished").exists()
     path = "world.craft.I_B[0, 0]"
@@ -513,7 +514,7 @@ def test_a_campaign_that_was_broken_off_goes_on(campaign, result, tmp_path, monk
 
 # --- drivers ---------------------------------------------------------------------------------------
 
-def test_chance_makes_a_driver_as_seldom_as_it_is_said():
+def test_chance_makes_a_driver_as_seldom_as_documented():
     rng = np.random.default_rng(3)
     found = 0
     for _ in range(400):
@@ -559,13 +560,13 @@ def test_the_draw_that_matters_is_found():
     result = Campaign("nadir_spin", push).fly(60)
     linear, even = (drivers.drivers(result, result.reached(requirement)[0])
                     for requirement in result.campaign.dispersions.requirements)
-    assert [one.path for one in linear] == [one.path for one in even] == ["world.craft.omega_BN_B[1]"]
+    assert [driver.path for driver in linear] == [driver.path for driver in even] == ["world.craft.omega_BN_B[1]"]
     assert linear[0].share > 0.9 and linear[0].correlation > 0.99
     assert even[0].share > 0.5 and abs(even[0].correlation) < 0.5
 
 
 def test_formulas_are_checks_of_a_campaign(tmp_path):
-    """Their margins are those of the retained variables; what is unknown fails."""
+    """Their margins are those of the retained variables; an unknown verdict fails."""
     shutil.copytree(fledge.mission.find("nadir_spin").folder, tmp_path / "plays")
     (tmp_path / "plays/requirements.py").write_text(
         'from fledge.requirements import always\n\n\ndef rates(r):\n    """Rates."""\n'
@@ -582,13 +583,13 @@ def test_formulas_are_checks_of_a_campaign(tmp_path):
 
     result = Campaign(tmp_path / "plays", push).fly(40)
     rates = np.linalg.norm(result.retained["world.craft.state.omega_BN_B"], axis=2)
-    for one, wanted in zip(result.campaign.dispersions.requirements,
-                           (0.036 - rates[:, 10:].max(axis=1), 0.04 - rates.max(axis=1))):
-        margins, times, holds = result.reached(one)
+    for requirement, wanted in zip(result.campaign.dispersions.requirements,
+                                   (0.036 - rates[:, 10:].max(axis=1), 0.04 - rates.max(axis=1))):
+        margins, times, holds = result.reached(requirement)
         assert margins == pytest.approx(wanted, rel=1e-12) and (holds == (wanted > 0)).all()
         assert 0 < holds.sum() < 40 and not np.isnan(times).any()
-    said = "".join(result.failures.values())
-    assert "fast: " in said and "is violated by 0.0" in said
+    failures = "".join(result.failures.values())
+    assert "fast: " in failures and "is violated by 0.0" in failures
 
     # Looked at as often as where it is flown alone: by its own r.every, of samples that are close enough.
     text = (tmp_path / "plays/requirements.py").read_text()

@@ -49,7 +49,7 @@ def figures(result: Result) -> list[Figure]:
                 *_requirements(result),
                 *_histograms(result, "final", "at the end",
                              [(_axis_label(measure), result.final(measure)[result.complete])
-                                                             for measure in result.campaign.dispersions.measures()]),
+                              for measure in result.campaign.dispersions.measures()]),
                 *_drivers(result),
                 *_histograms(result, "draws", "what was drawn", [
                     (axis_label(path.partition(".")[2], result.campaign.dispersions.columns[path]), values)
@@ -116,9 +116,9 @@ def _bands(result: Result, variable: Variable) -> Figure:
                            path.full.partition(".")[2].rpartition(".")[0] + ", "
                            + re.split(r"[,;(]", path.field.doc)[0].strip(), result, sharex=True)
     unit, factor = time_unit(result.time[-1])
-    for axis, one in zip(axes, panels):
-        _band_panel(axis, one, result, factor)
-        axis.set_ylabel(_axis_label(one))
+    for axis, panel in zip(axes, panels):
+        _band_panel(axis, panel, result, factor)
+        axis.set_ylabel(_axis_label(panel))
     label_time(list(axes), len(panels), columns, unit)
     axes[min(columns, len(panels)) - 1].legend(*axes[0].get_legend_handles_labels(), loc="upper left",
                                                bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
@@ -184,17 +184,18 @@ def _requirements(result: Result) -> list[Figure]:
     columns = 1 if len(requirements) == 1 else 2
     figure, axes = _figure(-(-len(requirements) // columns), columns, "requirements", "what the runs reached", result,
                            height=2.6)
-    for axis, one in zip(axes, requirements):
-        values, holds = _reached(result, one), result.reached(one)[2]
+    for axis, requirement in zip(axes, requirements):
+        variable = requirement.variable
+        values, holds = _reached(result, requirement), result.reached(requirement)[2]
         used = result.complete & np.isfinite(values)
         if not used.any():
             axis.text(0.5, 0.5, "no good data", transform=axis.transAxes, ha="center", va="center", color="0.45")
-            axis.set_title(f"{_shown(one.variable)} {one.variable.when}")
+            axis.set_title(f"{_shown(variable)} {variable.when}")
             axis.set_xticks([])
             axis.set_yticks([])
             continue
         good, bad = values[used & holds], values[used & ~holds]
-        reach = np.append(values[used], one.limit)
+        reach = np.append(values[used], requirement.limit)
         bins = min(40, max(5, int(2 * math.sqrt(used.sum()))))
         if _spans_decades(reach):
             axis.set_xscale("log")
@@ -203,17 +204,17 @@ def _requirements(result: Result) -> list[Figure]:
         else:
             edges = np.linspace(reach.min(), reach.max() if reach.max() > reach.min() else reach.min() + 1, bins + 1)
         # The limit is an edge, so that no bar holds runs of both kinds.
-        edges = np.unique(np.append(edges, one.limit))
+        edges = np.unique(np.append(edges, requirement.limit))
         axis.hist([good, bad], edges, stacked=True, color=["#8fb1d3", FAILED])
         # A bar of one run among a thousand is invisible: each failed run has its mark.
         if len(bad):
             axis.plot(bad, np.zeros(len(bad)), linestyle="", marker="^", markersize=5, color=FAILED, clip_on=False,
                       zorder=6)
-        axis.axvline(one.limit, **DASHED, linewidth=1.4)
-        axis.set_title(f"{_shown(one.variable)} {one.variable.when} {one.comparison} {one.limit:.4g}"
-                       + unit_after(one.variable.unit))
+        axis.axvline(requirement.limit, **DASHED, linewidth=1.4)
+        axis.set_title(f"{_shown(variable)} {variable.when} {requirement.comparison} {requirement.limit:.4g}"
+                       + unit_after(variable.unit))
         axis.set_title(f"{len(good)} of {result.complete.sum()}", loc="right", color="#777777", fontsize=9)
-        axis.set_xlabel(_axis_label(one.variable) + ("" if one.variable._start is None else ", the worst of each run"))
+        axis.set_xlabel(_axis_label(variable) + ("" if variable._start is None else ", the worst of each run"))
         axis.set_ylabel("runs")
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.grid(False, axis="x")
@@ -248,7 +249,7 @@ def _axes(result: Result) -> list[Figure]:
         grid = sweep.on_grid(values)
         bad = sweep.on_grid(result.flown & ~result.passed if requirement is None else
                             result.flown & ~requirement.holds(values))
-        places = [np.array([number(sweep.axes[path], one) for one in sweep.axes[path]]) for path in shown]
+        places = [np.array([number(sweep.axes[path], value) for value in sweep.axes[path]]) for path in shown]
         if together:
             _map(axis, places[0], places[1], grid, bad, _axis_label(variable))
         else:
@@ -259,9 +260,9 @@ def _axes(result: Result) -> list[Figure]:
             listed = sweep.axes[path]
             if _is_geometric(place):
                 (axis.set_xscale if side is axis.xaxis else axis.set_yscale)("log")
-            if len(listed) <= 10 or any(isinstance(one, (str, list, tuple)) for one in listed):
+            if len(listed) <= 10 or any(isinstance(value, (str, list, tuple)) for value in listed):
                 side.set_ticks([], minor=True)
-                side.set_ticks(place, [f"{one:.3g}" if isinstance(one, float) else text(one) for one in listed])
+                side.set_ticks(place, [f"{value:.3g}" if isinstance(value, float) else text(value) for value in listed])
         axis.set_xlabel(axis_label(shown[0], sweep.unit(shown[0])))
         if together:
             axis.set_ylabel(axis_label(shown[1], sweep.unit(shown[1])))
@@ -354,19 +355,19 @@ def _drivers(result: Result) -> list[Figure]:
         axis.set_visible(False)
     for row, ((variable, when, values, requirement), strong) in enumerate(rows):
         holds = requirement.holds(values) if requirement is not None else result.complete
-        for axis, one in zip(axes[3 * row:], strong):
+        for axis, driver in zip(axes[3 * row:], strong):
             axis.set_visible(True)
             for chosen, colour, size in ((holds, "#5d8cbc", 4), (~holds, FAILED, 9)):
                 shown = np.flatnonzero(chosen & result.complete)[:POINTS_MAX]
-                axis.scatter(result.draws[one.path][shown], values[shown],
+                axis.scatter(result.draws[driver.path][shown], values[shown],
                              s=size, color=colour, linewidths=0, alpha=0.7)
             if _spans_decades(values[result.complete]):
                 axis.set_yscale("log")
             if requirement is not None:
                 axis.axhline(requirement.limit, **DASHED, linewidth=1.2)
-            axis.set_xlabel(axis_label(one.path.partition(".")[2], d.columns[one.path]))
+            axis.set_xlabel(axis_label(driver.path.partition(".")[2], d.columns[driver.path]))
             axis.set_title(
-                f"explains {one.share:.0%}, correlation {one.correlation:+.2f}".replace("-", "\N{MINUS SIGN}"))
+                f"explains {driver.share:.0%}, correlation {driver.correlation:+.2f}".replace("-", "\N{MINUS SIGN}"))
             axis.margins(x=0.03)
         axes[3 * row].set_ylabel(_axis_label(variable) + "\n" + when)
     return [figure]

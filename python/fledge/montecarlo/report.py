@@ -66,24 +66,24 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         shown = percentiles(len(values))
         if not shown:
             return {}
-        found = (np.percentile(values, shown, method="inverted_cdf") if names else  # there is none between two names
-                 np.percentile(values, shown))
-        return {str(p): float(x) for p, x in zip(shown, found)}
+        quantiles = (np.percentile(values, shown, method="inverted_cdf") if names else  # none between two names
+                     np.percentile(values, shown))
+        return {str(p): float(x) for p, x in zip(shown, quantiles)}
 
     depends = []
     for variable, when, reached, _ in judged(result):
         depends.append({"measure": variable.measure_text, "when": when,
                         "drivers": [driver._asdict() for driver in drivers(result, reached)]})
     requirements = []
-    for one in d.requirements:
-        values, times, holds = result.reached(one)
-        row = {"requirement": repr(one), "message": one.message, "unit": one.variable.unit, "limit": one.limit,
-               "held": int(holds[complete].sum()), "of": int(complete.sum())}
+    for requirement in d.requirements:
+        values, times, holds = result.reached(requirement)
+        row = {"requirement": repr(requirement), "message": requirement.message, "unit": requirement.variable.unit,
+               "limit": requirement.limit, "held": int(holds[complete].sum()), "of": int(complete.sum())}
         if (n := int(np.isnan(values[complete]).sum())):
             row.update(not_judged=n)
         if len(known := np.flatnonzero(complete & ~np.isnan(values))):
-            i = int(known[np.argmax(values[known] if one.comparison in ("<", "<=") else -values[known])])
-            shown, time = one._shown(values[i], ".4g"), float(times[i])
+            i = int(known[np.argmax(values[known] if requirement.comparison in ("<", "<=") else -values[known])])
+            shown, time = requirement._shown(values[i], ".4g"), float(times[i])
             row.update(worst=float(values[i]) if shown else None, shown=shown, worst_run=i,
                        worst_time=None if math.isnan(time) else time)     # JSON has no infinity
         requirements.append(row)
@@ -111,8 +111,8 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
                    "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
         "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
-        "health": [{"kind": one.kind, "path": one.path, "runs": n, "run": first, "text": one.text}
-                   for one, n, first in result.unhealthy()],
+        "health": [{"kind": finding.kind, "path": finding.path, "runs": n, "run": first, "text": finding.text}
+                   for finding, n, first in result.unhealthy()],
         "axes": {path: {"values": [text_of(value) for value in values], "unit": campaign.unit(path)}
                  for path, values in campaign.axes.items()} if isinstance(campaign, Sweep) else {},
         "points": getattr(campaign, "points", 1),
@@ -151,12 +151,12 @@ def text(data: dict, failures: int | None = None) -> str:
                  "first at " + ", ".join(f"{t:.4g} s ({p} %)" for p, t in mode["first"].items())
                  if mode["first"] else "") for mode in data["modes"]]
         lines += ["", "modes", *columns(rows, indent="  ")]
-    if any(one["percentiles"] for one in data["final"]):
-        shown = list(next(one["percentiles"] for one in data["final"] if one["percentiles"]))
+    if any(measure["percentiles"] for measure in data["final"]):
+        shown = list(next(measure["percentiles"] for measure in data["final"] if measure["percentiles"]))
         ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
-        ends += [(one["measure"], one["unit"], *(
-            one["names"].get(p) or f"{one['percentiles'][p]:.3g}" if p in one["percentiles"] else "-"
-            for p in shown)) for one in data["final"]]
+        ends += [(measure["measure"], measure["unit"], *(
+            measure["names"].get(p) or f"{measure['percentiles'][p]:.3g}" if p in measure["percentiles"] else "-"
+            for p in shown)) for measure in data["final"]]
         left = [p for p in PERCENTILES if str(p) not in shown]
         table = columns(ends, range(2, 2 + len(shown)), "  ")
         lines += ["", table[0][2:], *table[1:]]
@@ -170,14 +170,15 @@ def text(data: dict, failures: int | None = None) -> str:
         lines += ["", "dispersed", *columns(drawn, indent="  ")]
     if data["health"]:
         lines += ["", "health"]
-        lines += [f"  in {one['runs']} of {flown} runs, as in run {one['run']}: {one['text']}"
-                  for one in data["health"]]
+        lines += [f"  in {finding['runs']} of {flown} runs, as in run {finding['run']}: {finding['text']}"
+                  for finding in data["health"]]
     if data["failures"]:
         shown = data["failures"][:failures]
         lines += ["", "failed"]
-        for one in shown:
-            first, *more = one["text"].split("\n")
-            lines += [f"  run {one['run']}: {first}", *(f"    {line}" for line in more), f"    {one['command']}"]
+        for failure in shown:
+            first, *more = failure["text"].split("\n")
+            lines += [f"  run {failure['run']}: {first}", *(f"    {line}" for line in more),
+                      f"    {failure['command']}"]
         if len(shown) < data["failed"]:
             lines.append(f"  and {data['failed'] - len(shown)} more")
     return "\n".join(lines)

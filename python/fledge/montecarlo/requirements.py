@@ -139,7 +139,7 @@ class Variable(Measured):
 
 
 class Requirement:
-    """A number that must stay on one side of a limit, or be one, or not. `message`: what a failure means"""
+    """A number that must stay on one side of a limit, or be one, or not. `message`: the meaning of a failure"""
 
     def __init__(self, variable: Variable, comparison: str, limit: float) -> None:
         self.variable, self.comparison, self.limit, self.message = variable, comparison, limit, ""
@@ -172,7 +172,7 @@ class Requirement:
         return worst, np.where(there[rows, at], result.ns[part][at] / 1e9, np.nan), self.holds(worst)
 
     def holds(self, values: Any) -> Any:
-        """Whether values fulfil it; what is not a number does not."""
+        """Whether values fulfil it; NaN does not."""
         import numpy as np
 
         return {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -207,7 +207,7 @@ class Margin:
         self.measure_text, self.unit = f"margin of {name}", "" if unit == "-" else unit
 
     def samples(self, ns: np.ndarray) -> slice:
-        """Those that the formula looks at: all."""
+        """The samples that the formula reads: all."""
         return slice(0, len(ns))
 
     def finite(self, values: np.ndarray) -> np.ndarray:

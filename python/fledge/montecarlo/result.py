@@ -56,8 +56,8 @@ class Result:
             if not requirement.holds(value):
                 texts.append(requirement.failure(value, self.store.value(f"time {i}", run)))
         if not texts:
-            found = self.store.health.get(run)
-            texts.append("health: " + (found[0].text if found else f"{self.store.value('findings', run):g} findings"))
+            of_run = self.store.health.get(run)
+            texts.append("health: " + (of_run[0].text if of_run else f"{self.store.value('findings', run):g} findings"))
         return "; ".join(texts)
 
     # --- numbers of each run ---
@@ -147,7 +147,7 @@ class Result:
     def unhealthy(self) -> list[tuple[Finding, int, int]]:
         """(as of the first run, how many runs, the first) of each kind of finding at each path; the most frequent come
         first."""
-        return sorted(((one, n, first) for n, first, one in self.store.unhealthy.values()),
+        return sorted(((finding, n, first) for n, first, finding in self.store.unhealthy.values()),
                       key=lambda entry: (-entry[1], entry[0].path, entry[0].kind))
 
     def close(self) -> None:
@@ -176,7 +176,7 @@ class Result:
 
 
 class _Lazy(Mapping):
-    """A mapping whose values are made when they are asked for. keys: texts, or an array of numbers; has: whether there
+    """A mapping whose values are computed when they are read. keys: texts, or an array of numbers; has: whether there
     is such a key"""
 
     def __init__(self, keys: Any, make: Callable[[Any], Any], has: Callable[[Any], Any]) -> None:

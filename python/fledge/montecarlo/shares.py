@@ -61,13 +61,14 @@ class Share:
 
     @classmethod
     def failed(cls, campaign: Campaign, index: int, error: str) -> Share:
-        """A run that left nothing but the reason."""
+        """A run of which only the error is known."""
         import numpy as np
 
         d = campaign.dispersions
         return cls(index, [True], [error], [[]], np.full((1, len(d.columns)), np.nan),
                    np.full((1, len(d.modes)), np.nan),
-                   [np.full((1, len(d.ns), len(one.field_path.elements)), np.nan) for one in d.retained.values()])
+                   [np.full((1, len(d.ns), len(variable.field_path.elements)), np.nan)
+                    for variable in d.retained.values()])
 
 
 @dataclass
@@ -80,7 +81,7 @@ class Series:
 def numbers_of_run(campaign: Campaign) -> int:
     """How many numbers a run retains."""
     d = campaign.dispersions
-    return len(d.ns) * sum(len(one.field_path.elements) for one in d.retained.values())
+    return len(d.ns) * sum(len(variable.field_path.elements) for variable in d.retained.values())
 
 
 def cut(campaign: Campaign, ranges: Ranges, most: int | None = None) -> list[tuple[int, int]]:
@@ -101,7 +102,7 @@ def fly_share(campaign: Campaign, seed: int, first: int, end: int, threads: int 
 
 def by_threads(campaign: Campaign, ranges: Ranges, seed: int, threads: int,
                progress: Progress) -> Generator[Share, None, None]:
-    """Fly the runs by threads, share after share. Ctrl-C raises KeyboardInterrupt after what was finished."""
+    """Fly the runs by threads, share after share. Ctrl-C raises KeyboardInterrupt after the finished shares."""
     finished = failed = 0
     for first, end in cut(campaign, ranges):
         share, interrupted = fly_share(campaign, seed, first, end, threads,
@@ -166,8 +167,8 @@ def by_pool(campaign: Campaign, ranges: Ranges, seed: int, pool: Local | Cluster
     finished = failed = 0
     flown = pool.fly(Runs(campaign, seed), items, lambda: progress(finished, failed))
     with closing(flown):
-        for _, found in flown:
-            share = Share.failed(campaign, found.item.first, found.text) if isinstance(found, Died) else found
+        for _, result in flown:
+            share = Share.failed(campaign, result.item.first, result.text) if isinstance(result, Died) else result
             finished, failed = finished + len(share.flown), failed + sum(map(bool, share.errors))
             yield share
     progress(finished, failed)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the results of a campaign's runs are kept: a row of numbers for each, and what the runs retained over time.
+"""The store of a campaign's results: a row of numbers for each run, and the retained variables over time.
 
 In memory, or in the folder `unfinished` of the campaign's own:
 
-    plan.json       what is flown: another plan begins anew
+    plan.json       the campaign: another one begins anew
     rows.npy        the numbers of each run, column after column, so that a column is read by itself
     series-0.npy    a retained variable of all runs, as long as all runs retain few numbers (EXACT) together
     state.npz       which runs are finished, their errors and findings, and beyond EXACT the counts of the percentiles
@@ -62,7 +62,8 @@ class Store:
         self.health: dict[int, list[Finding]] = {}      # of each run with findings, if exact
         self.unhealthy: dict[tuple[str, str], tuple[int, int, Finding]] = {}    # how many runs, the first, its finding
         self.lines: dict[int, list[np.ndarray]] = {}    # retained variables of failed runs, if not exact
-        self._shapes = [(runs, len(d.ns), len(one.field_path.elements)) for one in d.retained.values()] * self.exact
+        self._shapes = [(runs, len(d.ns), len(variable.field_path.elements))
+                        for variable in d.retained.values()] * self.exact
         self._saved = time.monotonic()
         self.folder: Any = folder and Path(folder) / "unfinished"
         self._check_room()
@@ -109,7 +110,7 @@ class Store:
             raise SetupError(f"{self.runs} runs retain more than {EXACT} numbers, of which the percentiles are kept "
                              "and no more")
         d = self.campaign.dispersions
-        return Series(d.ns, {path: self._shaped(one, self._array(i)) for i, (path, one)
+        return Series(d.ns, {path: self._shaped(variable, self._array(i)) for i, (path, variable)
                              in enumerate(d.retained.items(), 1)})
 
     # --- what comes ---
@@ -130,13 +131,13 @@ class Store:
         if not len(runs):
             return
         retained = [values[new] for values in share.retained]
-        series = Series(d.ns, {path: self._shaped(one, values)
-                               for (path, one), values in zip(d.retained.items(), retained)})
+        series = Series(d.ns, {path: self._shaped(variable, values)
+                               for (path, variable), values in zip(d.retained.items(), retained)})
         errors = [error for error, chosen in zip(share.errors, new) if chosen]
         health = [[Finding(*row) for row in rows] for rows, chosen in zip(share.health, new) if chosen]
         complete = np.array([not error for error in errors])
-        good = complete & ~np.array([self.strict and bool(found) for found in health])
-        columns = [np.where(complete, _COMPLETE, _ERROR), [len(found) for found in health],
+        good = complete & ~np.array([self.strict and bool(findings) for findings in health])
+        columns = [np.where(complete, _COMPLETE, _ERROR), [len(findings) for findings in health],
                    *share.draws[new].T, *share.entered[new].T,
                    *(measure.values(series)[:, -1] for measure in d.measures())]
         for requirement in d.requirements:
@@ -144,14 +145,14 @@ class Store:
             columns += [worst, times]
             good &= holds
         self._write(0, runs, np.column_stack(columns))
-        for run, error, found in zip(runs.tolist(), errors, health):
+        for run, error, findings in zip(runs.tolist(), errors, health):
             if error:
                 self.errors[run] = error
-            if found and self.exact:
-                self.health[run] = found
-            for key, one in {(one.kind, one.path): one for one in reversed(found)}.items():
-                n, first, of_first = self.unhealthy.get(key, (0, run, one))
-                self.unhealthy[key] = (n + 1, *min((first, of_first), (run, one), key=lambda entry: entry[0]))
+            if findings and self.exact:
+                self.health[run] = findings
+            for key, finding in {(finding.kind, finding.path): finding for finding in reversed(findings)}.items():
+                n, first, of_first = self.unhealthy.get(key, (0, run, finding))
+                self.unhealthy[key] = (n + 1, *min((first, of_first), (run, finding), key=lambda entry: entry[0]))
         if self.exact:
             for i, values in enumerate(retained, 1):
                 self._write(i, runs, values)
@@ -212,10 +213,10 @@ class Store:
             shutil.rmtree(self.folder)
         self.folder.mkdir(parents=True)
         for i, shape in enumerate([(self.runs, len(self.names)), *self._shapes]):
-            made = np.lib.format.open_memmap(self._name(i), "w+", float, shape, fortran_order=i == 0)
+            array = np.lib.format.open_memmap(self._name(i), "w+", float, shape, fortran_order=i == 0)
             for first in range(0, shape[0], 2**16):     # NaN is not what an empty file has
-                made[first:first + 2**16] = np.nan
-            del made
+                array[first:first + 2**16] = np.nan
+            del array
         (self.folder / "plan.json").write_text(self._plan, encoding="utf-8")
 
     def save(self) -> None:

@@ -95,11 +95,11 @@ class Sweep(Campaign):
 
     def at(self, index: int) -> dict[str, Any]:
         """The values at the point of a run: name or path -> value."""
-        found = {}
+        point = {}
         for path, values in self.axes.items():
             index, k = divmod(index, len(values))
-            found[path] = values[k]
-        return found
+            point[path] = values[k]
+        return point
 
     def fly(self, runs: int = 1, *arguments: Any, **options: Any) -> Result:
         """Fly all points; runs: how many at each; else as Campaign.fly."""

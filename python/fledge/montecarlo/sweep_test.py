@@ -121,7 +121,7 @@ def test_ranges():
 ])
 def test_wrong_axes(spin, words, error, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    assert cli.main(["sweep", str(spin), *(word for one in words for word in ("--set", one))]) == 2
+    assert cli.main(["sweep", str(spin), *(word for value in words for word in ("--set", value))]) == 2
     assert error in capsys.readouterr().err and not (tmp_path / "runs").exists()
 
 
@@ -136,11 +136,11 @@ def test_the_command_and_the_page(spin, tmp_path, monkeypatch, capsys):
     assert data["points"] == 6 and 0 < data["failed"] < 6 and (folder / "axes.png").exists()
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
     assert page.says("Each of the 6 points is one run") and page.says("1, 4.47214, 20")
-    one = data["failures"][0]
-    assert page.says(one["command"])
-    assert cli.main(shlex.split(one["command"])[1:]) == 1
+    failure = data["failures"][0]
+    assert page.says(failure["command"])
+    assert cli.main(shlex.split(failure["command"])[1:]) == 1
     out, err = capsys.readouterr()
-    assert one["text"] in err
+    assert failure["text"] in err
     drawn = {line.split()[1]: line for line in out.splitlines() if line.startswith("  drawn")}
     assert "nominal" in drawn["flight.control.K"] and "nominal" not in drawn["mass"]
     assert cli.main(["sweep", str(spin), "--set", "mass=1,2", "--runs",

@@ -42,9 +42,9 @@ def write(path: Path, data: dict, pictures: Sequence[Path], command: str, missio
 
 
 def _draws(data: dict) -> list[tuple[str, dict]]:
-    """(what is declared, the row of the draw) of each dispersed number; the declaration of an array once."""
+    """(the declaration, the row of the draw) of each dispersed number; the declaration of an array once."""
     declared, rows = dict(data["declared"]), []
     for row in data["draws"]:
-        found = max((path for path in data["declared"] if row["path"].startswith(path)), key=len, default="")
-        rows.append((declared.pop(found, ""), row))
+        longest = max((path for path in data["declared"] if row["path"].startswith(path)), key=len, default="")
+        rows.append((declared.pop(longest, ""), row))
     return rows

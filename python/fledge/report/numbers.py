@@ -34,10 +34,10 @@ def value(x: str | float | list, digits: int = 7) -> str:
         return _matrix(x, digits)
     if not any(x):
         return "0"
-    if len(x) > 3 and all(one == x[0] for one in x):
+    if len(x) > 3 and all(item == x[0] for item in x):
         return Markup("{}, each of {}").format(value(x[0], digits), len(x))
-    used = max(i for i, one in enumerate(x, 1) if one)
-    shown = [value(one, digits) for one in (x if len(x) - used < 3 else x[:used])]
+    used = max(i for i, item in enumerate(x, 1) if item)
+    shown = [value(item, digits) for item in (x if len(x) - used < 3 else x[:used])]
     if len(shown) > NUMBERS_MAX:
         shown[NUMBERS_MAX:] = [f"\N{HORIZONTAL ELLIPSIS} {len(x)} in all"]
     elif len(shown) < len(x):
@@ -50,11 +50,11 @@ def _matrix(rows: list[list], digits: int) -> str:
         return "0"
     if len(rows) == len(rows[0]) and not isinstance(rows[0][0], (list, str)):
         diagonal = [row[i] for i, row in enumerate(rows)]
-        if not any(one for i, row in enumerate(rows) for j, one in enumerate(row) if i != j):
-            if all(one == diagonal[0] for one in diagonal):
+        if not any(element for i, row in enumerate(rows) for j, element in enumerate(row) if i != j):
+            if all(element == diagonal[0] for element in diagonal):
                 return Markup("{} \N{MULTIPLICATION SIGN} identity").format(number(diagonal[0], digits))
             return Markup("diagonal {}").format(value(diagonal, digits))
-    cells = [Markup("").join(Markup("<td>{}</td>").format(value(one, digits)) for one in row)
+    cells = [Markup("").join(Markup("<td>{}</td>").format(value(item, digits)) for item in row)
              for row in rows[:ROWS_MAX]]
     table = Markup('<table class="matrix">{}</table>').format(
         Markup("").join(map(Markup("<tr>{}</tr>").format, cells)))
@@ -64,7 +64,7 @@ def _matrix(rows: list[list], digits: int) -> str:
 
 def unit(text: str) -> Markup:
     """A unit with its exponents raised; "" of none."""
-    return Markup(re.sub(r"\^(-?\d+)", lambda found: f"<sup>{found[1]}</sup>".replace("-", "\N{MINUS SIGN}"),
+    return Markup(re.sub(r"\^(-?\d+)", lambda match: f"<sup>{match[1]}</sup>".replace("-", "\N{MINUS SIGN}"),
                          str(escape(text)) if text != "-" else ""))
 
 

@@ -47,7 +47,7 @@ class Outcome:
 class Report:
     """The report of a simulation's run. Made before it.
 
-    scenario: its name; function: it flies the scenario, and its docstring says what that shows
+    scenario: its name; function: it flies the scenario, and its docstring is the purpose
     """
 
     def __init__(self, simulation: Simulation, scenario: str, function: Callable | None = None):
@@ -125,7 +125,7 @@ class Report:
         happened = happenings(self._simulation.activity)
         yield "What happened" + (f", the first {HAPPENINGS}" if len(happened) > HAPPENINGS else ""), [
             "#t", "process", "what", "name", "why"], [
-            [f"{one.t:g} s", one.process, one.kind, one.name, one.text] for one in happened[:HAPPENINGS]]
+            [f"{event.t:g} s", event.process, event.kind, event.name, event.text] for event in happened[:HAPPENINGS]]
 
     def _changes(self, path: str, instance: objects.Module | objects.Model) -> list[_Value]:
         """The parameters as the run began, each with its value now."""
@@ -137,14 +137,14 @@ class Report:
 
 def templates() -> jinja2.Environment:
     """The templates with their filters. They escape text, and replace control characters, which HTML cannot hold."""
-    def printable(found: object) -> object:
-        return found if isinstance(found, Markup) else "" if found is None else re.sub(
-            r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\N{REPLACEMENT CHARACTER}", str(found))
+    def printable(item: object) -> object:
+        return item if isinstance(item, Markup) else "" if item is None else re.sub(
+            r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\N{REPLACEMENT CHARACTER}", str(item))
 
-    found = jinja2.Environment(loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")), autoescape=True,
-                               finalize=printable, undefined=jinja2.StrictUndefined)
-    found.filters.update(number=number, value=value, unit=unit, duration=duration)
-    return found
+    item = jinja2.Environment(loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")), autoescape=True,
+                              finalize=printable, undefined=jinja2.StrictUndefined)
+    item.filters.update(number=number, value=value, unit=unit, duration=duration)
+    return item
 
 
 # --- values ----------------------------------------------------------------------------------------
@@ -183,9 +183,9 @@ def _parameters(instance: objects.Module | objects.Model) -> list[_Value]:
     counts = {f.count for f in struct.fields if f.count} - given
     rows = [row for field in struct.fields if field.group == "par" and not field.spare and field.name not in counts
             for row in _rows(instance, field, field.name in given)]
-    for name, one in added(instance):
+    for name, added_property in added(instance):
         shown = in_words(instance, name)
-        meaning = (one.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
+        meaning = (added_property.__doc__ or "").partition(";")[0].rstrip(".")  # what follows is about assigning it
         rows.append(_Value(name, shown, meaning=meaning, given=bool(shown), derived=True))
     return rows
 
@@ -202,10 +202,10 @@ def _final(log: Any) -> tuple:
     sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
 
     def read(name: str) -> Any:
-        found = sample
+        value = sample
         for part in name.split("."):
-            found = found[part]
-        return found.decode(errors="replace") if isinstance(found, bytes) else found.tolist()
+            value = value[part]
+        return value.decode(errors="replace") if isinstance(value, bytes) else value.tolist()
 
     quality = dict(enumerate(QUALITIES)).get(read("head.quality"), read("head.quality"))
     return log, read("head.t"), quality, [_Value(name, read(name), field.unit, field.doc)
@@ -239,16 +239,16 @@ def _paragraphs(doc: str | None) -> list[str]:
 
 
 def _documents(mission: Any) -> list[tuple[str, list[str]]]:
-    """(what it is about, its paragraphs) of the mission's files, from their docstrings."""
-    found = []
+    """(subject, paragraphs) of the mission's files, from their docstrings."""
+    documents = []
     for file, word in (("mission.py", "the processes"), ("flight.py", "what flies"), ("world.py", "the world"),
                        ("scenarios.py", "scenarios")):
         path = mission.folder / file if mission else None
         if path and path.exists():
             doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
             doc = re.sub(r"^(What flies|The truth|The world): *(.)", lambda m: m[2].upper(), doc)
-            found.append((word, _paragraphs(doc)))
-    return [(word, paragraphs) for word, paragraphs in found if paragraphs]
+            documents.append((word, _paragraphs(doc)))
+    return [(word, paragraphs) for word, paragraphs in documents if paragraphs]
 
 
 def _without_paths(message: str, mission: Any) -> str:
@@ -265,7 +265,7 @@ def _inline_svg(picture: bytes) -> Markup:
     svg = picture.decode()
     svg = re.sub(r"<!--.*?-->", "", svg[svg.index("<svg"):], flags=re.DOTALL)
     svg = re.sub(r'<svg width="(\d+)pt" height="\d+pt"',
-                 lambda found: f'<svg style="max-width: {1.25 * int(found[1]):.0f}px"', svg)
+                 lambda match: f'<svg style="max-width: {1.25 * int(match[1]):.0f}px"', svg)
     return Markup(re.sub(r"\n\s*\n*", "\n", re.sub(r' xmlns(:xlink)?="[^"]*"', "", svg)))
 
 
@@ -285,8 +285,8 @@ def versions(mission: Any) -> list[tuple[str, str]]:
     except (OSError, KeyError):
         system = platform.system()
     ours, theirs = (f"revision {revisions[name]}" if name in revisions else "" for name in ("fledge", "mission"))
-    found = {"Fledge": ", ".join(filter(None, [__version__, ours])), "mission": theirs if theirs != ours else "",
-             "built by": build, "Python": platform.python_version(),
-             **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
-             "system": f"{system}, {platform.machine()}"}
-    return [(name, version) for name, version in found.items() if version]
+    versions_ = {"Fledge": ", ".join(filter(None, [__version__, ours])), "mission": theirs if theirs != ours else "",
+                 "built by": build, "Python": platform.python_version(),
+                 **{name: sys.modules[name].__version__ for name in ("numpy", "matplotlib") if name in sys.modules},
+                 "system": f"{system}, {platform.machine()}"}
+    return [(name, version) for name, version in versions_.items() if version]

@@ -20,7 +20,7 @@ class Row(NamedTuple):
 
     t_ns: int
     kind: str
-    text: str                   # of the script, or what it did
+    text: str                   # of the script, or its effect
     results: list[tuple[str, bool | None]]      # in words, and whether it is good; None: it is neither
     values: dict[str, Any]
     packets: Sequence[str] = ()
@@ -78,32 +78,32 @@ def _parts(entries: Sequence[Entry]) -> list[Group]:
     return parts
 
 
-def _row(one: Entry) -> Row:
-    kind, results = one["kind"], []
+def _row(entry: Entry) -> Row:
+    kind, results = entry["kind"], []
     if kind == "wait":
-        results = [f"after {_seconds(one['took_ns'])} of {_seconds(one['within_ns'])}", one["why"]]
+        results = [f"after {_seconds(entry['took_ns'])} of {_seconds(entry['within_ns'])}", entry["why"]]
     elif kind == "hold":
-        results = [_seconds(one["took_ns"])]
+        results = [_seconds(entry["took_ns"])]
     elif kind == "check":
-        results = ["holds" if one["good"] else "does not hold"]
+        results = ["holds" if entry["good"] else "does not hold"]
     elif kind == "confirm":
-        results = [("yes, " if one["good"] else "no, ") + one["why"]]
+        results = [("yes, " if entry["good"] else "no, ") + entry["why"]]
     elif kind == "exception":
-        results = [one["text"]]
-    said = one.get("text", "") if kind in ("command", "check", "confirm", "file") else ""
-    values = one.get("values", {})
+        results = [entry["text"]]
+    text = entry.get("text", "") if kind in ("command", "check", "confirm", "file") else ""
+    values = entry.get("values", {})
     if kind == "command":
-        said, values = f"{said} " + " ".join(f"{name}={value}" for name, value in values.items()), {}
-    good = False if kind == "exception" else one.get("good")
-    return Row(one["t_ns"], kind, (said or one["source"]).strip(), [(text, good) for text in results if text], values,
-               one.get("packets", ()), one["line"])
+        text, values = f"{text} " + " ".join(f"{name}={value}" for name, value in values.items()), {}
+    good = False if kind == "exception" else entry.get("good")
+    return Row(entry["t_ns"], kind, (text or entry["source"]).strip(), [(result, good) for result in results if result],
+               values, entry.get("packets", ()), entry["line"])
 
 
-def _stage(one: Entry) -> str:
-    at = one.get("on_board_ns", one["t_ns"])
-    data = f", {one['data']}" if one.get("data") else ""
-    return "".join([one["stage"], f" at {_seconds(at)}" if at >= 0 else "", f": {one['text']}" if one["text"] else "",
-                    data])
+def _stage(entry: Entry) -> str:
+    at = entry.get("on_board_ns", entry["t_ns"])
+    data = f", {entry['data']}" if entry.get("data") else ""
+    return "".join([entry["stage"], f" at {_seconds(at)}" if at >= 0 else "",
+                    f": {entry['text']}" if entry["text"] else "", data])
 
 
 def _seconds(ns: int) -> str:

@@ -13,7 +13,7 @@ Example:
         r.require("PNT-2", "It stays there.", always(implies(after(10 * minute), error < 2e-3)))
 
 Every public function of the file that takes `r` is a group; its docstring is the title. A formula is of signal
-temporal logic; its margin (robustness) says how far it is from changing its truth.
+temporal logic; its margin (robustness) is its distance from a change of its truth.
 """
 from fledge.requirements.declared import Requirement, Requirements
 from fledge.requirements.formula import (Comparison, Formula, Signal, after, always, angle, before, begins, eventually,

@@ -93,28 +93,29 @@ class Declaration:
                 parent: str = "", evidence: str = "", shown_by: str | Iterable[str] = ()) -> None:
         """Declare a requirement; see Requirement. shown_by: scenarios; none: all. Raises SetupError."""
         file, line = caller()
-        one = Requirement(str(id), str(text), formula, method, rationale, parent, evidence,
-                          (shown_by,) if isinstance(shown_by, str) else tuple(shown_by), self._group,
-                          str(shown(file)), line, self._every)
-        if not one.id or any(sign.isspace() or not sign.isprintable() or sign in "/\\," for sign in one.id):
+        requirement = Requirement(str(id), str(text), formula, method, rationale, parent, evidence,
+                                  (shown_by,) if isinstance(shown_by, str) else tuple(shown_by), self._group,
+                                  str(shown(file)), line, self._every)
+        name = requirement.id
+        if not name or any(sign.isspace() or not sign.isprintable() or sign in "/\\," for sign in name):
             raise SetupError(f"r.require({id!r}): an id has no spaces, commas and slashes")
-        if one.id in self._found:
-            raise SetupError(f"r.require: two requirements have the id {one.id}; the other one is in "
-                             f"{self._found[one.id].place}")
+        if name in self._found:
+            raise SetupError(f"r.require: two requirements have the id {name}; the other one is in "
+                             f"{self._found[name].place}")
         if method not in METHODS:
-            raise SetupError(f"{one.id}: there is no method '{method}'{did_you_mean(method, METHODS)} there are "
+            raise SetupError(f"{name}: there is no method '{method}'{did_you_mean(method, METHODS)} there are "
                              + listed(METHODS))
         if isinstance(formula, Signal) or not isinstance(formula, (Formula, type(None))):
-            raise SetupError(f"{one.id}: expected a formula, such as always(error < 1 * deg); found {formula!r}")
+            raise SetupError(f"{name}: expected a formula, such as always(error < 1 * deg); found {formula!r}")
         if (formula is None) == (method == "test"):
-            raise SetupError(f"{one.id}: a requirement that is shown by test needs a formula, and others have none")
+            raise SetupError(f"{name}: a requirement that is shown by test needs a formula, and others have none")
         known = self._simulation.mission.scenarios if self._simulation.mission else {}
-        for name in one.shown_by:
-            if name not in known:
-                raise SetupError(f"{one.id}: the mission has no scenario '{name}'{did_you_mean(name, known)} it has "
-                                 + listed(list(known)))
-        one.skew = _skew(self._simulation, formula, self._every) if formula is not None else ""
-        self._found[one.id] = one
+        for scenario in requirement.shown_by:
+            if scenario not in known:
+                raise SetupError(f"{name}: the mission has no scenario '{scenario}'{did_you_mean(scenario, known)} "
+                                 f"it has {listed(list(known))}")
+        requirement.skew = _skew(self._simulation, formula, self._every) if formula is not None else ""
+        self._found[name] = requirement
 
 
 def _skew(simulation: Simulation, formula: Formula, every: int) -> str:
@@ -122,11 +123,11 @@ def _skew(simulation: Simulation, formula: Formula, every: int) -> str:
     none."""
     for comparison in formula.comparisons:
         periods: dict[str, int] = {}    # [ns] by port
-        for one in comparison.signal.fields:
-            if one.port is not None and one.group == "out" and not one.of_mode:
-                process, instance, _ = one.port.split(".", 2)
+        for path in comparison.signal.fields:
+            if path.port is not None and path.group == "out" and not path.of_mode:
+                process, instance, _ = path.port.split(".", 2)
                 own = [task.period for task in simulation.process(process).tasks if instance in task.run]
-                periods |= {one.port: min(own)} if own else {}
+                periods |= {path.port: min(own)} if own else {}
         if not periods:
             continue
         (fast, least), (slow, most) = (choose(periods.items(), key=lambda item: item[1]) for choose in (min, max))
@@ -169,20 +170,21 @@ class Requirements:
 
     def of(self, id: str) -> Requirement:
         """That one. Raises SetupError."""
-        for one in self.all:
-            if one.id == id:
-                return one
-        known = [one.id for one in self.all]
+        for requirement in self.all:
+            if requirement.id == id:
+                return requirement
+        known = [requirement.id for requirement in self.all]
         raise SetupError(f"there is no requirement '{id}'{did_you_mean(id, known)} there are "
                          + listed(known, most=12))
 
     def for_scenario(self, scenario: str) -> list[Requirement]:
         """Those with a formula that a scenario shows."""
-        return [one for one in self.all if one.formula is not None and (not one.shown_by or scenario in one.shown_by)]
+        return [requirement for requirement in self.all if requirement.formula is not None
+                and (not requirement.shown_by or scenario in requirement.shown_by)]
 
     def _chosen(self, only: Sequence[str] | None) -> list[Requirement]:
         chosen = self.all if only is None else [self.of(id) for id in only]
-        return [one for one in chosen if one.formula is not None]
+        return [requirement for requirement in chosen if requirement.formula is not None]
 
     def watch(self, only: Sequence[str] | None = None, stop: bool = False, traces: bool = False) -> Judged:
         """Judge the runs of the simulation from now on. only: ids; stop: a run ends at the first violation with

@@ -25,7 +25,7 @@ SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}     #
 # --- signals ---------------------------------------------------------------------------------------
 
 class Signal:
-    """Numbers of a message over time, or what is computed of them. Made by `r.signal()`, `r.mode()`.
+    """Numbers of a message over time, or numbers computed from them. Created by `r.signal()`, `r.mode()`.
 
     `[i]`, `.norm()`, `.max_abs()`, `abs()`, `+`, `-` and `*` with a number make others; comparing one number with a
     constant or with another signal makes a formula.
@@ -69,9 +69,9 @@ class Signal:
 
     def named(self, text: str) -> Signal:
         """The same by a name, for sentences and figures: `angle(b1_N, r_N).named("the angle to Mars")`."""
-        found = copy(self)
-        found.text = text
-        return found
+        renamed = copy(self)
+        renamed.text = text
+        return renamed
 
     def norm(self) -> Signal:
         """The root of the sum of the elements' squares."""
@@ -185,13 +185,13 @@ def turned(sigma: Any, v: Any) -> Signal:
                   unit=vector.unit, dims=vector.dims)
 
 
-def _vector(what: str, one: Any) -> Signal:
-    if not isinstance(one, Signal):
-        numbers = to_vector(one, what, "-", _NUMBER)
+def _vector(what: str, signal: Any) -> Signal:
+    if not isinstance(signal, Signal):
+        numbers = to_vector(signal, what, "-", _NUMBER)
         return Signal("constant", text=f"[{', '.join(f'{x:g}' for x in numbers)}]", shape=(3,), numbers=numbers)
-    if one.shape != (3,):
-        raise SetupError(f"{what}: expected 3 numbers; {one.text} has {one.shape or 'one'}")
-    return one
+    if signal.shape != (3,):
+        raise SetupError(f"{what}: expected 3 numbers; {signal.text} has {signal.shape or 'one'}")
+    return signal
 
 
 def _kind(signal: Signal) -> str:
@@ -242,11 +242,11 @@ class Formula:
     @property
     def comparisons(self) -> list[Comparison]:
         """Those in it, each once."""
-        found: dict[Any, Comparison] = {}
-        for one in self.walk():
-            if isinstance(one, Comparison):
-                found.setdefault(one.key, one)
-        return list(found.values())
+        by_key: dict[Any, Comparison] = {}
+        for part in self.walk():
+            if isinstance(part, Comparison):
+                by_key.setdefault(part.key, part)
+        return list(by_key.values())
 
     def walk(self) -> Iterator[Formula]:
         """The nodes, operands before what has them."""
@@ -298,9 +298,9 @@ class Node(Formula):
 
 
 def _join(kind: str, word: str, sign: str, a: Formula, b: Formula) -> Node:
-    for one in (a, b):
-        if not isinstance(one, Formula):
-            raise SetupError(f"{one!r} is no formula: compare a signal with a limit")
+    for operand in (a, b):
+        if not isinstance(operand, Formula):
+            raise SetupError(f"{operand!r} is no formula: compare a signal with a limit")
     return Node(kind, (a, b), f"{_inner(a)}{word}{_inner(b)}", f"{_symbols(a)}{sign}{_symbols(b)}", joins=True)
 
 
@@ -404,9 +404,9 @@ def settles(x: Formula, within: Any, lasting: Any = None) -> Formula:
     """It begins to hold within a time, and keeps on for `lasting`, a time; None: until the end of the run."""
     first = time_ns(within, "settles: within")
     last = None if lasting is None else time_ns(lasting, "settles: lasting")
-    kept = always(_formula(x, "settles"), 0, lasting)
+    settled = always(_formula(x, "settles"), 0, lasting)
     if first < 0:
         raise SetupError(f"settles: within {within!r}: expected a time of 0 or more")
     stays = "stays so" if last is None else f"stays so for {time_text(last)}"
-    return Node("eventually", [kept], f"within {time_text(first)} {_inner(x)}, and {stays}",
-                f"◇[0,{first / 1e9:g}]{kept.mathematics}", 0, first)
+    return Node("eventually", [settled], f"within {time_text(first)} {_inner(x)}, and {stays}",
+                f"◇[0,{first / 1e9:g}]{settled.mathematics}", 0, first)

@@ -46,15 +46,15 @@ class Outcome:
         return number_text(self.margin, self.unit) if self.unit else f"{100 * self.margin:.3g} % of the limit"
 
     def __str__(self) -> str:
-        told = {HOLDS: f"margin {self.margin_text}" if self.margin_text else "",
-                VIOLATED: f"by {self.margin_text.lstrip('-')}" if self.margin_text else "",
-                UNKNOWN: self.reason}[self.verdict]
+        reason = {HOLDS: f"margin {self.margin_text}" if self.margin_text else "",
+                  VIOLATED: f"by {self.margin_text.lstrip('-')}" if self.margin_text else "",
+                  UNKNOWN: self.reason}[self.verdict]
         when = f"at {self.at:g} s, {self.where}" if self.at is not None and self.verdict != UNKNOWN else ""
-        return f"{self.requirement.id} {self.verdict}" + "".join(f", {one}" for one in (told, when) if one)
+        return f"{self.requirement.id} {self.verdict}" + "".join(f", {text}" for text in (reason, when) if text)
 
 
 def problem_of(outcomes: Sequence[Outcome], time: float, problem: str = "") -> str:
-    """The verdict on a run of a scenario, in every command and on every target: what is wrong in words, "" of one that
+    """The verdict on a run of a scenario, in every command and on every target: the problem in words, "" of a run that
     has passed. outcomes: of the requirements that the scenario shows; time: [s] flown; problem: what the scenario
     raised, in words."""
     violated = [outcome for outcome in outcomes if outcome.verdict == VIOLATED]
@@ -97,8 +97,8 @@ class Judged:
         if any(judge.core.stop for judge in self._judges.values()):
             for judge in self._judges.values():
                 judge.core.stop = judge.core.stops = False      # the user may go on
-            found = [outcome for outcome in self.outcomes(so_far=True) if outcome.verdict == VIOLATED]
-            raise Stopped("; ".join(map(str, found)), found)
+            violated = [outcome for outcome in self.outcomes(so_far=True) if outcome.verdict == VIOLATED]
+            raise Stopped("; ".join(map(str, violated)), violated)
 
     def play(self, records: Records, end: int | None) -> None:
         """Judge the samples of a record. end: [ns] None: the last of them."""
@@ -123,7 +123,7 @@ class Judged:
         self._end = int(times[-1])
 
     def outcomes(self, so_far: bool = False) -> list[Outcome]:
-        """Of each requirement, in their order. The runs have ended; so_far: what they show whatever follows."""
+        """Of each requirement, in their order. The runs have ended; so_far: verdicts that no later sample changes."""
         if so_far:
             return self._outcomes()
         end = self._end if self._simulation is None else max(self._simulation.time_ns, 0)
@@ -134,7 +134,8 @@ class Judged:
         return self._outcomes()
 
     def _outcomes(self) -> list[Outcome]:
-        return [self._outcome(one, judge, number) for one, (judge, number) in zip(self.requirements, self._formulas)]
+        return [self._outcome(requirement, judge, number)
+                for requirement, (judge, number) in zip(self.requirements, self._formulas)]
 
     def _outcome(self, requirement: Any, judge: _Judge, number: int) -> Outcome:
         low, high, low_t, low_atom, high_t, high_atom, unknown_t, unknown = judge.core.value(number)
@@ -161,7 +162,7 @@ class Judged:
         return "what decides it comes after the end of the run"
 
     def values(self, comparison: Comparison) -> tuple[Any, Any]:
-        """(time [s], what the comparison looked at), both (n,): for figures. Only with traces."""
+        """(time [s], the values that the comparison read), both (n,): for figures. Only with traces."""
         for judge in self._judges.values():
             number = judge.numbers.get(comparison.key)
             if number is not None:
@@ -187,48 +188,49 @@ class _Judge:
         mixed = unit_of(formula) is None
         rows: list[tuple[str, int, int, int, int | None]] = []
 
-        def node(one: Formula) -> int:
-            operands = [node(operand) for operand in one.operands]
-            if isinstance(one, Comparison):
-                operands = [self._atom(one, abs(one.limit) or 1.0 if mixed and one.measured else 1.0)]
+        def node(formula: Formula) -> int:
+            operands = [node(operand) for operand in formula.operands]
+            if isinstance(formula, Comparison):
+                operands = [self._atom(formula, abs(formula.limit) or 1.0 if mixed and formula.measured else 1.0)]
             a, b = [*operands, -1, -1][:2]
-            rows.append((one.kind, a, b, one.begin, one.end))
+            rows.append((formula.kind, a, b, formula.begin, formula.end))
             return len(rows) - 1
 
         node(formula)
         return self.core.formula(rows)
 
-    def _atom(self, one: Comparison, scale: float) -> int:
-        key = (one.key, scale)
+    def _atom(self, comparison: Comparison, scale: float) -> int:
+        key = (comparison.key, scale)
         if key not in self._known:
-            self._known[key] = self.core.atom(self._signal(one.signal), one.relation, one.limit, scale)
-            self.atoms.append(one)
-            self.numbers.setdefault(one.key, self._known[key])
+            self._known[key] = self.core.atom(self._signal(comparison.signal), comparison.relation, comparison.limit,
+                                              scale)
+            self.atoms.append(comparison)
+            self.numbers.setdefault(comparison.key, self._known[key])
         return self._known[key]
 
-    def _signal(self, one: Signal) -> int:
-        if one.key not in self._signals:
-            self._signals[one.key] = self._made(one)
-        return self._signals[one.key]
+    def _signal(self, signal: Signal) -> int:
+        if signal.key not in self._signals:
+            self._signals[signal.key] = self._made(signal)
+        return self._signals[signal.key]
 
-    def _made(self, one: Signal) -> int:
-        if one.operation in ("source", "event"):
-            source = self._source(one)
-            self.sources.append(one)
+    def _made(self, signal: Signal) -> int:
+        if signal.operation in ("source", "event"):
+            source = self._source(signal)
+            self.sources.append(signal)
             return self.core.expression("source", source, -1, 0.0)
-        if one.operation == "constant":
-            return self.core.constant(one.numbers)
-        operands = [self._signal(operand) for operand in one.operands]
+        if signal.operation == "constant":
+            return self.core.constant(signal.numbers)
+        operands = [self._signal(operand) for operand in signal.operands]
         a, b = [*operands, -1, -1][:2]
-        return self.core.expression(one.operation, a, one.place if one.place >= 0 else b, one.number)
+        return self.core.expression(signal.operation, a, signal.place if signal.place >= 0 else b, signal.number)
 
-    def _source(self, one: Signal) -> int:
+    def _source(self, signal: Signal) -> int:
         if self._simulation is None:
-            return self.core.given(math.prod(one.shape))
+            return self.core.given(math.prod(signal.shape))
         kernel = self._simulation.kernel
-        if one.event:
-            return self.core.event(kernel, *one.event)
-        field = one.field
+        if signal.event:
+            return self.core.event(kernel, *signal.event)
+        field = signal.field
         assert field is not None and field.port is not None
         owner, _, port = field.port.rpartition(".")
         return self.core.source(kernel, owner, port, field.offset + field.width * field.elements[0], field.stored,
@@ -239,52 +241,53 @@ class _Judge:
         import numpy as np
 
         series = [self._series(records, source) for source in self.sources]
-        regular = [times for one, (times, _) in zip(self.sources, series) if one.field and not one.field.of_mode]
-        found = [times for times in regular or [times for times, _ in series] if len(times)]
-        times = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+        regular = [times for source, (times, _) in zip(self.sources, series)
+                   if source.field and not source.field.of_mode]
+        clocks = [times for times in regular or [times for times, _ in series] if len(times)]
+        times = np.unique(np.concatenate(clocks)) if clocks else np.zeros(0, np.int64)
         if end is not None:
             times = times[times <= end]
         if self._every and len(times):      # the first at or after each multiple
             slots = times // self._every
             times = times[np.r_[True, slots[1:] != slots[:-1]]]
         columns = []
-        for one, (own, values) in zip(self.sources, series):
-            if one.event:
+        for source, (own, values) in zip(self.sources, series):
+            if source.event:
                 counts = np.searchsorted(own, times, "right")
                 columns.append(np.diff(counts, prepend=0).astype(bool).astype(float)[:, None])
                 continue
             at = np.searchsorted(own, times, "right") - 1
-            rows = np.full((len(times), math.prod(one.shape)), math.nan)
+            rows = np.full((len(times), math.prod(source.shape)), math.nan)
             rows[at >= 0] = values[at[at >= 0]]
             columns.append(rows)
         self.core.play(times, columns)
         return int(end if end is not None else times[-1] if len(times) else 0)
 
-    def _series(self, records: Records, one: Signal) -> tuple[Any, Any]:
+    def _series(self, records: Records, signal: Signal) -> tuple[Any, Any]:
         """(times [ns], values (n, elements)) of a source; of an event the times at which it fired."""
         import numpy as np
 
-        if one.event:
-            process, name = one.event
-            found = [port for port in records.executives() if port.type == ACTIVITY
+        if signal.event:
+            process, name = signal.event
+            ports = [port for port in records.executives() if port.type == ACTIVITY
                      and port.name.rpartition(".")[0] == process]
-            events: Any = records._values(found[0]) if found else []
+            events: Any = records._values(ports[0]) if ports else []
             return np.array([row["head"]["t"] for row in events
                              if row["kind"] == _EVENT and row["name"].decode() == name], np.int64), None
-        field = one.field
+        field = signal.field
         assert field is not None
         if field.of_mode:
             process = field.path.partition(".")[0]
-            found = [port for port in records.executives() if port.type == MODE
+            ports = [port for port in records.executives() if port.type == MODE
                      and port.name.rpartition(".")[0] == process]
-            if not found:
-                raise SetupError(f"{one.text} was not recorded")
-            rows = records._values(found[0])
+            if not ports:
+                raise SetupError(f"{signal.text} was not recorded")
+            rows = records._values(ports[0])
             return rows["head"]["t"].astype(np.int64), rows["index"].astype(float)[:, None]
         try:
             port, _, _ = records._find(field.recorded)
         except Exception as error:
-            raise SetupError(f"{one.text} was not recorded: {error}") from None
+            raise SetupError(f"{signal.text} was not recorded: {error}") from None
         values = np.asarray(records[field.recorded], np.float64)
         values = values.reshape(len(values), -1).copy()
         quality = records._quality(port) if field.has_quality else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requirements of a small mission, judged while it flies and from its record; formulas as texts; what is refused."""
+"""Requirements of a small mission, judged while it flies and from its record; formulas as texts; errors."""
 import math
 import random
 
@@ -52,8 +52,8 @@ def test_a_comparison_of_outputs_of_two_rates_is_reported_unless_it_is_sampled_w
                   'r.every = 1 * s', 'r.require("S-4", "", always(turn - found < -1 * deg / s))')
     expected = ("it joins flight.tracking.error, written every 0.5 s, with world.craft.state, every 0.1 s: at some "
                 "samples the first is older; r.every = 0.5 * s takes those at which both are new")
-    assert {one.id: one.skew for one in Requirements(sim).all} == {"S-1": expected, "S-2": "", "S-3": expected,
-                                                                   "S-4": ""}
+    assert {requirement.id: requirement.skew for requirement in Requirements(sim).all} == {
+        "S-1": expected, "S-2": "", "S-3": expected, "S-4": ""}
     assert cli.main(["run", "plays", "--no-plots"]) == 1
     assert f"\n           S-1: {expected}\n           S-2 violated" in capsys.readouterr().out
 
@@ -80,17 +80,18 @@ def test_verdicts_and_margins_are_those_of_the_record(mission):
     assert live["A-2"].margin == pytest.approx(1e-5 - norm[late].max(), rel=1e-12)
     assert live["A-3"].margin == pytest.approx(0.1 - norm[(time >= 30) & (time <= 60)].min(), rel=1e-12)
     assert live["A-6"].margin == pytest.approx(0.9 - abs(log["error.sigma_BR"][time % 10 == 0]).max(), rel=1e-12)
-    assert {id: one.verdict for id, one in live.items()} == {
+    assert {id: outcome.verdict for id, outcome in live.items()} == {
         "A-1": "holds", "A-2": "holds" if norm[late].max() < 1e-5 else "violated",
         "A-3": "holds" if norm[(time >= 30) & (time <= 60)].min() < 0.1 else "violated", "A-4": "holds",
         "A-6": "holds"}
     worst = live["A-2"]
     assert worst.at == time[late][norm[late].argmax()] and worst.where == "norm(flight.tracking.error.sigma_BR) < 1e-05"
-    for one in required.judge(log, end=40 * minute):
-        other = live[one.requirement.id]
-        assert (one.verdict, one.low, one.high, one.at) == (other.verdict, other.low, other.high, other.at)
+    for outcome in required.judge(log, end=40 * minute):
+        in_run = live[outcome.requirement.id]
+        assert (outcome.verdict, outcome.low, outcome.high, outcome.at) == (
+            in_run.verdict, in_run.low, in_run.high, in_run.at)
     assert required.of("A-5").parent == "S" and required.of("A-5").group == "Pointing"
-    assert [one.id for one in required.for_scenario("other")] == ["A-1", "A-2", "A-3", "A-4"]
+    assert [requirement.id for requirement in required.for_scenario("other")] == ["A-1", "A-2", "A-3", "A-4"]
 
 
 def test_a_file_of_the_run_says_the_same(mission, tmp_path):
@@ -132,10 +133,10 @@ def test_modes_and_events(tmp_path):
     assert live[1].verdict == "holds" and live[1].margin == math.inf
     fired = [event.fired[0] for event in sim.flight.events.values()]
     assert any(fired) and not all(fired)
-    assert [one.verdict for one in live[2:]] == ["violated" if n else "holds" for n in fired]
+    assert [outcome.verdict for outcome in live[2:]] == ["violated" if n else "holds" for n in fired]
     again = Judged(list(r._found.values()))
     again.play(log, sim.time_ns)
-    assert [outcome.verdict for outcome in again.outcomes()] == [one.verdict for one in live]
+    assert [outcome.verdict for outcome in again.outcomes()] == [outcome.verdict for outcome in live]
     with pytest.raises(SetupError, match="expected one of"):
         r.mode() == "NOWHERE"
     with pytest.raises(SetupError, match="has no event 'nothing'"):
@@ -173,7 +174,7 @@ def test_a_run_that_begins_anew_is_judged_anew_and_one_that_goes_back_is_unknown
 def test_what_was_never_written_is_unknown(mission):
     sim = mission('r.require("A-1", "", always(error.norm() < 9))',
                   'r.require("A-2", "", eventually(error.norm() < 9))')
-    judged = Judged([one for one in Requirements(sim).all])
+    judged = Judged(list(Requirements(sim).all))
     bad = np.array([[math.nan] * 3, [0.1] * 3])
     judged.play_samples(np.array([0, 1]), [bad])
     unknown, holds = judged.outcomes()
@@ -222,8 +223,8 @@ def test_expressions_are_those_of_numpy():
               lambda a, b, c: (mrp_to_dcm(a) @ b)[0],
               lambda a, b, c: np.arccos((mrp_to_dcm(a) @ b)[2] / np.linalg.norm(b)),
               lambda a, b, c: b[0] - np.radians(3)]
-    for i, one in enumerate(made):
-        r.require(f"X-{i}", "", one < 0 * (deg if one.unit == "rad" else deg / s if one.unit else 1))
+    for i, signal in enumerate(made):
+        r.require(f"X-{i}", "", signal < 0 * (deg if signal.unit == "rad" else deg / s if signal.unit else 1))
     judged = Judged(list(r._found.values()))
     of = {"world.craft.state.sigma_BN": 0, "flight.tracking.error.omega_BR_B": 1, "world.craft.state.omega_BN_B": 2}
     random_ = np.random.default_rng(1)
@@ -239,9 +240,9 @@ def test_a_mixture_of_units_is_judged_by_fractions_of_the_limits(mission):
                   'r.require("A-1", "", always((error.norm() < 2) & (rate < 10 * deg / s)))')
     judged = Judged(Requirements(sim).all)
     judged.play_samples(np.array([0]), [np.array([[1.0, 0, 0]]), np.array([[np.radians(8), 0, 0]])])
-    one = judged.outcomes()[0]
-    assert one.margin == pytest.approx(0.2) and one.unit == "" and one.margin_text == "20 % of the limit"
-    assert "omega_BR_B" in one.where
+    outcome = judged.outcomes()[0]
+    assert outcome.margin == pytest.approx(0.2) and outcome.unit == "" and outcome.margin_text == "20 % of the limit"
+    assert "omega_BR_B" in outcome.where
 
 
 def test_formulas_print_as_sentences_and_mathematics():
@@ -333,5 +334,5 @@ def test_the_order_of_random_formulas_does_not_matter(mission):
         times = np.cumsum([draw.randrange(1, 3) for _ in range(n)]) * 1_000_000_000
         judged.play_samples(times, [np.array([[draw.uniform(-1, 1) for _ in range(3)] for _ in range(n)])])
         found = judged.outcomes()
-        for one, other in zip(found[::2], found[1::2]):
-            assert (one.low, one.high) == (other.low, other.high), one
+        for first, second in zip(found[::2], found[1::2]):
+            assert (first.low, first.high) == (second.low, second.high), first

@@ -17,22 +17,22 @@ EXPORTED = "exported/"          # begins the names of the sources that the expor
 
 def read(path: Path, roots: Sequence[Path], exported: Path) -> Coverage:
     """The flight code in a file of the emulator. roots: folders with sources; exported: that of the mission's."""
-    found: Coverage = {}
+    coverage: Coverage = {}
     for record in path.read_text(encoding="utf-8").split("end_of_record"):
         lines = record.split("\n")
         source = next((line[3:] for line in lines if line.startswith("SF:")), "")
         name = _name(Path(source), roots, exported)
         if not name:
             continue
-        one = found.setdefault(name, {"lines": {}, "branches": {}})
+        file = coverage.setdefault(name, {"lines": {}, "branches": {}})
         for line in lines:
             kind, _, text = line.partition(":")
             place, _, count = text.rpartition(",")
             if kind == "DA":
-                one["lines"][place] = int(count)
+                file["lines"][place] = int(count)
             elif kind == "BRDA":
-                one["branches"][place] = 0 if count == "-" else int(count)
-    return found
+                file["branches"][place] = 0 if count == "-" else int(count)
+    return coverage
 
 
 def _name(source: Path, roots: Sequence[Path], exported: Path) -> str:
@@ -51,17 +51,17 @@ def _name(source: Path, roots: Sequence[Path], exported: Path) -> str:
 def add(to: Coverage, other: Mapping[str, Any]) -> None:
     """Add the counts of another flight."""
     for name, counts in other.items():
-        one = to.setdefault(name, {"lines": {}, "branches": {}})
+        file = to.setdefault(name, {"lines": {}, "branches": {}})
         for kind in ("lines", "branches"):
             for place, count in counts[kind].items():
-                one[kind][place] = one[kind].get(place, 0) + count
+                file[kind][place] = file[kind].get(place, 0) + count
 
 
-def joined(found: Iterable[Mapping[str, Any]]) -> Coverage:
+def joined(coverages: Iterable[Mapping[str, Any]]) -> Coverage:
     """The counts of several flights together."""
     whole: Coverage = {}
-    for one in found:
-        add(whole, one)
+    for counts in coverages:
+        add(whole, counts)
     return whole
 
 
@@ -73,14 +73,14 @@ class Share(NamedTuple):
     of_branches: int
 
 
-def share(found: Mapping[str, Any]) -> Share:
-    counts = [[count for one in found.values() for count in one[kind].values()] for kind in ("lines", "branches")]
+def share(coverage: Mapping[str, Any]) -> Share:
+    counts = [[count for file in coverage.values() for count in file[kind].values()] for kind in ("lines", "branches")]
     return Share(*(n for kind in counts for n in (sum(map(bool, kind)), len(kind))))
 
 
-def never(one: Mapping[str, Any]) -> str:
+def never(file: Mapping[str, Any]) -> str:
     """The lines of a file that never ran: "12-14, 20"."""
-    places = sorted((int(line), count) for line, count in one["lines"].items())
+    places = sorted((int(line), count) for line, count in file["lines"].items())
     parts: list[list[int]] = []
     open_ = False
     for line, count in places:
@@ -94,15 +94,15 @@ def never(one: Mapping[str, Any]) -> str:
     return ", ".join(f"{a}" if a == b else f"{a}\N{EN DASH}{b}" for a, b in parts)
 
 
-def lcov(found: Mapping[str, Any], root: Path) -> str:
+def lcov(coverage: Mapping[str, Any], root: Path) -> str:
     """A file for genhtml, of the files that are below the root."""
     out = []
-    for name, one in sorted(found.items()):
+    for name, file in sorted(coverage.items()):
         if name.startswith(EXPORTED):
             continue
-        reached = {place.rpartition(",")[0] for place, count in one["branches"].items() if count}
+        reached = {place.rpartition(",")[0] for place, count in file["branches"].items() if count}
         out += ["TN:", f"SF:{root / name}",
                 *(f"BRDA:{place},{count if place.rpartition(',')[0] in reached else '-'}"
-                  for place, count in one["branches"].items()),
-                *(f"DA:{line},{count}" for line, count in one["lines"].items()), "end_of_record"]
+                  for place, count in file["branches"].items()),
+                *(f"DA:{line},{count}" for line, count in file["lines"].items()), "end_of_record"]
     return "\n".join([*out, ""])

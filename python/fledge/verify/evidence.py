@@ -27,7 +27,7 @@ class Row:
     """A requirement with what shows it.
 
     sentence, mathematics: of its formula, "" without one; shown_by: the scenarios that are to show it; place: file and
-    line of requirements.py; shown: (flight, what it shows) in the order of the flights; children: their ids
+    line of requirements.py; shown: (flight, its verdict) in the order of the flights; children: their ids
     """
     id: str
     text: str
@@ -48,14 +48,14 @@ class Row:
     def verdict(self) -> str:
         """The worst of all flights; without a formula, the worst of its children, or by its method."""
         if self.sentence:
-            found = [one.verdict for _, one in self.shown] + [UNKNOWN] * len(self.missing)
+            verdicts = [shown.verdict for _, shown in self.shown] + [UNKNOWN] * len(self.missing)
         elif self.method != "test":
             return f"by {self.method}"
         else:
-            found = [child.verdict for child in self.children]
+            verdicts = [child.verdict for child in self.children]
         # What an analysis shows counts where no test shows anything.
-        tested = [one for one in found if one in ORDER]
-        return min(tested, key=ORDER.index) if tested else next(iter(found), NOT_SHOWN)
+        tested = [verdict for verdict in verdicts if verdict in ORDER]
+        return min(tested, key=ORDER.index) if tested else next(iter(verdicts), NOT_SHOWN)
 
     @property
     def decided(self) -> tuple[Flown, Shown] | None:
@@ -71,48 +71,49 @@ class Row:
 
 def rows(requirements: Requirements, scenarios: Mapping[str, Sequence[str]], flown: Sequence[Flown]) -> list[Row]:
     """A Row of each requirement. scenarios: name -> ids that it shows"""
-    found = []
-    for one in requirements.all:
-        row = Row(one.id, one.text, one.rationale, one.parent, one.method, one.evidence, one.group,
-                  place=f"{Path(one.file).name}, line {one.line}",
-                  shown_by=[name for name, ids in scenarios.items() if one.id in ids])
-        if one.formula is not None:
-            row.sentence, row.mathematics = str(one.formula), one.formula.mathematics
+    result = []
+    for requirement in requirements.all:
+        row = Row(requirement.id, requirement.text, requirement.rationale, requirement.parent, requirement.method,
+                  requirement.evidence, requirement.group,
+                  place=f"{Path(requirement.file).name}, line {requirement.line}",
+                  shown_by=[name for name, ids in scenarios.items() if requirement.id in ids])
+        if requirement.formula is not None:
+            row.sentence, row.mathematics = str(requirement.formula), requirement.formula.mathematics
         for flight in flown:
             shown = flight.of(row.id)
             if shown:
                 row.shown.append((flight, shown))
             elif flight.scenario in row.shown_by:
                 row.missing.append(flight)
-        found.append(row)
-    return found
+        result.append(row)
+    return result
 
 
-def adopt(found: Sequence[Row]) -> None:
+def adopt(rows: Sequence[Row]) -> None:
     """Give each row its children. Raises SetupError if one descends from itself."""
-    by_id = {one.id: one for one in found}
-    for row in found:
+    by_id = {row.id: row for row in rows}
+    for row in rows:
         if row.parent in by_id:
             by_id[row.parent].children.append(row)
-    for row in found:
+    for row in rows:
         line = [row]
-        while line[-1].parent in by_id and len(line) <= len(found):
+        while line[-1].parent in by_id and len(line) <= len(rows):
             line.append(by_id[line[-1].parent])
             if line[-1] is row:
                 raise SetupError(f"{row.place}: the parents of {row.id} go round: "
-                                 + " has the parent ".join(one.id for one in line))
+                                 + " has the parent ".join(row.id for row in line))
 
 
 def with_children(chosen: Iterable[Row]) -> set[str]:
     """The ids of rows, of their children, and so on."""
-    found: set[str] = set()
+    ids: set[str] = set()
     open_ = list(chosen)
     while open_:
         row = open_.pop()
-        if row.id not in found:
-            found.add(row.id)
+        if row.id not in ids:
+            ids.add(row.id)
             open_ += row.children
-    return found
+    return ids
 
 
 def margin_text(shown: Shown) -> str:
@@ -124,18 +125,18 @@ def margin_text(shown: Shown) -> str:
 
 # --- traces ----------------------------------------------------------------------------------------
 
-def traces(found: Sequence[Row], scenarios: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+def traces(rows: Sequence[Row], scenarios: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
     """What is missing in either direction, in words -> ids or names."""
-    ids = {one.id for one in found}
-    bare = [one for one in found if not one.sentence and one.method == "test" and not one.children]
+    ids = {row.id for row in rows}
+    bare = [row for row in rows if not row.sentence and row.method == "test" and not row.children]
     return {
-        "requirements without a test": [one.id for one in bare if one.parent],
-        "requirements that no flight of this report shows": [one.id for one in found
-                                                             if one.sentence and not one.shown and not one.missing],
-        "top requirements without children": [one.id for one in bare if not one.parent],
-        "parents that no requirement defines": sorted({one.parent for one in found if one.parent} - ids),
-        "analyses and inspections without evidence": [one.id for one in found
-                                                      if one.method != "test" and not one.evidence],
+        "requirements without a test": [row.id for row in bare if row.parent],
+        "requirements that no flight of this report shows": [row.id for row in rows
+                                                             if row.sentence and not row.shown and not row.missing],
+        "top requirements without children": [row.id for row in bare if not row.parent],
+        "parents that no requirement defines": sorted({row.parent for row in rows if row.parent} - ids),
+        "analyses and inspections without evidence": [row.id for row in rows
+                                                      if row.method != "test" and not row.evidence],
         "scenarios that show no requirement": [name for name, shown in scenarios.items() if not shown],
     }
 
@@ -154,30 +155,31 @@ def facts(row: Row) -> dict[str, Any]:
 def earlier(path: Path) -> dict[str, Any] | None:
     """The results of the report before, in a file; None if there are none that this version can read."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return found if isinstance(found, dict) and {"made", "requirements"} <= found.keys() else None
+        results = json.loads(path.read_text(encoding="utf-8"))
+        return results if isinstance(results, dict) and {"made", "requirements"} <= results.keys() else None
     except (OSError, ValueError):
         return None
 
 
-def differences(before: Mapping[str, Any], found: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
-    """(id, what differs from the report before). whole: this report has all requirements, so that others are gone."""
-    old = {one["id"]: one for one in before.get("requirements", ())}
-    told = []
-    for row in found:
+def differences(before: Mapping[str, Any], rows: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
+    """(id, change from the report before). whole: this report has all requirements, so that others are gone."""
+    old = {row["id"]: row for row in before.get("requirements", ())}
+    changes = []
+    for row in rows:
         was, now = old.pop(row.id, None), facts(row)
         if was is None:
-            told.append((row.id, f"is new: {now['verdict']}"))
+            changes.append((row.id, f"is new: {now['verdict']}"))
             continue
         if was["verdict"] != now["verdict"]:
-            told.append((row.id, f"was {was['verdict']}, is {now['verdict']}"))
+            changes.append((row.id, f"was {was['verdict']}, is {now['verdict']}"))
         elif (moved := _moved(number(was["margin"]), now["margin"])) and was["unit"] == now["unit"]:
             unit = f" {now['unit']}" if now["unit"] else ""
-            told.append((row.id, f"its margin {moved} from {number(was['margin']):.4g} to {now['margin']:.4g}{unit}"))
+            changes.append((row.id, f"its margin {moved} from {number(was['margin']):.4g} to "
+                                    f"{now['margin']:.4g}{unit}"))
         for name in ("text", "formula", "parent", "method"):
             if was[name] != now[name]:
-                told.append((row.id, f"its {name} was “{was[name]}”"))
-    return told + [(id, "is gone") for id in old if whole]
+                changes.append((row.id, f"its {name} was “{was[name]}”"))
+    return changes + [(id, "is gone") for id in old if whole]
 
 
 def _moved(was: float | None, now: float | None) -> str:

@@ -95,12 +95,12 @@ def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
     if len(time) <= 4 * POINTS:
         return time, values
-    kept = set()
+    chosen = set()
     for part in np.array_split(np.arange(len(time)), POINTS):
         there = part[np.isfinite(values[part])]
-        kept |= {part[0], part[-1], *((there[values[there].argmin()], there[values[there].argmax()])
-                                      if len(there) else ())}
-    at = sorted(kept)
+        chosen |= {part[0], part[-1], *((there[values[there].argmin()], there[values[there].argmax()])
+                                        if len(there) else ())}
+    at = sorted(chosen)
     return time[at], values[at]
 
 

@@ -51,9 +51,9 @@ def _fledge(with_targets: bool) -> str:
     """A hash of Fledge's sources and of its extension."""
     from fledge.mission.provenance import extension
 
-    found = [path for one in (TARGETS if with_targets else DESKTOP) for path in sorted((ROOT / one).rglob("*"))
+    files = [path for folder in (TARGETS if with_targets else DESKTOP) for path in sorted((ROOT / folder).rglob("*"))
              if path.suffix in SOURCES and not {"testing", "web"} & set(path.parts) and "_test." not in path.name]
-    return _digest(ROOT, [*found, extension()])
+    return _digest(ROOT, [*files, extension()])
 
 
 def _files(mission: Path) -> str:
@@ -75,11 +75,11 @@ def _files(mission: Path) -> str:
 
 
 def _digest(base: Path, paths: Iterable[Path]) -> str:
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in paths:
         name = path.relative_to(base) if path.is_relative_to(base) else path.name
-        found.update(f"{name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
-    return found.hexdigest()
+        digest.update(f"{name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 # --- results ---------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ class Flown:
     error: why it failed, or "" if it came to its end and its scenario's checks hold
     time: [s] flown; wall: [s] that it took; record: relative to the report's folder; same: whether flight put out the
     bits of the desktop, None where that is the desktop itself
-    coverage: file -> what coverage.py counts, {} if it was not asked for
+    coverage: file -> the counts of coverage.py, {} without --coverage
     before: whether it comes from the report before
     """
     scenario: str
@@ -135,7 +135,7 @@ class Flown:
         return self.time / self.wall if self.wall else 0.0
 
     def of(self, id: str) -> Shown | None:
-        return next((one for one in self.shown if one.id == id), None)
+        return next((shown for shown in self.shown if shown.id == id), None)
 
     def as_json(self) -> str:
         return dumps(dataclasses.asdict(self))
@@ -144,24 +144,24 @@ class Flown:
     def read(cls, path: Path) -> Flown | None:
         """The results in a file; None if there are none that this version can read."""
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            shown = [Shown(**{**one, **{name: number(one[name]) for name in ("margin", "low", "high", "limit")}})
-                     for one in found.pop("shown")]
-            return cls(**found, shown=shown)
+            data = json.loads(path.read_text(encoding="utf-8"))
+            shown = [Shown(**{**shown, **{name: number(shown[name]) for name in ("margin", "low", "high", "limit")}})
+                     for shown in data.pop("shown")]
+            return cls(**data, shown=shown)
         except (OSError, ValueError, TypeError, KeyError):
             return None
 
 
-def dumps(found: Mapping[str, Any]) -> str:
+def dumps(data: Mapping[str, Any]) -> str:
     """JSON in which numbers that are not finite are texts: "inf"."""
     def plain(x: Any) -> Any:
         if isinstance(x, float) and not math.isfinite(x):
             return str(x)
         if isinstance(x, dict):
             return {key: plain(value) for key, value in x.items()}
-        return [plain(one) for one in x] if isinstance(x, (list, tuple)) else x
+        return [plain(item) for item in x] if isinstance(x, (list, tuple)) else x
 
-    return json.dumps(plain(found), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(plain(data), indent=1, ensure_ascii=False) + "\n"
 
 
 def number(x: Any) -> float | None:

@@ -46,8 +46,8 @@ class Verification(Work[tuple[Flight, str], dict[str, bytes]]):
             return {}
         with TemporaryDirectory() as folder:
             there = Path(folder)
-            found = _fly(dataclasses.replace(flight, mission=self.mission, folder=there), hash)
-            return {name: (there / name).read_bytes() for name in (FILE, LOG, found.record) if name}
+            flown = _fly(dataclasses.replace(flight, mission=self.mission, folder=there), hash)
+            return {name: (there / name).read_bytes() for name in (FILE, LOG, flown.record) if name}
 
 
 def fly(flights: Sequence[Flight], mission: Path, jobs: int | None, again: bool, tell: Callable[[Flown], None],
@@ -90,20 +90,20 @@ def _fly(flight: Flight, hash: str) -> Flown:
     os.dup2(log.fileno(), 2)
     sys.stdout = sys.stderr = log
     try:
-        found = judged(flight, hash)
+        flown = judged(flight, hash)
     except (Failure, SetupError, OSError) as error:
-        found = Flown(flight.scenario, flight.target, flight.seed, hash, str(error))
-    write_files({FILE: found.as_json()}, flight.folder)
-    return found
+        flown = Flown(flight.scenario, flight.target, flight.seed, hash, str(error))
+    write_files({FILE: flown.as_json()}, flight.folder)
+    return flown
 
 
 def _result(flight: Flight, hash: str, files: dict[str, bytes] | Died[Any]) -> Flown:
     """Of a flight that has ended."""
     if not isinstance(files, Died):
         write_files(files, flight.folder)
-        found = Flown.read(flight.folder / FILE)
-        assert found
-        return found
+        flown = Flown.read(flight.folder / FILE)
+        assert flown
+        return flown
     log = flight.folder / LOG
     last = log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:] if log.exists() else []
     return Flown(flight.scenario, flight.target, flight.seed, hash, "\n    ".join([files.text, *last]))

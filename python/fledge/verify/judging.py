@@ -23,12 +23,12 @@ def judged(flight: Flight, hash: str) -> Flown:
     from fledge import __version__, mission as missions
     from fledge.requirements import Requirements
 
-    found = Flown(flight.scenario, flight.target, flight.seed, hash)
+    flown = Flown(flight.scenario, flight.target, flight.seed, hash)
     start = perf_counter()
     records: dict[str, Archive] = {}
     packets: dict[str, Any] = {}
     if flight.target != "desktop":
-        job, records = _on_target(flight, found)
+        job, records = _on_target(flight, flown)
         packets = _packets(job, flight.target)
     sim = missions.load(flight.mission, flight.seed, **flight.parameters)
     assert sim.mission
@@ -38,7 +38,7 @@ def judged(flight: Flight, hash: str) -> Flown:
         stand_in(sim, records, None, packets)
     requirements = Requirements(sim)
     shown = requirements.for_scenario(flight.scenario)
-    watch = requirements.watch(only=[one.id for one in shown], traces=True)
+    watch = requirements.watch(only=[requirement.id for requirement in shown], traces=True)
     _record(sim, shown)
     sim.plots = False
     record = flight.folder / "run.mcap"
@@ -47,17 +47,17 @@ def judged(flight: Flight, hash: str) -> Flown:
     try:
         sim.mission.scenarios[flight.scenario](sim)
     except Exception as error:
-        found.error = missions.explain(error, sim.mission.folder)
-    found.time = sim.time
-    outcomes = watch.outcomes(so_far=found.error != "")
-    problem = problem_of(outcomes, sim.time, found.error)
-    if not found.error and not sim.time:
-        found.error = problem
+        flown.error = missions.explain(error, sim.mission.folder)
+    flown.time = sim.time
+    outcomes = watch.outcomes(so_far=flown.error != "")
+    problem = problem_of(outcomes, sim.time, flown.error)
+    if not flown.error and not sim.time:
+        flown.error = problem
     sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
-    found.wall = perf_counter() - start
-    found.record = record.name if record.exists() else ""
-    found.shown = _shown(watch, outcomes, found.error)
-    return found
+    flown.wall = perf_counter() - start
+    flown.record = record.name if record.exists() else ""
+    flown.shown = _shown(watch, outcomes, flown.error)
+    return flown
 
 
 def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
@@ -83,10 +83,10 @@ def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
 
 
 def _shown(watch: Judged, outcomes: Sequence[Outcome], error: str) -> list[Shown]:
-    """What the flight shows of each requirement; one that failed, what was decided before."""
+    """The verdict of the flight on each requirement; of a failed flight, the verdicts before the failure."""
     from fledge.verify import figure
 
-    found = []
+    results = []
     for outcome in outcomes:
         shown = Shown(outcome.requirement.id, outcome.verdict, outcome.margin, outcome.low, outcome.high, outcome.unit,
                       outcome.at, outcome.where,
@@ -98,16 +98,16 @@ def _shown(watch: Judged, outcomes: Sequence[Outcome], error: str) -> list[Shown
         decided = next((comparison for comparison in comparisons if comparison.text == outcome.where), None)
         if decided is not None and decided.measured:
             shown.limit = decided.limit
-        # Where names decide, no comparison is the nearest: the last one is what the formula ends in.
+        # Where names decide, no comparison is the nearest: take the last one of the formula.
         if drawn := [decided] if decided is not None else comparisons[-1:]:
             shown.figure = figure.draw(*watch.values(drawn[0]), drawn[0], outcome.at, outcome.verdict)
-        found.append(shown)
-    return found
+        results.append(shown)
+    return results
 
 
 # --- on a target -----------------------------------------------------------------------------------
 
-def _on_target(flight: Flight, found: Flown) -> tuple[Job, dict[str, Archive]]:
+def _on_target(flight: Flight, result: Flown) -> tuple[Job, dict[str, Archive]]:
     """Fly on a target; returns the job, and the record of each flight process."""
     from fledge.archive import Archive
     from fledge.archive.compare import digest
@@ -117,17 +117,17 @@ def _on_target(flight: Flight, found: Flown) -> tuple[Job, dict[str, Archive]]:
 
     target, = TARGETS.ready([flight.target], "verify")
     if flight.coverage and target.takes_tools:
-        made: Any = type(target)
-        target = made(["--coverage", COVERAGE])
+        kind: Any = type(target)
+        target = kind(["--coverage", COVERAGE])
     job = Job(flight.mission, flight.scenario, None, flight.seed, folder=flight.folder, parameters=flight.parameters)
     desktop = Desktop().fly(job)
     flown = fly(job, {part.process: target for part in job.parts}, flight.target)
-    records = {process: Archive(one.record) for process, one in flown.items()}
+    records = {process: Archive(flight.record) for process, flight in flown.items()}
     bits = [[digest(record, part.outputs, part.is_instant) for record in
              (records[part.process], Archive(desktop[part.process].record))] for part in job.parts]
-    found.same = all(here == there for here, there in bits)
-    for one in job.parts if flight.coverage and target.takes_tools else ():
-        coverage.add(found.coverage, coverage.read(one.folder / COVERAGE, one.roots, one.folder / "c"))
+    result.same = all(here == there for here, there in bits)
+    for part in job.parts if flight.coverage and target.takes_tools else ():
+        coverage.add(result.coverage, coverage.read(part.folder / COVERAGE, part.roots, part.folder / "c"))
     return job, records
 
 

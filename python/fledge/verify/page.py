@@ -28,28 +28,29 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
     more: what the template takes as it is: seed, made, about, only, repeat; changed: differences to the report before,
     or None, changed_since; csv: file and differences, or None.
     """
-    found = [row.verdict for row in rows]
+    verdicts = [row.verdict for row in rows]
     ids = {row.id for row in rows}
     roots = [row for row in rows if not row.parent]
     for parent in dict.fromkeys(row.parent for row in rows if row.parent and row.parent not in ids):
         roots.append(Row(parent, "(no requirement of this report)", method="",
                          children=[row for row in rows if row.parent == parent]))
-    counts = Counter({word: found.count(word) for word in
-                      ("holds", *sorted({one for one in found if one.startswith("by ")}), "violated", "unknown",
-                       "not shown")})
-    covered = [one for one in flown if one.coverage]
-    whole = coverage.joined(one.coverage for one in covered)
+    counts = Counter({word: verdicts.count(word) for word in
+                      ("holds", *sorted({verdict for verdict in verdicts if verdict.startswith("by ")}), "violated",
+                       "unknown", "not shown")})
+    covered = [flight for flight in flown if flight.coverage]
+    whole = coverage.joined(flight.coverage for flight in covered)
     return templates().get_template("verification.html").render(
         mission=mission.name, rows=rows, roots=roots, flights=flown, scenarios=scenarios, command=command,
         counts=counts,
-        failed=[one for one in flown if one.error], before_count=sum(one.before for one in flown),
-        flown=sum(one.time for one in flown), targets=list(dict.fromkeys(one.target for one in flown)),
-        anchors={one.id: f"r{i}-{_slug(one.id)}" for i, one in enumerate(rows, 1)},
-        flight_anchors={one.title: f"f{i}-{_slug(one.title)}" for i, one in enumerate(flown, 1)},
+        failed=[flight for flight in flown if flight.error], before_count=sum(flight.before for flight in flown),
+        flown=sum(flight.time for flight in flown), targets=list(dict.fromkeys(flight.target for flight in flown)),
+        anchors={row.id: f"r{i}-{_slug(row.id)}" for i, row in enumerate(rows, 1)},
+        flight_anchors={flight.title: f"f{i}-{_slug(flight.title)}" for i, flight in enumerate(flown, 1)},
         margin=margin, figures={row.id: list(_figures(i, row)) for i, row in enumerate(rows)},
-        traces=evidence.traces(rows, scenarios), boards=list(dict.fromkeys(one.target for one in covered)),
+        traces=evidence.traces(rows, scenarios), boards=list(dict.fromkeys(flight.target for flight in covered)),
         covered=per_requirement(rows), coverage_share=coverage.share(whole),
-        coverage=[(file, coverage.share({file: one}), coverage.never(one)) for file, one in sorted(whole.items())],
+        coverage=[(file, coverage.share({file: counts}), coverage.never(counts))
+                  for file, counts in sorted(whole.items())],
         versions=versions(mission), **more)
 
 

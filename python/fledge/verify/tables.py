@@ -18,13 +18,13 @@ from fledge.verify.flight import Flown
 GIVEN = ("id", "text", "rationale", "parent", "method")     # which both directions have
 
 
-def write(found: Sequence[Row]) -> str:
-    """All requirements as CSV: what was given first, then what was found."""
+def write(rows: Sequence[Row]) -> str:
+    """All requirements as CSV: the declarations first, then the results."""
     out = io.StringIO()
     more = ("group", "formula", "evidence", "verdict", "margin", "unit", "scenario", "target", "at_s", "where")
     table = csv.writer(out, lineterminator="\n")
     table.writerow((*GIVEN, *more))
-    for row in found:
+    for row in rows:
         of = facts(row)
         table.writerow((*(getattr(row, name) for name in GIVEN), row.group, row.sentence, row.evidence, row.verdict,
                         *("" if of[name] is None else of[name] for name in
@@ -40,10 +40,10 @@ def read(path: Path) -> list[dict[str, str]]:
     except UnicodeDecodeError as error:
         raise Failure(f"{path}: it is no text in UTF-8: {error.reason} at byte {error.start}") from None
     table = csv.reader(io.StringIO(text), strict=True)
-    found: list[dict[str, str]] = []
+    entries: list[dict[str, str]] = []
     lines: dict[str, int] = {}
     try:
-        heads = [one.strip().lower() for one in next(table, [])]
+        heads = [head.strip().lower() for head in next(table, [])]
         for name in ("id", "text"):
             if name not in heads:
                 raise Failure(f"{path}, line 1: it has no column '{name}'{did_you_mean(name, heads)} expected "
@@ -65,52 +65,52 @@ def read(path: Path) -> list[dict[str, str]]:
                 raise Failure(f"{at}: the method of {row['id']} must be {', '.join(METHODS[:-1])} or {METHODS[-1]}, "
                               f"found '{row['method']}'")
             lines[row["id"]] = table.line_num
-            found.append(row)
+            entries.append(row)
     except csv.Error as error:
         raise Failure(f"{path}, line {table.line_num}: {error}") from None
-    if not found:
+    if not entries:
         raise Failure(f"{path}: it has no requirements")
-    return found
+    return entries
 
 
-def differences(given: Sequence[dict[str, str]], found: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
-    """(id, what differs) between the rows of a CSV and the requirements of the mission. whole: these are all."""
-    by_id = {row.id: row for row in found}
-    told: list[tuple[str, str]] = []
-    for one in given:
-        row = by_id.pop(one["id"], None)
+def differences(given: Sequence[dict[str, str]], rows: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
+    """(id, difference) between the rows of a CSV and the requirements of the mission. whole: these are all."""
+    by_id = {row.id: row for row in rows}
+    changes: list[tuple[str, str]] = []
+    for entry in given:
+        row = by_id.pop(entry["id"], None)
         if row is None:
             if whole:
-                told.append((one["id"], "is in the CSV alone"))
+                changes.append((entry["id"], "is in the CSV alone"))
             continue
         for name in GIVEN[1:]:
             here = (getattr(row, name) or "").strip()
-            there = one.get(name, here)
+            there = entry.get(name, here)
             if name == "method":
                 there = there.lower() or here
             if " ".join(here.split()) != " ".join(there.split()):
-                told.append((row.id, f"its {name} is “{there}” in the CSV, “{here}” in requirements.py"))
-    return told + [(id, "is in requirements.py alone") for id in by_id]
+                changes.append((row.id, f"its {name} is “{there}” in the CSV, “{here}” in requirements.py"))
+    return changes + [(id, "is in requirements.py alone") for id in by_id]
 
 
-def only_there(given: Sequence[dict[str, str]], found: Sequence[Row]) -> list[Row]:
+def only_there(given: Sequence[dict[str, str]], rows: Sequence[Row]) -> list[Row]:
     """Rows of those that the CSV alone has."""
-    known = {row.id for row in found}
-    return [Row(one["id"], one["text"], one.get("rationale", ""), one.get("parent", ""),
-                one.get("method", "").lower() or "test", group="In the CSV alone", place="the CSV alone")
-            for one in given if one["id"] not in known]
+    known = {row.id for row in rows}
+    return [Row(entry["id"], entry["text"], entry.get("rationale", ""), entry.get("parent", ""),
+                entry.get("method", "").lower() or "test", group="In the CSV alone", place="the CSV alone")
+            for entry in given if entry["id"] not in known]
 
 
 # --- JUnit -----------------------------------------------------------------------------------------
 
-def junit(mission: str, found: Sequence[Row], flown: Sequence[Flown]) -> str:
+def junit(mission: str, rows: Sequence[Row], flown: Sequence[Flown]) -> str:
     """A suite for each flight, with a case for each requirement that it shows, and one for those that none shows."""
     top = ElementTree.Element("testsuites", name=f"verify {mission}")
     for flight in flown:
         suite = _suite(top, f"{mission}.{flight.target}.{flight.scenario}", flight.wall)
         if flight.error:
             _case(suite, "flight", "error", flight.error)
-        for row in found:
+        for row in rows:
             shown = flight.of(row.id)
             if shown is None:
                 continue
@@ -122,7 +122,7 @@ def junit(mission: str, found: Sequence[Row], flown: Sequence[Flown]) -> str:
                 _case(suite, row.id, "error", f"unknown: {shown.reason}")
             else:
                 _case(suite, row.id).text = f"{margin}{at}"
-    others = [row for row in found if not row.shown]
+    others = [row for row in rows if not row.shown]
     if others:
         suite = _suite(top, f"{mission}.without_flight", 0.0)
         for row in others:
@@ -142,7 +142,7 @@ def _suite(top: Element, name: str, wall: float) -> Element:
 
 
 def _case(suite: Element, name: str, kind: str = "", message: str = "") -> Element:
-    """A case of a suite, or what is wrong with it."""
+    """A case of a suite, with its problem."""
     case = ElementTree.SubElement(suite, "testcase", classname=suite.get("name", ""), name=name)
     if kind:
         ElementTree.SubElement(case, kind, message=printable(message))

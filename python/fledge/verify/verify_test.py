@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge verify` on a small mission: verdicts against numpy on the record, what is flown again, the four files."""
+"""`fledge verify` on a small mission: verdicts against numpy on the record, repeated flights, the four files."""
 
 import csv
 import gc
@@ -127,7 +127,7 @@ def verify(capsys, *arguments, code=1):
 
 
 def of(printed, word):
-    """The flights of which the command says so."""
+    """The flights that the command reports so."""
     return set(re.findall(rf"^  {word} +(\w+ on [\w-]+):", printed, re.M))
 
 
@@ -135,7 +135,7 @@ def of(printed, word):
 
 def test_verdicts_and_margins_are_those_of_the_records(report):
     found, whole = results(report)
-    assert {id: one["verdict"] for id, one in found.items()} == {
+    assert {id: row["verdict"] for id, row in found.items()} == {
         "PNT-1": "holds", "PNT-2": "violated", "PNT-3": "unknown", "RAT-1": "holds", "STR-1": "by analysis"}
     settle, brief = (Archive(report / f"flights/{name}/desktop/run.mcap") for name in ("settle", "brief"))
     error, time = np.linalg.norm(settle["error.sigma_BR"], axis=1), settle.series("error.sigma_BR").time
@@ -143,7 +143,7 @@ def test_verdicts_and_margins_are_those_of_the_records(report):
     assert found["PNT-2"]["margin"] == pytest.approx(0.1 - error.max(), rel=1e-12) and found["PNT-2"]["at"] == 0
     rates = np.linalg.norm(brief["error.omega_BR_B"], axis=1)
     assert found["RAT-1"]["margin"] == pytest.approx(np.radians(3) - rates.max(), rel=1e-12)
-    assert brief.series("error.omega_BR_B").time[-1] == 60, "what a requirement reads is recorded in all runs"
+    assert brief.series("error.omega_BR_B").time[-1] == 60, "the signals of a requirement are recorded in all runs"
     assert found["RAT-1"]["unit"] == "rad/s" and found["STR-1"]["margin"] is None
     assert {(flight["scenario"], flight["error"]) for flight in whole["flights"]} == {("settle", ""), ("brief", "")}
 
@@ -151,10 +151,10 @@ def test_verdicts_and_margins_are_those_of_the_records(report):
 def test_the_records_judged_again_give_the_same(report):
     required = Requirements(fledge.load(report.parents[1] / "missions/spinner"))
     for flight in results(report)[1]["flights"]:
-        ids = [one["id"] for one in flight["shown"]]
+        ids = [shown["id"] for shown in flight["shown"]]
         again = required.judge(Archive(report / flight["record"]), ids, flight["time"])
-        assert [(one.verdict, one.margin, one.at) for one in again] == [
-            (one["verdict"], one["margin"], one["at"]) for one in flight["shown"]]
+        assert [(outcome.verdict, outcome.margin, outcome.at) for outcome in again] == [
+            (shown["verdict"], shown["margin"], shown["at"]) for shown in flight["shown"]]
 
 
 def test_a_scenario_keeps_the_rate_at_which_it_records(report):
@@ -199,7 +199,7 @@ def test_parents_that_go_round_are_refused():
         evidence.adopt(rows)
 
 
-# --- what is flown again ---------------------------------------------------------------------------
+# --- repeated flights -------------------------------------------------------------------------------
 
 @pytest.mark.long("verifies six times")
 def test_a_flight_is_flown_again_if_anything_that_it_depends_on_has_changed(here, capsys):
@@ -302,11 +302,11 @@ def test_the_page_stands_alone_and_each_of_its_links_leads_somewhere(report):
 
 def test_junit_has_a_case_for_each_requirement_of_each_flight(report):
     top = ElementTree.parse(report / "junit.xml").getroot()
-    suites = {one.get("name"): one for one in top}
+    suites = {suite.get("name"): suite for suite in top}
     assert set(suites) == {"spinner.desktop.settle", "spinner.desktop.brief", "spinner.without_flight"}
     brief = suites["spinner.desktop.brief"]
-    assert [brief.get(one) for one in ("tests", "failures", "errors", "skipped")] == ["3", "1", "1", "0"]
-    cases = {one.get("name"): one for one in brief}
+    assert [brief.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["3", "1", "1", "0"]
+    cases = {case.get("name"): case for case in brief}
     assert "norm(flight.tracking.error.sigma_BR) < 0.1 at t = 0 s" in cases["PNT-2"].find("failure").get("message")
     assert cases["PNT-3"].find("error") is not None and cases["RAT-1"].find("system-out").text.startswith("margin ")
     skipped = suites["spinner.without_flight"].find("testcase[@name='STR-1']/skipped")
@@ -400,7 +400,7 @@ def test_a_figure_has_the_limit_and_ids_of_its_own():
     assert drawn == figure.draw(np.arange(10.0), np.radians(np.linspace(0.0, 1.5, 10)), comparison, 9.0, "holds")
     marked = figure.with_ids(drawn, "a-")
     ids = re.findall(r'\bid="([^"]+)"', marked)
-    assert ids and all(one.startswith("a-") for one in ids)
+    assert ids and all(id_.startswith("a-") for id_ in ids)
     assert set(re.findall(r"url\(#([^)]+)\)", marked)) <= set(ids)
     assert figure.draw(np.zeros(0), np.zeros(0), comparison, None, "unknown") == ""
 
