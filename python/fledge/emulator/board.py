@@ -74,10 +74,10 @@ class Board:
 
     def write_device(self, device: str, register: str, value: int) -> None:
         """Write a register of a device, as the program does. Raises SetupError if there is none."""
-        found = self.core.devices()
-        names = found.get(device, {})
+        devices = self.core.devices()
+        names = devices.get(device, {})
         if register not in names:
-            there = list(names or found)
+            there = list(names or devices)
             raise SetupError(f"write_device: there is no '{register if names else device}'; there are "
                              + ", ".join(there))
         self.core.poke(names[register][0], _whole(value, 0, 2**32 - 1, "write_device").to_bytes(4, "big"))
@@ -97,14 +97,14 @@ class Board:
         if self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
             _, *names, last = place.split(".")
             return address(functools.reduce(getattr, names, self.flight), last)
-        found = self.core.symbol(place)
-        if found is None:
+        symbol = self.core.symbol(place)
+        if symbol is None:
             raise SetupError(f"the program has no symbol '{place}'"
                              + did_you_mean(place, self.core.symbols()).rstrip(";"))
-        return found[0]
+        return symbol[0]
 
     def _changed(self, place: str | int) -> int:
-        """address(), of what is to be changed. Raises SetupError on a variable of flight before it was booted."""
+        """address(), for a change of its value. Raises SetupError on a variable of flight before it was booted."""
         if isinstance(place, str) and self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
             self.refuse_before_boot(place)
         return self.address(place)
@@ -300,8 +300,8 @@ def _whole(value: Any, low: int, high: int, what: str) -> int:
 class _Modules:
     """The modules of a flight process, as attributes."""
 
-    def __init__(self, name: str, found: dict[str, Variable]) -> None:
-        self._name, self._found = name, found
+    def __init__(self, name: str, variables: dict[str, Variable]) -> None:
+        self._name, self._found = name, variables
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._found:
@@ -365,7 +365,7 @@ class _Flight:
                 self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
                 continue
             instance = process.instances[name]
-            field = next(one for one in objects.struct(instance).fields if one.name == port)
+            field = next(struct_field for struct_field in objects.struct(instance).fields if struct_field.name == port)
             places[name] = mission + offset - field.offset
             view = getattr(instance, port)
             if link.carries(id):
@@ -373,11 +373,11 @@ class _Flight:
             else:
                 self.inside.append((mission + offset, size, _reversal(field.struct), view))
         self.modules = _Modules(process.name, {
-            name: Variable(board, places[name], objects.struct(one), f"{process.name}.{name}")
-            for name, one in process.instances.items() if name in places})
+            name: Variable(board, places[name], objects.struct(instance), f"{process.name}.{name}")
+            for name, instance in process.instances.items() if name in places})
 
     def exchange(self, t: int) -> None:
-        """At an instant of flight: what it reads goes into its registers, it runs, and what it wrote comes out."""
+        """At an instant of flight: write its inputs into the registers, run it, and read its outputs."""
         link = self.link
         if self.sim.kernel.now < 0:
             self.tick(-1)
@@ -386,7 +386,7 @@ class _Flight:
             if message is not None:
                 link.put(id, message)
         if link.is_down(t):
-            return                      # what it put out stays
+            return                      # its outputs stay
         for after, packet in self.script:
             if link.reached <= after < t:
                 link.send(packet)
@@ -404,8 +404,8 @@ class _Flight:
 
     def through(self, t: int, id: int, message: bytes) -> bytes | None:
         """What comes of a message through its link; None: nothing new."""
-        found = self.links.get(self.paths.get(id, "")) if self.links else None
-        return found.passes(t, message) if found else message
+        link = self.links.get(self.paths.get(id, "")) if self.links else None
+        return link.passes(t, message) if link else message
 
     def tick(self, t: int) -> bool:
         """Returns whether flight has answered; a world that records it goes on without an answer."""
@@ -413,9 +413,9 @@ class _Flight:
         if self.link.tick(t):
             return self.link.missed == missed
         if self.answers is None:
-            said = "\n".join(self.board.console.splitlines()[-12:])
+            printed = "\n".join(self.board.console.splitlines()[-12:])
             raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}"
-                           + (f"the program's last words:\n{said}" if said else ""))
+                           + (f"the program's last words:\n{printed}" if printed else ""))
         return False
 
     def record(self) -> list[tuple[int, bytes | None]]:
@@ -454,7 +454,7 @@ def load(mission: str, scenario: str | None = None, *, process: str | None = Non
     if process is None and len(job.parts) > 1:
         raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
     part = job.part(process) if process else job.parts[0]
-    made = Board(board or BOARD, Leon3().build(part), engine)
-    made.fly(job.start, part.tables(), part.process)
-    made.in_flight.script = [(one.t, one.packet) for one in part.script]
-    return made
+    flying = Board(board or BOARD, Leon3().build(part), engine)
+    flying.fly(job.start, part.tables(), part.process)
+    flying.in_flight.script = [(entry.t, entry.packet) for entry in part.script]
+    return flying

@@ -269,14 +269,14 @@ def program(folder, board):
 
 
 def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
-    said = gdb(board, program,
-               "break mrp_feedback_update", "continue", "print m->par.K", "backtrace", "info registers psr wim pc",
-               "monitor snapshot here", "next", "next", "reverse-step", "reverse-continue", "monitor time",
-               "print/x &m->par.K", "monitor flip %f2 3", "set var m->par.K = 7.5", "print m->par.K",
-               "monitor restore here", "maintenance flush register-cache", "print m->par.K", "stepi", "reverse-stepi",
-               "delete", "watch -l m->mem.newest", "continue",
-               "monitor devices irqmp", "print/x *(int *)0x80000240", "monitor nonsense", "detach")
-    assert in_order(said, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
+    output = gdb(board, program,
+                 "break mrp_feedback_update", "continue", "print m->par.K", "backtrace", "info registers psr wim pc",
+                 "monitor snapshot here", "next", "next", "reverse-step", "reverse-continue", "monitor time",
+                 "print/x &m->par.K", "monitor flip %f2 3", "set var m->par.K = 7.5", "print m->par.K",
+                 "monitor restore here", "maintenance flush register-cache", "print m->par.K", "stepi", "reverse-stepi",
+                 "delete", "watch -l m->mem.newest", "continue",
+                 "monitor devices irqmp", "print/x *(int *)0x80000240", "monitor nonsense", "detach")
+    assert in_order(output, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
                     "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3",
                     "snapshot here taken",
                     r"\d+\s+Quality quality =", "Breakpoint 1, mrp_feedback_update", "instructions",
@@ -284,7 +284,8 @@ def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
                     r"\$4 = 2.531",
                     r"\d+\s+({|Quality quality =)", "Breakpoint 1, mrp_feedback_update",
                     "Hardware watchpoint 2: -location m->mem.newest", "Old value = 0", "New value = ",
-                    r"0x80000240 irqmp mask 0x0000\w+", r"\$5 = 0x\w+", r"monitor snapshot \[NAME\]", "detached"), said
+                    r"0x80000240 irqmp mask 0x0000\w+", r"\$5 = 0x\w+", r"monitor snapshot \[NAME\]",
+                    "detached"), output
     desktop = fledge.load("nadir_spin")
     desktop.run(3)
     assert objects.memory(board.sim.flight.motor.command) == objects.memory(desktop.flight.motor.command)
@@ -298,8 +299,8 @@ def test_a_trace_shows_each_instruction_in_words(board, tmp_path):
     board.finish()
     lines = (tmp_path / "trace.txt").read_text().splitlines()
     assert len([line for line in lines if " traps: " not in line]) == board.core.instructions - before[0]
-    entry = next(i for i, one in enumerate(lines) if re.search(
-        r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp  %o6=[0-9a-f]{8}$", one))
+    entry = next(i for i, line in enumerate(lines) if re.search(
+        r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp  %o6=[0-9a-f]{8}$", line))
     assert re.search(r" (nadir_spin_tick|run_gnc)\S* +(call|nop|mov|std|ldd|st|ld|add|or)", lines[entry - 1])
     cycles = [int(line.split()[0]) for line in lines]
     assert cycles == sorted(cycles) and cycles[0] < cycles[-1]
@@ -336,11 +337,11 @@ def test_a_profile_has_the_cost_of_each_function_and_of_what_it_calls(board, tmp
     board.sim.run(5)
     board.finish()
     spent = board.core.instructions - before
-    said = subprocess.run(["callgrind_annotate", "--inclusive=yes", "--threshold=100", "--auto=no",
-                           tmp_path / "callgrind.out.flight"], capture_output=True, text=True, check=True).stdout
-    total = int(re.search(r"([\d,]+) \(100.0%\).*PROGRAM TOTALS", said)[1].replace(",", ""))
+    output = subprocess.run(["callgrind_annotate", "--inclusive=yes", "--threshold=100", "--auto=no",
+                             tmp_path / "callgrind.out.flight"], capture_output=True, text=True, check=True).stdout
+    total = int(re.search(r"([\d,]+) \(100.0%\).*PROGRAM TOTALS", output)[1].replace(",", ""))
     assert total == spent
-    costs = {name: int(n.replace(",", "")) for n, name in re.findall(r"^ *([\d,]+) \(.*:(\w+)(?: \[|$)", said, re.M)}
+    costs = {name: int(n.replace(",", "")) for n, name in re.findall(r"^ *([\d,]+) \(.*:(\w+)(?: \[|$)", output, re.M)}
     assert 0 < costs["mrp_feedback_update"] < costs["nadir_spin_tick"] < costs["mission_host_exchange"] < spent
 
 
@@ -415,7 +416,7 @@ def test_python_talks_to_a_uart_and_to_devices(folder):
     board.run_until(0.01)
     assert not board.devices["console"]["status"] & 1
     board.send("HAL")
-    assert board.devices["console"]["status"] & 1       # and to look takes nothing away
+    assert board.devices["console"]["status"] & 1       # and reading the register changes nothing
     board.run_until(0.02)
     assert board.console == "IBM"
     board.write_device("irqmp", "mask", 0x140)
@@ -455,16 +456,16 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
         child = begin_gdb(counter, f"target remote :{port}", "break depth if n == 3", "continue", "backtrace", "delete",
                           "echo runs\\n", "continue", "print counter > 1000", "watch counter", "continue",
                           "reverse-continue", "detach")
-        said = ""
+        output = ""
         for line in child.stdout:
-            said += line
-            if "runs" in said:
+            output += line
+            if "runs" in output:
                 break
         before = spent()
         wait_for(lambda: spent() > before + 10, child)      # ticks of 10 ms: it runs on
         child.send_signal(signal.SIGINT)
-        said += child.communicate()[0]
-        assert in_order(said, r"#0 +depth \(n=3\)", r"#10 .*depth \(n=13\)", r"#18 .*main", "received signal SIGINT",
+        output += child.communicate()[0]
+        assert in_order(output, r"#0 +depth \(n=3\)", r"#10 .*depth \(n=13\)", r"#18 .*main", "received signal SIGINT",
                         r"\$1 = 1", "Hardware watchpoint 2: counter", r"Old value = \d", "Hardware watchpoint",
                         "detached")
         assert board.poll() is None     # it runs on

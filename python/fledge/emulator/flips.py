@@ -66,7 +66,7 @@ class Flip(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """A recorded field: an outcome says how far it was at most from that of the flight without a flip."""
+    """A recorded field: an outcome has its largest distance from the flight without a flip."""
     path: str
     unit: str                   # "deg" of an attitude: the angle between both
 
@@ -139,13 +139,13 @@ class Campaign:
         self.undisturbed = self._values()
 
     def _record(self, mission: str, parameters: dict[str, Any]) -> list[Measure]:
-        """Record what an outcome is measured by: the attitude of each spacecraft, what the mission's campaign retains
+        """Record the fields of an outcome: the attitude of each spacecraft, those that the mission's campaign retains
         and requires, and all numbers that leave the computer. Returns their Measures."""
         sim = self.board.sim
         paths = [f"{process.name}.{name}.state.sigma_BN" for process in sim.processes
-                 for name, one in process.instances.items() if objects.struct(one).name == "Spacecraft"]
+                 for name, instance in process.instances.items() if objects.struct(instance).name == "Spacecraft"]
         if (sim.mission.folder / "dispersions.py").exists():
-            paths += [one.field_path.recorded for one in declare(mission, None, parameters)[1].shown]
+            paths += [variable.field_path.recorded for variable in declare(mission, None, parameters)[1].shown]
         carried = [objects.path(view) for _, view in self.board.in_flight.carried]
         ports = dict.fromkeys([*(".".join(path.split(".")[:3]) for path in paths), *carried])
         self.log = sim.record(*(port(sim, path) for path in ports))
@@ -170,23 +170,24 @@ class Campaign:
         words += [("integer register", f"window {k}") for k in range(128)]
         words += [("float register", f"%f{k}") for k in range(32)]
         words += [("control register", f"%{k}") for k in ("y", "psr", "wim", "tbr", "pc", "npc", "fsr")]
-        found = []
+        registers = []
         for place, name in words:
             bits = {bit for bit in range(32) if place != "control register" or self._exists(name, bit)}
-            found.append((place, name, [bit for bit in sorted(bits) if bits.issuperset(range(bit, bit + self.bits))]))
-        return found
+            registers.append((place, name, [bit for bit in sorted(bits)
+                                            if bits.issuperset(range(bit, bit + self.bits))]))
+        return registers
 
     def _exists(self, register: str, bit: int) -> bool:
         """Whether a bit of a register is more than a constant."""
         core = self.board.core
         before = core.registers()[register]
         core.flip(register, bit)
-        found = core.registers()[register] != before
+        differs = core.registers()[register] != before
         core.set_register(register, before)
-        return found
+        return differs
 
     def _areas(self) -> list[tuple[str, int, int]]:
-        """(place, address, the number of bits at which a flip may begin) of what the program uses of its memory."""
+        """(place, address, the number of bits at which a flip may begin) of each area of the program's memory."""
         place = self.board.address
         return [(name, begin, (to - begin) // 4 * (33 - self.bits)) for name, begin, to in (
             ("code", self.board.core.entry, place("leon3_data_load")),
@@ -224,7 +225,7 @@ class Campaign:
         word, bit = divmod(at, 33 - self.bits)
         return Flip(place, begin + 4 * word + 3 - bit // 8, bit % 8, instruction, time, self.bits)
 
-    def one(self, flip: Flip) -> Outcome:
+    def outcome(self, flip: Flip) -> Outcome:
         """Fly with one flip."""
         core = self.board.core
         self.board.restore(self.start)
@@ -251,7 +252,7 @@ class Campaign:
     def fly(self, n: int, seed: int = 0, workers: int | None = None,
             progress: Callable[[int], None] = lambda done: None, scheduler: str | None = None) -> list[Outcome]:
         """The flips 0 to n - 1 of a seed, on all processors, or on the workers of a Dask scheduler. The outcomes do not
-        depend on how many there are. A flip whose process died has none: `died` says which, and how."""
+        depend on how many there are. A flip whose process died has none: `died` has which, and how."""
         if n < 1:
             raise SetupError(f"flips: expected at least 1, found {n}")
         outcomes: dict[int, Outcome] = {}
@@ -259,12 +260,12 @@ class Campaign:
         with open_pool(workers, scheduler) as pool:
             flown = pool.fly(_Flips(self, seed), range(n), lambda: progress(len(outcomes) + len(died)))
             with closing(flown):
-                for i, found in flown:
-                    if isinstance(found, Died):
+                for i, outcome in flown:
+                    if isinstance(outcome, Died):
                         flip = self.flip(seed, i)
-                        died[i] = f"flip {i}, {flip.place} {flip.text}, bit {flip.bit}: {found.text}"
+                        died[i] = f"flip {i}, {flip.place} {flip.text}, bit {flip.bit}: {outcome.text}"
                     else:
-                        outcomes[i] = found
+                        outcomes[i] = outcome
         progress(n)
         self.died = [died[i] for i in sorted(died)]
         if not outcomes:
@@ -293,7 +294,7 @@ class _Flips(Work[int, Outcome]):
         self.campaign.board.core.renew_engine()
 
     def fly(self, item: int) -> Outcome:
-        return self.campaign.one(self.campaign.flip(self.seed, item))
+        return self.campaign.outcome(self.campaign.flip(self.seed, item))
 
 
 def _is_attitude(path: str) -> bool:
@@ -359,12 +360,13 @@ def severity(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> list[s
 
     lines = []
     for effect in list(EFFECTS)[1:]:
-        found = np.array([outcome.deviations for outcome in outcomes if outcome.effect == effect])
-        if len(found):
-            rows: list[tuple[str, ...]] = [(f"{effect} ({len(found)})", "median", "95 %", "most", "")]
-            ranks = [math.ceil(p * len(found)) - 1 for p in (0.5, 0.95, 1.0)]
-            rows += [(f"  {one.path}", *(f"{x:.3g}" for x in np.sort(column)[ranks]), unit_after(one.unit).strip())
-                     for one, column in zip(measures, found.T)]
+        deviations = np.array([outcome.deviations for outcome in outcomes if outcome.effect == effect])
+        if len(deviations):
+            rows: list[tuple[str, ...]] = [(f"{effect} ({len(deviations)})", "median", "95 %", "most", "")]
+            ranks = [math.ceil(p * len(deviations)) - 1 for p in (0.5, 0.95, 1.0)]
+            rows += [(f"  {measure.path}", *(f"{x:.3g}" for x in np.sort(column)[ranks]),
+                      unit_after(measure.unit).strip())
+                     for measure, column in zip(measures, deviations.T)]
             lines += columns(rows, range(1, 4))
     return lines
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of bit flips: known flips have their known effects, and a seed says all."""
+"""Campaigns of bit flips: known flips have their known effects, and a seed determines all."""
 
 import struct
 
@@ -18,15 +18,15 @@ def campaign(request):
 
 
 def of_memory(campaign, place, bit, instruction=0):
-    return campaign.one(Flip("data", campaign.board.address(place), bit, instruction))
+    return campaign.outcome(Flip("data", campaign.board.address(place), bit, instruction))
 
 
 def test_known_flips_have_their_effects(campaign):
     gain = of_memory(campaign, "flight.control.K", 4)       # of the upper byte: the exponent
     code = of_memory(campaign, "mrp_feedback_update", 7)
-    unused = campaign.one(Flip("integer register", "%g7", 3, 1000))
-    lost = campaign.one(Flip("control register", "%pc", 31, campaign.instructions // 2))
-    late = campaign.one(Flip("control register", "%pc", 31, campaign.instructions - 1))
+    unused = campaign.outcome(Flip("integer register", "%g7", 3, 1000))
+    lost = campaign.outcome(Flip("control register", "%pc", 31, campaign.instructions // 2))
+    late = campaign.outcome(Flip("control register", "%pc", 31, campaign.instructions - 1))
     assert (unused.effect, unused.first, unused.missed) == ("no effect", None, 0)
     assert lost.effect == "recovered by watchdog" and lost.resets == 1 and 18 <= lost.missed <= 22
     assert 4 < lost.first < 7 and late.first == 7.0
@@ -39,7 +39,7 @@ def test_known_flips_have_their_effects(campaign):
 
 def test_a_wrong_output_is_as_wrong_as_on_the_desktop(campaign):
     """A flip of the gain in the computer, and a desktop that is given the gain which it makes."""
-    gain = campaign.one(Flip("data", campaign.board.address("flight.control.K") + 1, 6, 0))    # of the exponent
+    gain = campaign.outcome(Flip("data", campaign.board.address("flight.control.K") + 1, 6, 0))    # of the exponent
     flown = {}
     for factor in (1, 16):
         sim = fledge.load("nadir_spin")
@@ -79,43 +79,44 @@ def test_several_bits_are_neighbours_in_one_word(campaign, byte, bit, bits, mask
     board = campaign.board
     word = board.address("flight.control.K")
     before = struct.unpack(">3I", board.peek(word - 4, 12))
-    for place, one in Flip("data", word + byte, bit, 0, bits=bits).single:
-        board.flip(place, one)
+    flip = Flip("data", word + byte, bit, 0, bits=bits)
+    for single in flip.single:
+        board.flip(*single)
     after = struct.unpack(">3I", board.peek(word - 4, 12))
-    for place, one in Flip("data", word + byte, bit, 0, bits=bits).single:
-        board.flip(place, one)
+    for single in flip.single:
+        board.flip(*single)
     assert [a ^ b for a, b in zip(before, after)] == [0, mask, 0]
     assert Flip("float register", "%f3", 4, bits=3).single == [("%f3", 4), ("%f3", 5), ("%f3", 6)]
 
 
 def test_edac_finds_two_bits_of_a_word_and_corrects_none(campaign):
-    two = campaign.one(Flip("data", campaign.board.address("flight.control.K"), 4, 0, bits=2))
+    two = campaign.outcome(Flip("data", campaign.board.address("flight.control.K"), 4, 0, bits=2))
     assert two.effect == ("recovered by watchdog" if campaign.edac else "wrong output") and two.corrected == 0
 
 
 def test_a_flip_at_a_time_acts_from_the_next_instant_on(campaign):
     gain = Flip("data", campaign.board.address("flight.control.K"), 4, time=5_600_000_000)
-    assert campaign.one(gain).first == (None if campaign.edac else 6.0)
+    assert campaign.outcome(gain).first == (None if campaign.edac else 6.0)
 
 
 @pytest.mark.long("waits for the watchdog")
 def test_without_time_for_the_watchdog_the_processor_stands():
     campaign = Campaign("nadir_spin", at=2, duration=1, after=1)
-    assert campaign.one(Flip("control register", "%pc", 31, 1000)).effect == "trap"
+    assert campaign.outcome(Flip("control register", "%pc", 31, 1000)).effect == "trap"
 
 
 def test_a_seed_says_all_and_the_processes_do_not_matter(campaign, tmp_path):
     first = campaign.fly(10, seed=5, workers=1)
     assert campaign.fly(10, seed=5, workers=3) == first
     assert campaign.fly(4, seed=5) == first[:4]
-    assert [one.flip for one in campaign.fly(4, seed=6)] != [one.flip for one in first[:4]]
+    assert [outcome.flip for outcome in campaign.fly(4, seed=6)] != [outcome.flip for outcome in first[:4]]
     lines = flips.table(first)
     assert lines[0].split() == "no effect wrong output recovered by watchdog hang trap all".split()
     assert lines[-1].split()[-1] == "10" and sum(int(line.split()[-1]) for line in lines[1:-1]) == 10
     table = [line.split(",") for line in flips.csv(first, campaign.measures).splitlines()]
     assert len(table) == 11 and {len(row) for row in table} == {11 + len(campaign.measures)}
     shown = flips.severity(first, campaign.measures)
-    assert len(shown) == 5 * len({one.effect for one in first} - {"no effect"})
+    assert len(shown) == 5 * len({outcome.effect for outcome in first} - {"no effect"})
 
 
 @pytest.mark.long("a campaign on each engine")
@@ -136,7 +137,7 @@ def drawn(campaign, bits=1, rates=None, n=4000):
 
 
 def share_of_registers(flips_):
-    return sum(one.place in flips.PLACES[:3] for one in flips_) / len(flips_)
+    return sum(flip.place in flips.PLACES[:3] for flip in flips_) / len(flips_)
 
 
 def test_each_bit_that_exists_is_as_likely(campaign):
@@ -148,22 +149,22 @@ def test_each_bit_that_exists_is_as_likely(campaign):
     assert campaign.n_memory == memory and registers < campaign.n_registers < registers + 3 * 32
     found = drawn(campaign)
     assert share_of_registers(found) == pytest.approx(registers / memory, abs=0.006)
-    in_memory = [one for one in found if one.place in ("code", "data", "stack")]
-    on_stack = sum(one.place == "stack" for one in in_memory) / len(in_memory)
+    in_memory = [flip for flip in found if flip.place in ("code", "data", "stack")]
+    on_stack = sum(flip.place == "stack" for flip in in_memory) / len(in_memory)
     assert on_stack == pytest.approx(8 * 4096 / memory, abs=0.015)
-    assert all(0 <= one.instruction < campaign.instructions and one.time is None for one in found)
-    assert {one.bit for one in in_memory} == set(range(8)) and {one.where % 4 for one in in_memory} == set(range(4))
+    assert all(0 <= flip.instruction < campaign.instructions and flip.time is None for flip in found)
+    assert {flip.bit for flip in in_memory} == set(range(8)) and {flip.where % 4 for flip in in_memory} == set(range(4))
 
 
 def test_rates_weigh_registers_and_memory(campaign):
     even = drawn(campaign, rates=(1 / campaign.n_registers, 1 / campaign.n_memory))
     assert share_of_registers(even) == pytest.approx(0.5, abs=0.04)
-    assert {one.place for one in even} == set(flips.PLACES)
-    assert all(campaign.at <= one.time < campaign.middle and one.instruction is None for one in even)
+    assert {flip.place for flip in even} == set(flips.PLACES)
+    assert all(campaign.at <= flip.time < campaign.middle and flip.instruction is None for flip in even)
     only = drawn(campaign, rates=(1e-7, 0.0), bits=3)
     assert share_of_registers(only) == 1.0 and share_of_registers(drawn(campaign, rates=(0.0, 2e-7), n=50)) == 0.0
-    assert {one.bit for one in only if one.place == "integer register"} == set(range(30))
-    pc = {one.bit for one in drawn(campaign, rates=(1, 0), n=20000) if one.where in ("%pc", "%npc")}
+    assert {flip.bit for flip in only if flip.place == "integer register"} == set(range(30))
+    pc = {flip.bit for flip in drawn(campaign, rates=(1, 0), n=20000) if flip.where in ("%pc", "%npc")}
     assert pc and not pc & {0, 1}                   # which do not exist
 
 
@@ -179,10 +180,10 @@ def test_rates_make_effects_per_day(campaign, monkeypatch):
 def test_the_command_writes_tables_and_a_plot(tmp_path, capsys):
     words = ["flips", "nadir_spin", "--count", "6", "--seed", "3", "--at", "2s", "--for", "1s", "--after", "0s"]
     assert cli.main([*words, "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert "nadir_spin, without EDAC, 6 flips from 2 s to 3 s, seed 3" in said and "nadir_spin, with EDAC" in said
+    output = capsys.readouterr().out
+    assert "nadir_spin, without EDAC, 6 flips from 2 s to 3 s, seed 3" in output and "nadir_spin, with EDAC" in output
     plain, edac = ((tmp_path / name).read_text().splitlines() for name in ("plain.csv", "edac.csv"))
-    assert [one.split(",")[:4] for one in plain] == [one.split(",")[:4] for one in edac] and len(plain) == 7
+    assert [line.split(",")[:4] for line in plain] == [line.split(",")[:4] for line in edac] and len(plain) == 7
     assert (tmp_path / "flips.png").stat().st_size > 10_000
     assert cli.main([*words, "--out", str(tmp_path), "--rates", "1e-7", "2e-8", "--bits", "2", "--edac", "on"]) == 0
     assert "flips per day" in capsys.readouterr().out

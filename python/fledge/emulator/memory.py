@@ -32,11 +32,11 @@ class Variable:
     def _field(self, name: str) -> Any:
         _, _, struct, path = self._place
         known = [field for field in struct.fields if not field.spare]
-        found = next((one for one in known if one.name == name), None)
-        if found is None:
-            names = [one.name for one in known]
+        variable = next((variable for variable in known if variable.name == name), None)
+        if variable is None:
+            names = [variable.name for variable in known]
             raise AttributeError(f"{path} has no '{name}'{did_you_mean(name, names)} there are {', '.join(names)}")
-        return found
+        return variable
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
