@@ -68,10 +68,10 @@ def main(arguments: list[str]) -> None:
             for _ in range(chosen.runs)]
         name = f"{runs} runs"
         kept = "kept one by one" if done[0][0] else "counted"
-        rows.add(name, "memory", [one[1] for one in done], "MB", note=kept)
-        rows.add(name, "disk", [one[2] for one in done], "MB")
-        rows.add(name, "rate", [one[3] for one in done], "1/s", note=f"{cores()} threads")
-        found[runs] = min(one[1] for one in done), min(one[2] for one in done)
+        rows.add(name, "memory", [row[1] for row in done], "MB", note=kept)
+        rows.add(name, "disk", [row[2] for row in done], "MB")
+        rows.add(name, "rate", [row[3] for row in done], "1/s", note=f"{cores()} threads")
+        found[runs] = min(row[1] for row in done), min(row[2] for row in done)
     (n, (a, da)), (last, (b, db)) = list(found.items())[-2:]
     rows.add(f"{MILLION} runs", "memory, estimated", [b + (b - a) / (last - n) * (MILLION - last)], "MB")
     rows.add(f"{MILLION} runs", "disk, estimated", [db * MILLION / last], "MB")

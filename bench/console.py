@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A server of the control room and a page of its console in Chromium, for an hour: 10,332 values at 10 Hz from packets
 by UDP, and a mission that the server flies, with a command each minute. The page shows all pages of the console in
-turn. Each minute gives the server's memory, and what the page holds after a garbage collection; the figures are those
+turn. Each minute gives the memory of the server, and that of the page after a garbage collection; the figures are those
 at a quarter of the time and at the end, and the growth of a straight line through the samples between."""
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from fledge.scene import bundle
 NEEDS = ["control_room", "view"]
 PERIOD = 60         # [s] between samples
 MISSION = '[[craft]]\nname = "imager"\nmission = "earth_imager"\nscenario = "contact"\nspeed = 10\n'
-TOLD = {"server, memory": ("MB", lambda one: one["memory"]), "page, heap": ("MB", lambda one: one["heap"] / 1e6),
-        "page, nodes of the document": ("nodes", lambda one: one["nodes"]),
-        "page, listeners of events": ("listeners", lambda one: one["listeners"])}
+FIGURES = {"server, memory": ("MB", lambda sample: sample["memory"]),
+           "page, heap": ("MB", lambda sample: sample["heap"] / 1e6),
+           "page, nodes of the document": ("nodes", lambda sample: sample["nodes"]),
+           "page, listeners of events": ("listeners", lambda sample: sample["listeners"])}
 
 
 def growth(times: list[float], values: list[float]) -> float:
@@ -47,9 +48,9 @@ def fly(minutes: float) -> list[dict[str, Any]]:
             assert page.stdout
             began = time.monotonic()
             while time.monotonic() - began < 60 * minutes:
-                said = page.stdout.readline()
-                assert said, "the page has ended"
-                samples.append({**json.loads(said), "time": time.monotonic() - began, "memory": server.memory()})
+                line = page.stdout.readline()
+                assert line, "the page has ended"
+                samples.append({**json.loads(line), "time": time.monotonic() - began, "memory": server.memory()})
                 assert not samples[-1]["problems"], samples[-1]["problems"]
                 server.ask("crafts/imager/send", {"name": "flight.noop", "arguments": {}})
                 print(json.dumps(samples[-1]), flush=True)
@@ -68,7 +69,7 @@ def main(arguments: list[str]) -> None:
         raise SetupError("this needs Chromium: ./fledge setup --test")
     samples = fly(chosen.runs)
     samples = samples[len(samples) // 4:]
-    for name, (unit, value) in TOLD.items():
+    for name, (unit, value) in FIGURES.items():
         values = [float(value(sample)) for sample in samples]
         rows.add(name, "at a quarter of the time", values[0], unit)
         rows.add(name, "at the end", values[-1], unit)

@@ -7,9 +7,9 @@ const STAY = 4000;      // [ms] on a page
 const SELECTED = {craft: {plots: "p0_0,p1_0"},
                   imager: {plots: "flight.tracking.error.sigma_BR", commands: "flight.write.steering.K1"}};
 const page = await open("overview", {craft: "craft"});
-const names = await page.locator("nav [data-page]").evaluateAll((all) => all.map((one) => one.dataset.page));
+const names = await page.locator("nav [data-page]").evaluateAll((links) => links.map((link) => link.dataset.page));
 const tools = await page.context().newCDPSession(page);
-let told = Date.now();
+let printed = Date.now();
 for (let turn = 0;; turn++) {
     const craft = Object.keys(SELECTED)[turn % 2];
     for (const name of names) {
@@ -17,8 +17,8 @@ for (let turn = 0;; turn++) {
         await page.evaluate((to) => location.hash = to, `#/${name}?${about}`);
         await page.waitForTimeout(STAY);
     }
-    if (Date.now() - told < 1000 * process.argv[6]) continue;
-    told += 1000 * process.argv[6];
+    if (Date.now() - printed < 1000 * process.argv[6]) continue;
+    printed += 1000 * process.argv[6];
     await tools.send("HeapProfiler.collectGarbage");
     const {usedSize} = await tools.send("Runtime.getHeapUsage"), {nodes, jsEventListeners} =
         await tools.send("Memory.getDOMCounters");

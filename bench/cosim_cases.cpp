@@ -53,9 +53,9 @@ public:
 
     Initialized initialize(const Initialize &) override { return {{{period, 0}}, false}; }
     std::vector<Subscription> desired() override { return {{topic(reads_), latency_, false, schema_}}; }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             if (channel.topic == topic(name_)) {
                 channel_ = channel.channel;
                 return {{channel_, schema_, make_payload(std::as_bytes(std::span(block_)))}};
@@ -84,7 +84,7 @@ public:
         auto record = tick.records.begin();
         for (; next_ <= tick.until; next_ += period) {
             for (; record != tick.records.end() && record->t <= next_; ++record) {
-                if (record->count != ++heard_ || record->payload.size() != 4 + sizeof block_) {
+                if (record->count != ++received_ || record->payload.size() != 4 + sizeof block_) {
                     throw std::runtime_error("64 bytes are missing");
                 }
                 std::memcpy(block_.data(), record->payload.data() + 4, sizeof block_);
@@ -111,7 +111,7 @@ private:
     Stopwatch watch_;
     Schema schema_ = make_schema("Block", block_text);
     std::array<std::uint64_t, 8> block_{};
-    std::uint32_t channel_ = 0, count_ = 0, heard_ = 0;
+    std::uint32_t channel_ = 0, count_ = 0, received_ = 0;
     Ns next_ = 0;
     int pipe_ = -1;
     std::uint64_t awaited_ = 0;
@@ -131,9 +131,9 @@ public:
         }
         return subscriptions;
     }
-    std::vector<Publication> match(const std::vector<Channel> &asked) override
+    std::vector<Publication> match(const std::vector<Channel> &channels) override
     {
-        for (const Channel &channel : asked) {
+        for (const Channel &channel : channels) {
             if (channel.topic == "/hub/block") {
                 channel_ = channel.channel;
                 return {{channel_, schema_, make_payload(std::as_bytes(std::span(block_)))}};

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole server of the control room under a crowd: 1,000 WebSockets that read, 28 values each twice a second, 100
 that ask for all values and packets and never read, 50,000 packets a second of 369 integers by UDP, an archive of a
-month in which somebody asks for a day of 28 parameters again and again. The cores and the memory of the server, what it
-has lost, how long its event loop was blocked by its own measure, and how long another request took."""
+month, of which a client requests a day of 28 parameters again and again. The cores and the memory of the server, its
+losses, how long its event loop was blocked by its own measure, and how long another request took."""
 from __future__ import annotations
 
 import asyncio
@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from bench.ground_server import CONTAINERS, NUMBERS, Server, packet, said, served, xtce
+from bench.ground_server import CONTAINERS, NUMBERS, Server, packet, result, served, xtce
 from bench.rows import Rows, options, report
 
 READERS, DEAF, RATE = 1000, 100, 50_000     # [1/s] packets
@@ -42,7 +42,7 @@ async def crowd(port: int, readers: int, deaf: int, slots: list[int], seconds: f
     """How many frames the readers got; the program of the crowd."""
     from aiohttp import ClientSession, TCPConnector, WSMsgType
 
-    async def one(session: ClientSession, reads: bool) -> int:
+    async def client(session: ClientSession, reads: bool) -> int:
         got = 0
         async with session.ws_connect(f"http://127.0.0.1:{port}/api/live", max_msg_size=0, autoping=reads) as live:
             if not reads:
@@ -62,12 +62,12 @@ async def crowd(port: int, readers: int, deaf: int, slots: list[int], seconds: f
 
     sessions = [ClientSession(connector=TCPConnector(limit=0, local_addr=(f"127.0.0.{k + 2}", 0)))
                 for k in range(ADDRESSES)]
-    found = await asyncio.gather(*(one(sessions[k % ADDRESSES], k >= deaf) for k in range(deaf + readers)),
+    found = await asyncio.gather(*(client(sessions[k % ADDRESSES], k >= deaf) for k in range(deaf + readers)),
                                  return_exceptions=True)
     for session in sessions:
         await session.close()
-    print(json.dumps([sum(one for one in found if isinstance(one, int)),
-                      [str(one) for one in found if not isinstance(one, int)][:3]]))
+    print(json.dumps([sum(count for count in found if isinstance(count, int)),
+                      [str(count) for count in found if not isinstance(count, int)][:3]]))
     return 0
 
 
@@ -78,7 +78,7 @@ def under(server: Server, rows: Rows, name: str, readers: int, deaf: int, rate: 
     def beside(*words: object) -> Popen[str]:
         return Popen([sys.executable, "-m", *map(str, words)], stdout=PIPE, text=True)
 
-    slots = [one["slot"] for one in server.ask("crafts/craft/slots") if one["name"].startswith("sent")]
+    slots = [slot["slot"] for slot in server.ask("crafts/craft/slots") if slot["name"].startswith("sent")]
     before = server.packets()
     crowded = beside("bench.crowd", server.http, readers, deaf, json.dumps(slots), SECONDS + 5)
     sender = beside("bench.ground_server", "send", server.udp, rate, SECONDS + 5)
@@ -87,15 +87,15 @@ def under(server: Server, rows: Rows, name: str, readers: int, deaf: int, rate: 
     ends = time.time_ns() - MONTH // 2 * 10**9
     names = ",".join(f"p{k}_0" for k in range(CONTAINERS))
     while time.monotonic() - began < SECONDS - 3:
-        asked = time.monotonic()
+        start = time.monotonic()
         server.ask("crafts")
-        took.append(1e3 * (time.monotonic() - asked))
+        took.append(1e3 * (time.monotonic() - start))
         server.ask(f"crafts/craft/history?names={names}&from_ns={ends - 86400 * 10**9}&to_ns={ends}")
         queries += 1
         time.sleep(0.2)
     cores = (server.cpu() - cpu) / (time.monotonic() - began)
     found, memory = server.ask("server"), server.memory()
-    sent, (frames, problems) = said(sender), said(crowded)
+    sent, (frames, problems) = result(sender), result(crowded)
     time.sleep(1)
     lost = 1 - (server.packets() - before) / sent
     rows.add(name, "cores", cores, "cores", note=f"{queries} queries of a day; {os.cpu_count()} cores for all")

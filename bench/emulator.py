@@ -97,10 +97,10 @@ def measure(name: str, runs: int, rows: Rows) -> None:
         "translator": lambda: emulated("translator", elf),
         "GRFPU": lambda: emulated("translator", elf, grfpu),
     }, runs)
-    agree([one for case, several in samples.items() for one in several if case != "interpreter"], name)
+    agree([sample for case, several in samples.items() for sample in several if case != "interpreter"], name)
     agree([*samples["interpreter"], emulated("translator", short)], f"{name}, short")
     count = samples["translator"][0].instructions
-    mips = {case: [1e-6 * (count if case == "QEMU" else one.instructions) / one.seconds for one in several]
+    mips = {case: [1e-6 * (count if case == "QEMU" else sample.instructions) / sample.seconds for sample in several]
             for case, several in samples.items()}
     rows.add(f"{name} QEMU", "speed", mips["QEMU"], "MIPS", note=f"{count / 1e6:.0f} million instructions")
     for engine in ENGINES:

@@ -34,7 +34,7 @@ from bench.mutants import ROOT, Mutant, drawn, mutants_of
 NEEDS = ["unit"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
 QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
-EASY = 5                # runs: what is found by so few is no case for a search
+EASY = 5                # runs: a violation that so few runs find needs no search
 SCREENING = 150         # runs of each search for each requirement
 LIMIT = 60.0            # [s] of the scenarios and the screening: a change may make an endless loop
 
@@ -125,7 +125,7 @@ def answer(question: dict[str, Any]) -> Any:
             sim = fledge.load("sun_safe")
             sim.plots = False
             own = Requirements(sim)
-            watch = own.watch([one.id for one in own.for_scenario(name)])
+            watch = own.watch([requirement.id for requirement in own.for_scenario(name)])
             assert sim.mission
             sim.mission.scenarios[name](sim)
             if any(outcome.verdict == "violated" for outcome in watch.outcomes()):
@@ -200,7 +200,7 @@ def main(arguments: list[str]) -> int:
     order = drawn(mutants_of(ROOT, MODULES, ["flight"]), chosen.seed)
 
     def tell(rows: list[dict[str, Any]]) -> None:
-        print(*said(rows[-1]), sep="\n", flush=True)
+        print(*lines_of(rows[-1]), sep="\n", flush=True)
         if chosen.json:
             Path(chosen.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
@@ -216,7 +216,7 @@ def main(arguments: list[str]) -> int:
     return 0 if len(rows) == chosen.mutants else 1
 
 
-def said(row: dict[str, Any]) -> list[str]:
+def lines_of(row: dict[str, Any]) -> list[str]:
     return [f"{row['file']}:{row['line']}, {row['requirement']}, {row['seconds']:.3g} s: "
             f"{row['ours']:g} runs of the search, {row['theirs']:g} draws",
             f"    {row['before']}", f"    {row['after']}"]

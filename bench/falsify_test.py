@@ -15,8 +15,8 @@ def extension():
 
 def mutant(file, before, after):
     """The change of a line that reads so before and after."""
-    return next(one for one in mutants_of(ROOT, [file], ["flight"]) if before in one.lines()[0]
-                and one.lines()[0].replace(before, after) == one.lines()[1])
+    return next(mutant for mutant in mutants_of(ROOT, [file], ["flight"]) if before in mutant.lines()[0]
+                and mutant.lines()[0].replace(before, after) == mutant.lines()[1])
 
 
 @pytest.mark.long("a search of 15 s")
@@ -25,7 +25,7 @@ def test_a_bug_that_the_scenarios_pass_is_found(extension):
     *rows, seen = falsify.study(extension, [bug], 1, 2, 200)
     assert len(rows) == 1 and rows[0]["requirement"] == "SUN-3" and not any(seen.values())
     assert all(min(filter(None, pair)) <= 200 for pair in rows[0]["needed"]) and rows[0]["ratio"] > 0
-    assert any("along / along" in line for line in falsify.said(rows[0]))
+    assert any("along / along" in line for line in falsify.lines_of(rows[0]))
 
 
 @pytest.mark.long("a search")

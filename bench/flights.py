@@ -19,8 +19,8 @@ from fledge.targets import TARGETS
 from fledge.targets.testing import fly_mission
 
 
-def one(number: int, names: Sequence[str]) -> tuple[int, str, str]:
-    """(number, what flew where, what is wrong or "")"""
+def fly_drawn(number: int, names: Sequence[str]) -> tuple[int, str, str]:
+    """(number, the mission and target that flew, the problem or "")"""
     with tempfile.TemporaryDirectory(prefix="fledge-flights-") as folder:
         try:
             return number, *fly_mission(number, Path(folder), names)
@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
     wrong, processes = [], 0
     numbers = range(chosen.seed, chosen.seed + chosen.count)
     with ProcessPoolExecutor(cores()) as pool:
-        for number, flown, problem in pool.map(partial(one, names=names), numbers):
+        for number, flown, problem in pool.map(partial(fly_drawn, names=names), numbers):
             processes += flown.count("=")
             if chosen.verbose:
                 print(f"{number:6}  {flown}", flush=True)

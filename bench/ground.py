@@ -59,7 +59,7 @@ def sizes() -> dict[str, tuple[int, int]]:
     def depth(name):
         return frames.get(name, 0) + max((depth(called) for called in calls.get(name, ())), default=0)
 
-    return {name: (size, max(depth(one) for one, home in homes.items() if home == name))
+    return {name: (size, max(depth(member) for member, home in homes.items() if home == name))
             for name, size in code.items()}
 
 

@@ -58,10 +58,11 @@ def add_rows(rows: Rows, runs: int) -> None:
 
         day = (17 * DAY * SECOND, 18 * DAY * SECOND - 1)
         for figure, ask, count in (
-                ("a day of one parameter, all values", lambda one: one.series(["p3_0"], *day)["p3_0"][1], DAY),
-                ("a day of one parameter, 2000 points", lambda one: one.series(["p3_0"], *day, 2000)["p3_0"][1], 2000),
-                ("a day of a parameter of all packets", lambda one: one.series(["spare"], *day)["spare"][1],
+                ("a day of one parameter, all values", lambda store: store.series(["p3_0"], *day)["p3_0"][1], DAY),
+                ("a day of one parameter, 2000 points", lambda store: store.series(["p3_0"], *day, 2000)["p3_0"][1],
+                 2000),
+                ("a day of a parameter of all packets", lambda store: store.series(["spare"], *day)["spare"][1],
                  DAY * RATE),
-                ("the newest 100 packets", lambda one: one.packets(limit=100, backwards=True), 100),
-                ("the sessions", lambda one: one.sessions(), 1)):
+                ("the newest 100 packets", lambda store: store.packets(limit=100, backwards=True), 100),
+                ("the sessions", lambda store: store.sessions(), 1)):
             rows.add("archive, a month", figure, [spent(ask, count) for _ in range(runs)], "s")

@@ -22,8 +22,8 @@ std::string file(const std::vector<std::string> &types, int n, const std::string
 {
     std::string kinds, parameters, containers, list;
     for (std::size_t i = 0; i < types.size(); i++) {
-        std::string one = types[i];
-        kinds += one.replace(one.find("NAME"), 4, "t" + std::to_string(i));
+        std::string type = types[i];
+        kinds += type.replace(type.find("NAME"), 4, "t" + std::to_string(i));
     }
     for (const int bits : {1, 2, 3, 11, 14, 16}) {
         const std::string name = "h" + std::to_string(bits);
@@ -32,7 +32,8 @@ std::string file(const std::vector<std::string> &types, int n, const std::string
     }
     for (const char *const name :
          {"version h3", "type h1", "secondary h1", "apid h11", "part h2", "count h14", "size h16"}) {
-        const std::string one = name, kind = one.substr(one.find(' ') + 1), short_name = one.substr(0, one.find(' '));
+        const std::string words = name, kind = words.substr(words.find(' ') + 1);
+        const std::string short_name = words.substr(0, words.find(' '));
         parameters += "<Parameter name='" + short_name + "' parameterTypeRef='" + kind + "'/>";
         list += "<ParameterRefEntry parameterRef='" + short_name + "'/>";
     }

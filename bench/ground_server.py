@@ -64,10 +64,10 @@ class Server:
 
     def __init__(self, folder: Path, more: str = "") -> None:
         self.folder = folder
-        with socket.socket() as one, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            one.bind(("127.0.0.1", 0))
-            other.bind(("127.0.0.1", 0))
-            self.http, self.udp = one.getsockname()[1], other.getsockname()[1]
+        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+            tcp.bind(("127.0.0.1", 0))
+            udp.bind(("127.0.0.1", 0))
+            self.http, self.udp = tcp.getsockname()[1], udp.getsockname()[1]
         (folder / "craft.xml").write_text(xtce(), encoding="utf-8")
         (folder / "ground.toml").write_text(
             f'port = {self.http}\nfolder = "{folder}"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\n'
@@ -102,7 +102,7 @@ class Server:
             return json.load(made)
 
     def packets(self, name: str = "craft") -> int:
-        return next(int(one["packets"]) for one in self.ask("crafts") if one["name"] == name)
+        return next(int(craft["packets"]) for craft in self.ask("crafts") if craft["name"] == name)
 
 
 def send(port: int, rate: float, seconds: float) -> None:
@@ -125,7 +125,7 @@ def read(port: int, clients: int, hz: float, slots: str, seconds: float) -> None
 
     wanted = json.loads(slots)
 
-    async def one(session: Any) -> tuple[int, list[float]]:
+    async def client(session: Any) -> tuple[int, list[float]]:
         got, under_way = 0, []
         async with session.ws_connect(f"http://127.0.0.1:{port}/api/live", max_msg_size=0) as live:
             await live.send_json({"subscribe": {"craft": "craft", "slots": wanted, "hz": hz}})
@@ -148,7 +148,7 @@ def read(port: int, clients: int, hz: float, slots: str, seconds: float) -> None
 
     async def all_of_them() -> list[tuple[int, list[float]]]:
         async with ClientSession() as session:
-            return await asyncio.gather(*(one(session) for _ in range(clients)))
+            return await asyncio.gather(*(client(session) for _ in range(clients)))
 
     found = asyncio.run(all_of_them())
     print(json.dumps([sum(got for got, _ in found), [ms for _, each in found for ms in each]]))
@@ -160,7 +160,7 @@ def beside(*words: Any) -> subprocess.Popen[str]:
                             text=True)
 
 
-def said(process: subprocess.Popen[str]) -> Any:
+def result(process: subprocess.Popen[str]) -> Any:
     return json.loads(process.communicate()[0])
 
 
@@ -187,9 +187,9 @@ def loaded(server: Server, rate: float, clients: int = 0, hz: float = 20, slots:
     cpu, began = server.cpu(), time.monotonic()
     time.sleep(SECONDS - 2)
     cores = (server.cpu() - cpu) / (time.monotonic() - began)
-    sent = said(sender)
+    sent = result(sender)
     time.sleep(0.5)
-    return cores, sent, server.packets() - before, said(reader) if reader else []
+    return cores, sent, server.packets() - before, result(reader) if reader else []
 
 
 def week(folder: Path) -> None:
@@ -214,7 +214,7 @@ def add_rows(rows: Rows) -> None:
     with served() as server:
         cores, sent, found, _ = loaded(server, 20_000)
         rows.add("server, 20,000 packets/s of 369 integers", "cores", cores, "cores")
-        archived = sum(one["packets"] for one in server.ask("crafts/craft/sessions"))
+        archived = sum(row["packets"] for row in server.ask("crafts/craft/sessions"))
         assert archived == found and not server.ask("crafts")[0]["undecoded"], f"{archived} of {found} are archived"
         rows.add("server, 20,000 packets/s of 369 integers", "lost on their way", 100 * (1 - found / sent), "%",
                  note=f"{found} of {sent} decoded, checked and archived")
@@ -224,7 +224,7 @@ def add_rows(rows: Rows) -> None:
             cores, _, _, (got, _) = loaded(server, 20 * CONTAINERS, clients)
             rows.add(f"server, 10,000 values at 20 Hz to {clients} browsers", "cores more", cores - idle, "cores",
                      note=f"{got / clients / (SECONDS + 1) / 1e3:.0f} thousand values/s to each")
-        slots = [one["slot"] for one in server.ask("crafts/craft/slots") if one["name"].startswith("sent")]
+        slots = [slot["slot"] for slot in server.ask("crafts/craft/slots") if slot["name"].startswith("sent")]
         under_way = sorted(loaded(server, 1000, 1, 60, slots)[3][1])
         rows.add("server, packet to browser", "median", statistics.median(under_way), "ms")
         rows.add("server, packet to browser", "99 %", under_way[int(0.99 * len(under_way))], "ms")

@@ -93,8 +93,8 @@ def flights(mission: str, runs: int, rows: Rows) -> None:
     for record in (False, True):
         name = f"{mission}{' and record' if record else ''}"
         found = in_turn({baud: (lambda baud=baud: flight(baud, record)) for baud in (0, *BAUDS)}, runs)
-        one = found[0][0]
-        sent, taken = (one[f"line_bytes_{way}"] / one["ticks"] for way in ("sent", "taken"))
+        first = found[0][0]
+        sent, taken = (first[f"line_bytes_{way}"] / first["ticks"] for way in ("sent", "taken"))
         rows.add(name, "to the board", sent, "bytes/tick")
         rows.add(name, "from the board", taken, "bytes/tick")
         rows.add(f"{name}, no wire", "answer", [1e-6 * each["cpu_ns"] for each in found[0]], "ms")

@@ -144,8 +144,8 @@ struct Link {
             [](void *user, std::uint8_t *bytes, std::size_t n) {
                 Link &self = *static_cast<Link *>(user);
                 sync_randomise_tc(bytes, n);
-                TcFrame one{};
-                self.seen += tc_frame_read(&commands, bytes, n, &one) == CCSDS_OK;
+                TcFrame tc{};
+                self.seen += tc_frame_read(&commands, bytes, n, &tc) == CCSDS_OK;
             },
             this);
     }
@@ -162,22 +162,22 @@ struct Link {
 
     TcFrame protected_command()
     {
-        TcFrame one{};
-        one.data = packet.data();
-        one.n = packet.size();
-        one.part = SPACE_PACKET_WHOLE;
-        seen += sdls_tc_protect(&sdls, &commands, &one, command_memory.data()) == CCSDS_OK;
-        return one;
+        TcFrame tc{};
+        tc.data = packet.data();
+        tc.n = packet.size();
+        tc.part = SPACE_PACKET_WHOLE;
+        seen += sdls_tc_protect(&sdls, &commands, &tc, command_memory.data()) == CCSDS_OK;
+        return tc;
     }
 
     /// The packet as a CLTU.
     std::size_t command()
     {
-        TcFrame one{};
-        one.data = packet.data();
-        one.n = packet.size();
-        one.part = SPACE_PACKET_WHOLE;
-        const std::size_t n = tc_frame_write(&commands, &one, frame.data());
+        TcFrame tc{};
+        tc.data = packet.data();
+        tc.n = packet.size();
+        tc.part = SPACE_PACKET_WHOLE;
+        const std::size_t n = tc_frame_write(&commands, &tc, frame.data());
         sync_randomise_tc(frame.data(), n);
         return cltu_write(frame.data(), n, cltu.data());
     }
@@ -249,13 +249,13 @@ double command_protected(Link &link, long)
 
 double command_checked(Link &link, long)
 {
-    TcFrame one{};
+    TcFrame tc{};
     SdlsReceipt receipt{};
-    one.data = link.command_data.data();
-    one.n = link.command_data.size();
-    one.part = SPACE_PACKET_WHOLE;
+    tc.data = link.command_data.data();
+    tc.n = link.command_data.size();
+    tc.part = SPACE_PACKET_WHOLE;
     link.associations[1].next = 1;
-    link.seen += sdls_tc_check(&link.sdls, &commands, &one, link.memory.data(), &receipt) == CCSDS_OK;
+    link.seen += sdls_tc_check(&link.sdls, &commands, &tc, link.memory.data(), &receipt) == CCSDS_OK;
     return 1;
 }
 

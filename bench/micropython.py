@@ -67,7 +67,7 @@ def spin(rows: Rows, name: str, part: Any, record: Path) -> Profile:
     if not on_board:
         built, folder = target.build(part).resolve(), (part.folder / f"profile_{name}").resolve()
         plain = valgrind.callgrind([built, "--inputs", folder / "inputs"], folder, "inputs_mark")
-        total = sum(one.total for one in plain)
+        total = sum(stretch.total for stretch in plain)
         rows.add(name, "instructions", total, "", note=goal(f"{name}, instructions", total, INSTRUCTIONS,
                                                             "thesis 3.5e9"))
         rows.add(name, "and with a record", found.total_instructions, "", note=goal(
@@ -117,8 +117,8 @@ def wall(rows: Rows, part: Any, runs: int) -> None:
     record = TARGETS["desktop"].fly(part.job)[part.process].record
     instants = inputs.capture(part, record)
     whole, first = inputs.write(folder / "inputs", instants), inputs.write(folder / "first", instants[:1])
-    messages = {one.ends[0]: np.frombuffer(b"".join(dict(found)[id] for _, found in instants), np.uint8)
-                for id, one in enumerate(part.mission.inputs)}
+    messages = {message.ends[0]: np.frombuffer(b"".join(dict(found)[id] for _, found in instants), np.uint8)
+                for id, message in enumerate(part.mission.inputs)}
     np.savez(folder / "inputs.npz", times=np.array([t for t, _ in instants], np.int64), **messages)
     outputs = [output.path for output in part.mission.outputs]
     with Archive(record) as archive:
@@ -154,7 +154,7 @@ def wall(rows: Rows, part: Any, runs: int) -> None:
     for k, what in enumerate(("whole run", "loop")):
         for i, figure in enumerate((what, f"{what}, processor time")):
             for name, found in samples.items():
-                values, python_values = [one[k][i] for one in found], [one[k][i] for one in samples["CPython"]]
+                values, python_values = ([sample[k][i] for sample in runs_] for runs_ in (found, samples["CPython"]))
                 note = thesis.get(name, "") if k == i == 0 and name in thesis else ""
                 if name in GOALS:
                     ratio = median_ratio(values, python_values)
@@ -171,13 +171,13 @@ def sensor(rows: Rows) -> None:
     under = {"PYTHONMALLOC": "malloc", "PYTHONHASHSEED": "0", "PATH": os.environ["PATH"]}
     script = "import os, sys; exec(open(sys.argv[1]).read()); init(); loop(); os._exit(0)"
     seen = valgrind.massif([sys.executable, "-I", "-c", script, SENSOR], folder, False, under)
-    rows.add("sensor, Python 3", "heap, most", max(one.heap for one in seen), "B", note="Massif; thesis 1.1 MiB")
+    rows.add("sensor, Python 3", "heap, most", max(sample.heap for sample in seen), "B", note="Massif; thesis 1.1 MiB")
     rows.add("sensor, Python 3", "heap in the loop", seen[-1].heap, "B", note="Massif; thesis 1.1 MiB")
     for name, development in (("without compiler", False), ("with compiler", True)):
         built = interpreter(folder / name.partition(" ")[0], development)
-        said = subprocess.run([built, *([SENSOR] if development else [])], check=True, capture_output=True, text=True,
-                              cwd=folder).stdout.splitlines()[-1]
-        start, peak, loop, after = (int(word) for word in said.replace(":", " ").split() if word.isdigit())
+        output = subprocess.run([built, *([SENSOR] if development else [])], check=True, capture_output=True, text=True,
+                                cwd=folder).stdout.splitlines()[-1]
+        start, peak, loop, after = (int(word) for word in output.replace(":", " ").split() if word.isdigit())
         rows.add(f"sensor, {name}", "heap, most", peak, "B", note=goal(f"sensor, {name}, heap", peak, 104.8 * 1024,
                                                                        "thesis 107,315"))
         rows.add(f"sensor, {name}", "heap in the loop", loop, "B", note=goal(
@@ -217,6 +217,6 @@ def main(arguments: list[str]) -> int:
         elif name == "sensor":
             sensor(rows)
     report(rows, chosen)
-    for one in missed:
-        print(f"missed: {one}")
+    for problem in missed:
+        print(f"missed: {problem}")
     return 1 if missed else 0

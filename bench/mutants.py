@@ -282,13 +282,13 @@ class Sight:
     def _find(self, path: PurePath) -> list[Test]:
         found: list[Test] = []
         if path.suffix != ".py":
-            own = [self.tree.symbols(one, "TDBR") for one in self.objects.get(str(path), [])]
+            own = [self.tree.symbols(file, "TDBR") for file in self.objects.get(str(path), [])]
             for test in self.programs:
                 symbols = self._symbols.get(test.name)
                 if symbols is None:     # no program of GoogleTest: it belongs to its folder
                     seen = PurePath(test.folder) in path.parents
                 else:
-                    seen = any(one & symbols for one in own)
+                    seen = any(names & symbols for names in own)
                 if seen:
                     found.append(test)
             found.sort(key=lambda test: (-common(PurePath(test.folder), path), path.stem not in test.name, test.name))
@@ -300,8 +300,8 @@ class Sight:
         near = [test for test in self._imports if test.parent == nearest]
         near.sort(key=lambda test: (test.stem != f"{path.stem}_test", test))
         folder = max((f for f in SEEN_FROM_PYTHON if PurePath(f) in path.parents), key=len, default=None)
-        further = [test for one in (SEEN_FROM_PYTHON[folder] if folder else []) for test in self._imports
-                   if PurePath(one) == test or PurePath(one) in test.parents]
+        further = [test for package in (SEEN_FROM_PYTHON[folder] if folder else []) for test in self._imports
+                   if PurePath(package) == test or PurePath(package) in test.parents]
         module = ".".join(path.with_suffix("").parts).removeprefix("python.").removesuffix(".__init__")
         users = [test for test, names in self._imports.items() if path.suffix == ".py" and module in names]
         return list(dict.fromkeys([*near, *users, *further]))
@@ -311,8 +311,8 @@ class Sight:
                     str(test.parent), self.tree.root, None)
 
 
-def common(one: PurePath, other: PurePath) -> int:
-    return len([a for a, b in zip(one.parts, other.parts) if a == b])
+def common(first: PurePath, second: PurePath) -> int:
+    return len([a for a, b in zip(first.parts, second.parts) if a == b])
 
 
 def imported(file: Path) -> set[str]:
@@ -357,7 +357,7 @@ class Campaign:
 
     def _objects(self, file: str) -> list[str]:
         objects = self.sight.objects.get(file, [])
-        return [one for one in objects if not self.near or one.split(os.sep)[0] == file.split(os.sep)[0]]
+        return [name for name in objects if not self.near or name.split(os.sep)[0] == file.split(os.sep)[0]]
 
     def _write(self, mutant: Mutant, text: str) -> None:
         (self.tree.root / mutant.file).write_text(text, encoding="utf-8")
@@ -400,7 +400,7 @@ class Campaign:
         return ""
 
     def _is_sound(self, test: Test, mutant: Mutant, compiled: bool) -> bool:
-        """Whether a test that failed passes without the change; asked once of each test."""
+        """Whether a test that failed passes without the change; run once for each test."""
         if test.name not in self._sound:
             self._write(mutant, mutant.text)
             if compiled:
@@ -418,12 +418,12 @@ class Campaign:
 PASSED = (0, 5, 77)     # pytest found no test; a test of ctest skipped
 
 
-def same_code(one: CodeType, other: CodeType) -> bool:
+def same_code(first: CodeType, second: CodeType) -> bool:
     """Whether two codes of Python differ in nothing but places."""
-    return (one.co_code == other.co_code and one.co_names == other.co_names
-            and len(one.co_consts) == len(other.co_consts)
+    return (first.co_code == second.co_code and first.co_names == second.co_names
+            and len(first.co_consts) == len(second.co_consts)
             and all(same_code(a, b) if isinstance(a, CodeType) and isinstance(b, CodeType)
-                    else (type(a), repr(a)) == (type(b), repr(b)) for a, b in zip(one.co_consts, other.co_consts)))
+                    else (type(a), repr(a)) == (type(b), repr(b)) for a, b in zip(first.co_consts, second.co_consts)))
 
 
 def shown(mutant: Mutant) -> str:
@@ -491,5 +491,5 @@ def table(rows: list[dict], folders: list[str]) -> list[str]:
     lines = [("folder", "tested", *KINDS)]
     for folder in folders:
         of = [r["outcome"] for r in rows if is_inside(r["file"], folder)]
-        lines.append((folder, str(sum(one in TESTED for one in of)), *(str(of.count(kind)) for kind in KINDS)))
+        lines.append((folder, str(sum(kind in TESTED for kind in of)), *(str(of.count(kind)) for kind in KINDS)))
     return list(columns(lines, set(range(1, len(KINDS) + 2))))

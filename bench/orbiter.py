@@ -44,7 +44,7 @@ NEEDS = ["build cosim", "leon3", "control_room", "build ground", "view"]
 MISSION = Path(__file__).resolve().parents[1] / "missions/mars_orbiter"
 LATEST = 300            # [s] for programs to start
 SETTLES = 60            # [s] simulated, for a page to open
-HEARD = 4 * 3600        # [s] simulated, until there is telemetry
+FIRST_TELEMETRY = 4 * 3600        # [s] simulated, until there is telemetry
 PARTS = ("world", "panel", "board", "emulator", "controller", "ground", "up")
 CASES = {"alone": None, "overview": ("#/overview", "document.body?.innerText.includes('orbiter')"),
          "view": ("#/view", "document.querySelector('.fledge-view')?.dataset.opened")}    # page, and when it is open
@@ -90,7 +90,7 @@ def spent(up: int, browser: int | None) -> dict[str, float]:
 
 
 def seen(port: int) -> Any:
-    """What the control room's server says of the orbiter; {} before it serves."""
+    """The entry of the orbiter in the control room's server; {} before it serves."""
     try:
         with urlopen(f"http://127.0.0.1:{port}/api/crafts", timeout=30) as made:
             return json.load(made)[0]
@@ -119,17 +119,17 @@ def fly(duration: float, page: tuple[str, str] | None) -> tuple[float, dict[str,
             free.bind(("127.0.0.1", 0))
             port = free.getsockname()[1]
         folder = Path(name)
-        with open(folder / "said", "w+", encoding="utf-8") as said:
+        with open(folder / "output", "w+", encoding="utf-8") as output:
             up = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "up", files(folder, port), "--out",
-                                   folder / "run"], stdout=said, stderr=subprocess.STDOUT)
+                                   folder / "run"], stdout=output, stderr=subprocess.STDOUT)
             try:
                 def reach(t: float) -> Any:
                     """The orbiter at a time [s], as the server has it."""
                     end = time.monotonic() + LATEST + t
                     while not (craft := seen(port)) or int(craft["t_ns"]) < t * 1e9:
                         if up.poll() is not None or time.monotonic() > end:
-                            said.seek(0)
-                            raise Failure(f"the co-simulation does not come to {t:g} s:\n{said.read()}", 1)
+                            output.seek(0)
+                            raise Failure(f"the co-simulation does not come to {t:g} s:\n{output.read()}", 1)
                         time.sleep(0.1)
                     return craft
 
@@ -142,8 +142,8 @@ def fly(duration: float, page: tuple[str, str] | None) -> tuple[float, dict[str,
                         craft.command("telemetry", output, every=2)
                     turn_to_earth(craft, lambda span: reach(now() + span.value))
                 while not reach(now() + 1)["packets"]:
-                    if now() > HEARD:
-                        raise Failure(f"after {HEARD} s no telemetry has come", 1)
+                    if now() > FIRST_TELEMETRY:
+                        raise Failure(f"after {FIRST_TELEMETRY} s no telemetry has come", 1)
                 if browser and page:
                     browser.go(f"http://127.0.0.1:{port}/{page[0]}")
                     browser.wait_for(page[1])
@@ -199,7 +199,7 @@ def on_leon3() -> tuple[int, str]:
                      folder]):
             raise Failure("test 1 does not pass on leon3", 1)
         text = Path(folder, "leon3.telemetry.txt").read_text(encoding="utf-8")
-    packets = [one.packet for one in read_script(text)]
+    packets = [entry.packet for entry in read_script(text)]
     return len(packets), digest(packets)
 
 

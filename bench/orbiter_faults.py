@@ -8,9 +8,9 @@ The first flies faults of sensors, motors and avionics; the second one flies the
 and has at least one fault of its memory, registers, bus, links or interrupts.
 
 A run ends well if it points at Mars, or if it is in the safe mode with -b1 on the Sun; else the spacecraft must have
-said why: a unit that is faulted, a kind that is lost, a rule that has fired, sensors that contradict each other, or a
-time that is not synchronized. A computer that no longer answers says nothing. Each run has a process of its own, which
-is ended after WALL.
+reported why: a unit that is faulted, a kind that is lost, a rule that has fired, sensors that contradict each other, or
+a time that is not synchronized. A computer that no longer answers reports nothing. Each run has a process of its own,
+which is ended after WALL.
 """
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Orbiter:
                                        registers=[ROOT / "missions/mars_orbiter/boards"])
         self.sim = self.board.sim
         self.sim.step()
-        # The program's record of all outputs has a status, which says that it cannot be sent: no program reads it here.
+        # The program's record of all outputs has a status for outputs that cannot be sent: no program reads it here.
         self.board.poke(self.board.address("kept") + 12, (1).to_bytes(4, "big"))
         self.sim.run(until=self.board.in_flight.script[-1][0] / 1e9 + SETTLES, progress=False)
 
@@ -84,8 +84,8 @@ def channel(model: str, channels: int, sizes: dict[str, float], kinds: tuple[str
     def plan(craft: Orbiter, begin: float, random: Random) -> str:
         kind = str(random.choice(kinds))
         which = int(random.choice([*(1 << k for k in range(channels)), (1 << channels) - 1]))
-        one = getattr(craft.world, model)
-        one.faults = [{"kind": kind, "channels": which, "begin": begin * s, "size": sizes.get(kind, 0.0)}]
+        owner = getattr(craft.world, model)
+        owner.faults = [{"kind": kind, "channels": which, "begin": begin * s, "size": sizes.get(kind, 0.0)}]
         return f"{kind} {which:#b}"
     return plan
 
@@ -237,14 +237,14 @@ OF_COMPUTER = [
 
 class End(NamedTuple):
     """How a run ended: faults and their details; the mode, how far from Mars and from the Sun [rad], whether that is
-    good, what the spacecraft said, and how often the computer was reset."""
+    good, what the spacecraft reported, and how often the computer was reset."""
     faults: tuple[str, str]
     details: tuple[str, str]
     mode: str
     mars: float
     sun: float
     good: bool
-    said: tuple[str, ...]
+    reported: tuple[str, ...]
     resets: int
 
 
@@ -256,15 +256,15 @@ def fly(craft: Orbiter, run: int, seed: int) -> End:
         first, second = (FAULTS[k] for k in random.choice(len(FAULTS), 2, replace=False))
     else:
         first = OF_COMPUTER[random.integers(len(OF_COMPUTER))]
-        others = [one for one in FAULTS + OF_COMPUTER if one is not first]
+        others = [fault for fault in FAULTS + OF_COMPUTER if fault is not first]
         second = others[random.integers(len(others))]
     end = sim.time + LASTS.value
     begins = sim.time + random.uniform(0, WITHIN.value, 2)
-    details = tuple(one.plan(craft, float(begin), random) for one, begin in zip((first, second), begins))
+    details = tuple(fault.plan(craft, float(begin), random) for fault, begin in zip((first, second), begins))
     if board:
         board.core.renew_engine()
         board.in_flight.record()        # so that the world goes on without an answer
-    for time, bring in sorted(craft.later, key=lambda one: one[0]):
+    for time, bring in sorted(craft.later, key=lambda entry: entry[0]):
         sim.run(until=time, progress=False)
         bring()
     sim.run(until=end, progress=False)
@@ -273,7 +273,7 @@ def fly(craft: Orbiter, run: int, seed: int) -> End:
     BN, r = mrp_to_dcm(np.array(w.craft.state.sigma_BN)), np.array(w.craft.state.r_BN_N)
     mars, sun = (_angle(BN[0], way) for way in (-r, r - np.array(w.sun.state.r_PN_N)))
     table = f.protection.table
-    said = [name for name, yes in (
+    reported = [name for name, yes in (
         ("unit faulted", table.faulted), ("kind lost", table.lost), ("rule fired", table.responses),
         ("sun sensors", f.pyramids.status.unused or f.pyramids.status.unresolved > 100),
         ("time", not f.time.time.synchronized), ("power unit", f.power.state.silent or f.power.state.tripped),
@@ -282,7 +282,7 @@ def fly(craft: Orbiter, run: int, seed: int) -> End:
         ("boots", f.boot.boot.boots > 1)) if yes and answers]
     mode = _mode(sim) if answers else "no answer"
     good = (mode == "mars" and mars < POINTS) or (mode == "safe" and sun < SAFE)
-    return End((first.name, second.name), details, mode, mars, sun, good, tuple(said),  # type: ignore[arg-type]
+    return End((first.name, second.name), details, mode, mars, sun, good, tuple(reported),  # type: ignore[arg-type]
                board.core.resets if board else int(f.boot.boot.boots) - 1)
 
 
@@ -325,19 +325,19 @@ def study(craft: Orbiter, runs: range, seed: int = 1, workers: int = 2) -> Itera
 def show(ends: list[End]) -> list[str]:
     """A line for each fault, and one for each run that ended neither pointing nor on the Sun."""
     rows = [["fault", "runs", "at Mars", "safe on the Sun", "neither, said why", "silent", "resets"]]
-    for name in [one.name for one in FAULTS + OF_COMPUTER]:
+    for name in [fault.name for fault in FAULTS + OF_COMPUTER]:
         of = [end for end in ends if name in end.faults]
-        count = Counter("mars" if one.good and one.mode == "mars" else "safe" if one.good else
-                        "said" if one.said else "silent" for one in of)
+        count = Counter("mars" if end.good and end.mode == "mars" else "safe" if end.good else
+                        "reported" if end.reported else "silent" for end in of)
         if of:
-            rows.append([name, str(len(of)), *(str(count[kind]) for kind in ("mars", "safe", "said", "silent")),
-                         str(sum(one.resets for one in of))])
+            rows.append([name, str(len(of)), *(str(count[kind]) for kind in ("mars", "safe", "reported", "silent")),
+                         str(sum(end.resets for end in of))])
     lines = list(columns(rows, set(range(1, 7))))
-    for run, one in enumerate(ends):
-        if not one.good:
-            what = ", ".join(f"{name} {detail}".strip() for name, detail in zip(one.faults, one.details))
-            lines.append(f"run {run}: {what}: mode {one.mode}, {one.mars:.3g} rad from Mars, {one.sun:.3g} rad from "
-                         f"the Sun, {one.resets} resets; it says: {', '.join(one.said) or 'nothing'}")
+    for run, end in enumerate(ends):
+        if not end.good:
+            what = ", ".join(f"{name} {detail}".strip() for name, detail in zip(end.faults, end.details))
+            lines.append(f"run {run}: {what}: mode {end.mode}, {end.mars:.3g} rad from Mars, {end.sun:.3g} rad from "
+                         f"the Sun, {end.resets} resets; it reports: {', '.join(end.reported) or 'nothing'}")
     return lines
 
 
@@ -349,7 +349,7 @@ def main(arguments: list[str]) -> int:
         for end in study(Orbiter(case), range(chosen.runs)):
             ends.append(end)
             if chosen.json:     # so that a campaign that is stopped has what it has flown
-                Path(chosen.json).write_text(json.dumps({name: [one._asdict() for one in found] for name, found in
+                Path(chosen.json).write_text(json.dumps({name: [end._asdict() for end in found] for name, found in
                                                          everything.items()}, indent=1) + "\n", encoding="utf-8")
         print(case, *show(ends), sep="\n")
-    return int(any(not one.good and not one.said for ends in everything.values() for one in ends))
+    return int(any(not end.good and not end.reported for ends in everything.values() for end in ends))

@@ -16,6 +16,6 @@ def test_each_run_ends_well_or_says_why(on):
     start = orbiter_faults.Orbiter(on)
     ends = list(orbiter_faults.study(start, range(4)))
     lines = orbiter_faults.show(ends)
-    assert all(end.good or end.said for end in ends), "\n".join(lines)
+    assert all(end.good or end.reported for end in ends), "\n".join(lines)
     assert len({end.faults for end in ends}) > 1 and len(lines) > sum(not end.good for end in ends)
     assert list(orbiter_faults.study(start, range(3, 4))) == [ends[3]]

@@ -30,6 +30,6 @@ def test_the_files_fly_as_fast_as_they_can(tmp_path):
 
 
 def test_a_hash_sees_each_packet_and_where_it_ends():
-    one = orbiter.digest([b"ab", b"c"])
-    assert one == orbiter.digest([b"ab", b"c"])
-    assert len({one, orbiter.digest([b"a", b"bc"]), orbiter.digest([b"c", b"ab"]), orbiter.digest([b"ab"])}) == 4
+    digest = orbiter.digest([b"ab", b"c"])
+    assert digest == orbiter.digest([b"ab", b"c"])
+    assert len({digest, orbiter.digest([b"a", b"bc"]), orbiter.digest([b"c", b"ab"]), orbiter.digest([b"ab"])}) == 4

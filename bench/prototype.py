@@ -54,8 +54,8 @@ def main(arguments: list[str], runs: int = 5) -> None:
 
     def flown(make):
         sim = Simulation("bench")
-        sim.flight.one = make()
-        sim.flight.task("task", every=1 * s, run=[sim.flight.one])
+        sim.flight.module = make()
+        sim.flight.task("task", every=1 * s, run=[sim.flight.module])
         sim.prepare()
         begun = time.perf_counter()
         sim.run(UPDATES * s, progress=False)

@@ -52,7 +52,7 @@ def orbiter(judged):
         sim = fledge.load("mars_orbiter")
         if judged:
             required = Requirements(sim)
-            required.watch([one.id for one in required.for_scenario("safe")])
+            required.watch([requirement.id for requirement in required.for_scenario("safe")])
         begin = time.perf_counter()
         sim.run(20 * minute)
         return time.perf_counter() - begin
@@ -67,6 +67,6 @@ def main(arguments: list[str]) -> None:
     rows = Rows()
     for name, found in samples.items():
         alone = samples[name.partition(",")[0]]
-        rows.add(name, "run", [1e3 * one for one in found], "ms",
+        rows.add(name, "run", [1e3 * seconds for seconds in found], "ms",
                  note="" if found is alone else f"{median_ratio(found, alone):.4g} of the run alone")
     report(rows, chosen)

@@ -96,8 +96,8 @@ def main(arguments: list[str]) -> None:
     recorded = prepared(record=10 * s)
     archived = prepared(record=10 * s)
 
-    def fly(one):
-        one.run(SECONDS * s)
+    def fly(simulation):
+        simulation.run(SECONDS * s)
 
     alone = fledge.load("nadir_spin")
     alone.flight.mode("on", [alone.flight.gnc])
@@ -107,8 +107,8 @@ def main(arguments: list[str]) -> None:
     times: dict[str, list[float]] = {"hand": [], "sim": [], "recorded": [], "archived": [], "alone": []}
     with tempfile.TemporaryDirectory() as folder:
         for i in range(runs + 1):
-            for one in (sim, recorded, archived, alone):
-                one.reset()
+            for simulation in (sim, recorded, archived, alone):
+                simulation.reset()
             archived.archive(os.path.join(folder, "run.mcap"))
             sample = dict(
                 hand=wall(lambda: lib.hand_written_loop(STEPS, end)), sim=wall(lambda: fly(sim)),

@@ -3,7 +3,7 @@
 
     ./fledge bench sun_faults
 
-Geometry is asked by another method than that of the module: a search of all directions. A fault is shown if the
+The expected geometry comes from another method than the module's: a search of all directions. A fault is shown if the
 readings fit no direction, and no fault of the other converter explains them: of one of its sensors, or of all four.
 """
 from __future__ import annotations
@@ -123,13 +123,14 @@ def study(directions: int, seed: int = 1) -> dict[str, dict[str, float]]:
                          for _ in range(3 if kind == "babble" else 1)]
                 shown.append(sum(geometry.shows(draw, sensor // 4) for draw in draws) > len(draws) / 2)
                 flown.append(fly(sun, sensor, kind, random))
-        found, of = np.array([one.found for one in flown]), np.array(shown)
+        found, of = np.array([flight.found for flight in flown]), np.array(shown)
         seen = np.isfinite(found)
         late = np.quantile(found[seen], [0.5, 0.95]) if seen.any() else [np.nan] * 2
         table[kind] = {"faults": len(flown), "shown": int(of.sum()), "found of these": int((seen & of).sum()),
                        "found of others": int((seen & ~of).sum()), "half [s]": late[0], "95 % [s]": late[1],
-                       "sensor alone": sum(one.exact for one in flown), "wrongly": sum(one.wrong for one in flown),
-                       "error [rad]": max(one.error for one in flown)}
+                       "sensor alone": sum(flight.exact for flight in flown),
+                       "wrongly": sum(flight.wrong for flight in flown),
+                       "error [rad]": max(flight.error for flight in flown)}
     return table
 
 
