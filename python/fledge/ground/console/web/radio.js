@@ -74,8 +74,8 @@ export class Radio {
     show(craft) {
         const {stations = [], radios = [], link = {}} = craft, now = Number(craft.t_ns) / 1e9;
         for (const station of stations) {
-            const next = this.passes.find(({station, rise_ns}) =>
-                station === station.name && rise_ns && Number(rise_ns) / 1e9 > now);
+            const next = this.passes.find((pass) =>
+                pass.station === station.name && pass.rise_ns && Number(pass.rise_ns) / 1e9 > now);
             this.fact(station.name, station.seen, station.seen ? "\u25cf contact" :
                 `\u25cb no contact${next ? `, rises in ${span(Number(next.rise_ns) / 1e9 - now)}` : ""}`);
             const from = stations.length > 1 ? `${station.name}, from` : "Seen from it";
