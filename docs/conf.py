@@ -126,15 +126,15 @@ def routes_page():
     from fledge.ground.server.handlers import TOPICS
 
     crafts = {"": "", "path": "the one that is named", "run": "all that its run flies"}
-    found = sorted({(row.method == MESSAGE, row.path.partition(":[")[0], row.method, row)
-                    for holder in (*TOPICS, Logins, Browser) for row, _ in rows(holder)}, key=lambda one: one[:3])
+    entries = sorted({(row.method == MESSAGE, row.path.partition(":[")[0], row.method, row)
+                      for holder in (*TOPICS, Logins, Browser) for row, _ in rows(holder)}, key=lambda row: row[:3])
     return "\n".join([
         "# Who may what in the control room", "",
         "The server checks each HTTP request, and each message of the WebSocket `/api/live`, by this table. Where no "
         "spacecraft is named, the answer has those that the user may see.", "",
         "| | | role | for the spacecraft | in the log before it is done |", "|---|---|---|---|---|",
         *(f"| {method} | `{path}` | {row.role} | {crafts[row.craft]} | {'yes' * row.logged} |"
-          for _, path, method, row in found), ""])
+          for _, path, method, row in entries), ""])
 
 
 def packet_pages():
@@ -151,9 +151,9 @@ def packet_pages():
         if not mission.folder.is_relative_to(HERE / "missions"):
             continue
         try:
-            found = export.read_all(fledge.load(name))
-            databases = [packets.database(one) for one in found]
-            text = page(name, found, databases, ground.read(mission.folder, databases)) if found else ""
+            exported = export.read_all(fledge.load(name))
+            databases = [packets.database(process) for process in exported]
+            text = page(name, exported, databases, ground.read(mission.folder, databases)) if exported else ""
         except SetupError as error:     # a prototype, a file of a project that is wrong
             rows.append(f"| {name} | {str(error).splitlines()[0].replace('|', ' ')} |")
             continue
@@ -225,12 +225,12 @@ def is_member(value, module):
 
 def classes_of(package):
     """The classes that the modules of a package define, by name."""
-    found = {}
+    classes = {}
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         if not re.search(r"_test$|\.cli\b|\.templates|\.testing|__main__", module.name):
             there = importlib.import_module(module.name)
-            found |= {n: c for n, c in vars(there).items() if inspect.isclass(c) and c.__module__ == module.name}
-    return found
+            classes |= {n: c for n, c in vars(there).items() if inspect.isclass(c) and c.__module__ == module.name}
+    return classes
 
 
 ARGUMENT = re.compile(r"([a-z_]\w*(?:, [a-z_]\w*)*): (?=\S)")
