@@ -42,9 +42,9 @@ std::string cases_of(const std::string &source, const std::string &filter)
     for (int i = 0; i < all.total_test_suite_count(); i++) {
         const testing::TestSuite &suite = *all.GetTestSuite(i);
         for (int j = 0; j < suite.total_test_count(); j++) {
-            const testing::TestInfo &one = *suite.GetTestInfo(j);
-            const std::string name = std::string(suite.name()) + "." + one.name();
-            if (("/" + std::string(one.file())).ends_with("/" + source) && matches(wanted, name) &&
+            const testing::TestInfo &info = *suite.GetTestInfo(j);
+            const std::string name = std::string(suite.name()) + "." + info.name();
+            if (("/" + std::string(info.file())).ends_with("/" + source) && matches(wanted, name) &&
                 !matches(unwanted, name)) {
                 cases += (cases.empty() ? "" : ":") + name;
             }
