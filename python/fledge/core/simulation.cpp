@@ -641,10 +641,10 @@ void bind_process(py::module_ &m)
             "(in words, the condition or None, the modes that it comes after) of each")
         .def_property_readonly(
             "events", [](const py::object &self) -> Typed<py::list, "list[Event]"> {
-                auto &process = self.cast<sim::Process &>();
+                auto &p = self.cast<sim::Process &>();
                 py::list list;
-                for (const auto &event : process.events()) {
-                    list.append(OwnEvent{&process, event});
+                for (const auto &event : p.events()) {
+                    list.append(OwnEvent{&p, event});
                     py::detail::keep_alive_impl(list[list.size() - 1], self);
                 }
                 return list;
@@ -768,9 +768,9 @@ void bind_state(Simulation &simulation)
         .def(
             "state_blocks",
             [](const sim::Simulation &s) {
-                const char *const kinds[] = {"instance", "model", "held"};
+                const char *const block_kinds[] = {"instance", "model", "held"};
                 return list_of(s.state_blocks(), [&](const sim::Simulation::StateBlock &block) {
-                    return std::tuple(kinds[block.kind], block.path, block.offset, block.size);
+                    return std::tuple(block_kinds[block.kind], block.path, block.offset, block.size);
                 });
             },
             "(kind, path, offset, size) of the blocks of a snapshot")
