@@ -267,9 +267,9 @@ class Programs:
 
     def __exit__(self, *_: object) -> None:
         """Ask the programs that are still running to end, then kill them."""
-        for number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
+        for signal_number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
             for pid in self.running:
-                os.kill(pid, number)
+                os.kill(pid, signal_number)
             self.wait(timeout)
 
 

@@ -395,8 +395,8 @@ class _Flight:
             message = self.through(t, id, self.link.take(id))
             if message is not None:
                 self.kernel.put_out(view, message)
-        for address, size, order, view in self.inside:
-            self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
+        for place, size, order, view in self.inside:
+            self.kernel.put_out(view, np.frombuffer(self.board.core.peek(place, size), np.uint8)[order].tobytes())
         self.telemetry += [(t, packet) for packet in link.receive()]
         if self.answers is not None:
             outputs = (objects.memory(view) for _, view in self.carried)

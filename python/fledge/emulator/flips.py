@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import objects
 from fledge.columns import columns
-from fledge.emulator.board import Board, load
+from fledge.emulator.board import load
 from fledge.errors import Failure, RunError, SetupError
 from fledge.mission.field_path import port
 from fledge.montecarlo.campaign import declare

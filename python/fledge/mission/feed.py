@@ -29,7 +29,7 @@ def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic
          linear: Any = False, stale_after: Any = 0, quality: Any = "GOOD", **fields: Any) -> None:
     """See Simulation.feed(). core: the simulation in the extension."""
     if not isinstance(port, _core.Message) or _core.root(port) is None:
-        raise SetupError(f"feed: expected an input, as in sim.flight.tracking.attitude; found "
+        raise SetupError("feed: expected an input, as in sim.flight.tracking.attitude; found "
                          + repr(port).partition("\n")[0][:80])
     path, struct = _core.path(port), _core.struct(port)
     what = f"feed {path}"

@@ -265,7 +265,7 @@ def test_what_was_answered_outlives_kill_9_at_any_instant(tmp_path, craft, cases
     assert shown <= set(counts) and len(counts) == len(set(counts)) and desk.answers
 
 
-def limits(folder):
+def limits_of(folder):
     """The changes of limits that a second program finds in the journal."""
     with sqlite3.connect(f"file:{folder}/out/journal.sqlite?mode=ro", uri=True) as journal:
         return [json.loads(text) for text, in journal.execute("SELECT content FROM limits ORDER BY id")]
