@@ -15,7 +15,7 @@ def wait_for(condition: Callable[[], T], process: Popen[Any] | None = None, deta
     end = time.monotonic() + PATIENCE
     while not (result := condition()):
         assert process is None or process.poll() is None, (
-            f"{process.args} ended: {process.returncode}, {process.stdout and process.stdout.read()!r}")
+            f"{process.args!r} ended: {process.returncode}, {process.stdout and process.stdout.read()!r}")
         assert time.monotonic() < end, f"waited in vain for {PATIENCE:g} s; {details()}"
         time.sleep(0.01)
     return result

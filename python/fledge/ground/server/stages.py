@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fledge.ground.server.clock import Clock
     from fledge.ground.server.reporter import Reporter
 
 DELIVERED = "the link knows that it is there"
@@ -15,7 +16,8 @@ class Stages:
     """Of the commands of a spacecraft; a command is a row of the journal."""
 
     def __init__(self, reporter: Reporter) -> None:
-        self.clock, self._reporter = reporter.clock, reporter
+        self.clock: Clock = reporter.clock
+        self._reporter = reporter
 
     def add(self, row: dict[str, Any], stage: str, good: bool | None, text: str, t: int | None = None) -> None:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""
