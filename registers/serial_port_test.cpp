@@ -107,7 +107,11 @@ TEST(SerialPort, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
     ASSERT_EQ(pipe(end.data()), 0);
     const pid_t child = fork();
     if (child == 0) {
-        close(end[1]);
+        for (int fd = STDERR_FILENO + 1; fd < 1024; fd++) { // among them the device, which would be held here, too
+            if (fd != ready[1] && fd != end[0]) {
+                close(fd);
+            }
+        }
         char opened = unshare(CLONE_NEWUSER | CLONE_NEWNS) == 0 &&
                       mount("devpts", pts.c_str(), "devpts", 0, "newinstance,ptmxmode=0666") == 0;
         for (int fd = -1; opened && fd < 0;) {

@@ -22,14 +22,14 @@ FAULTS = {
         "l": ("access to where no memory is", "wild_load"),
         "d": ("division by zero", "wild_quotient"),
         "f": ("stack overflow", "deeper"),
-        "w": ("watchdog: the program was not idle for 10 s,", "do_what_is_asked|main")},
+        "w": ("watchdog: the program was not idle for 10 s,", "obey|main")},
     "riscv64": {
         "c": ("jump to what is no code", None),
         "s": ("store to protected memory, or where none is,", "wild_store"),
         "p": ("store to protected memory, or where none is,", "wild_code"),
         "l": ("load from protected memory, or where none is,", "wild_load"),
         "f": ("stack overflow", "deeper"),
-        "w": ("watchdog: the program was not idle for 10 s,", "do_what_is_asked|main")}}
+        "w": ("watchdog: the program was not idle for 10 s,", "obey|main")}}
 # How they say it: (where, registers).
 SAYS = {"cortex-m7": (r"0x(\w{8})(?:, called from 0x\w{8})?", "number"),
         "riscv64": (r"0x(\w{8,}), called from 0x\w{8,}", "cause")}

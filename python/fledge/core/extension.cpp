@@ -5,6 +5,8 @@
 #include "core/errors.h"
 #include "sim/error.h"
 
+#include <utility>
+
 namespace py = pybind11;
 
 PYBIND11_MODULE(_core, m)
@@ -16,7 +18,7 @@ PYBIND11_MODULE(_core, m)
     }
     py::register_exception_translator([](std::exception_ptr error) {
         if (!set_error(error)) {
-            std::rethrow_exception(error); // to pybind11's own
+            std::rethrow_exception(std::move(error)); // to pybind11's own
         }
     });
     bind_tables(m);

@@ -32,7 +32,7 @@ def start(command, mark, **options):
 
 
 def wait(process):
-    wait_for(process.look)
+    wait_for(process.poll)
     return process.code
 
 
