@@ -199,6 +199,7 @@ class FlightUplink(Uplink):
         """With those that it stores, stages, commits, or loads from a table on board."""
         database = self._telemetry.database
         while True:
+            packet = numbered(packet, 0)    # as it will be sent
             if command := database.decode_command(packet, self.header).command:
                 yield command
             for path in self._dictionary.written(packet):
