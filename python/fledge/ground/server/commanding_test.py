@@ -56,7 +56,8 @@ def test_a_packet_is_hazardous_by_what_it_commands_writes_and_stores(mission):
             (ours.write("flight.control", P=identity)[0], loop), (both, loop), (row, loop),
             (late, "the store is another one"), (ours.store(1, 0, 0, ours.mode("rest")), ""),
             (ours.store(1, 0, 0, ours.reset()), again), (ours.store(1, 0, 0, ours.store(2, 0, 0, ours.reset())), again),
-            (ours.store(1, 0, 0, row), loop), (ours.store(1, 0, 0, ours.reset()[:2] + bytes(4) + ours.reset()[6:]), again),
+            (ours.store(1, 0, 0, row), loop),
+            (ours.store(1, 0, 0, ours.reset()[:2] + bytes(4) + ours.reset()[6:]), again),
             (ours.packet(Code.RESET_FLIGHT, version=1), ""),
             (ours.packet(Code.WRITE, row[10:], version=1), ""), (ours.packet(Code.STORE, b"\x0F" * 40), "")):
         assert commanding.hazard(packet) == why, packet.hex()
