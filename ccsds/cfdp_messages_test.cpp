@@ -203,10 +203,10 @@ int ask(Link &link, CfdpMessageType type, CfdpId about, const std::string &file 
     link.ground.events.clear();
     link.ground.put("", "", 0, options);
     link.run(2 * s);
-    for (const Event &events : link.ground.events) {
-        if (events.what == CFDP_EVENT_MESSAGE && events.text[4] == type + 1) {
+    for (const Event &event : link.ground.events) {
+        if (event.what == CFDP_EVENT_MESSAGE && event.text[4] == type + 1) {
             CfdpMessage answer{};
-            const CfdpTlv tlv{{events.text.data(), static_cast<std::uint8_t>(events.text.size())}, CFDP_TLV_MESSAGE};
+            const CfdpTlv tlv{{event.text.data(), static_cast<std::uint8_t>(event.text.size())}, CFDP_TLV_MESSAGE};
             EXPECT_EQ(cfdp_message_read(&answer, &tlv), CCSDS_OK);
             EXPECT_EQ(answer.entity, about.source);
             EXPECT_EQ(answer.sequence, about.sequence);

@@ -74,7 +74,7 @@ class _Types(ast.NodeTransformer):
         if of == "Optional":
             return ast.BinOp(self.visit(node.slice), ast.BitOr(), ast.Constant(None))
         if of == "Union":
-            return ast.parse(" | ".join(ast.unparse(self.visit(elt)) for elt in node.slice.elts), mode="eval").body
+            return ast.parse(" | ".join(ast.unparse(self.visit(type_)) for type_ in node.slice.elts), mode="eval").body
         if isinstance(node.slice, ast.Constant):        # an array of C++: float[3]
             return self.visit(node.value)
         if of == "Callable" and self.accepts:
@@ -163,11 +163,11 @@ class Stub:
             if method:
                 own = (arguments.posonlyargs + arguments.args)[0]
                 own.arg, own.annotation = "self", None
-            for posonlyarg in arguments.posonlyargs + arguments.args + arguments.kwonlyargs:
-                if posonlyarg.annotation is not None:
-                    text = self._type(posonlyarg.annotation, f"{where}({posonlyarg.arg})", accepts=True)
+            for argument in arguments.posonlyargs + arguments.args + arguments.kwonlyargs:
+                if argument.annotation is not None:
+                    text = self._type(argument.annotation, f"{where}({argument.arg})", accepts=True)
                     # A std::function may be empty.
-                    posonlyarg.annotation = ast.Name(text + " | None" if text.startswith("Callable[") else text)
+                    argument.annotation = ast.Name(text + " | None" if text.startswith("Callable[") else text)
             self.problems += [f"{where}: an argument has no name" for argument in arguments.args
                               if re.fullmatch(r"arg\d+", argument.arg)]
             arguments.defaults = [ast.Constant(...) for _ in arguments.defaults]

@@ -222,7 +222,7 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
                 add(plan.first, work.branch(plan, pool.threads, lambda done: progress(
                     len(flights_by_place) + done, count, expected)))
         else:
-            # Of those with one begin a share for each thread, which repeats the flight up to there.
+            # Faults that begin together are a share for each thread, which repeats the flight before them.
             size = -(-len(sets) // pool.threads)
             shares = [cut(plan, first, min(first + size, begun + len(sets))) for plan in plans
                       for begun in range(0, len(plan.tasks), len(sets))

@@ -86,8 +86,7 @@ def _head(name: str, unit: str) -> str:
 class Change:
     """The change of a requirement's margins, or of a measure, from the other version to this one, run by run.
 
-    required: whether it is a requirement; this, other: (runs,); held: how many runs hold it (other, this); worst: its
-    least margin (other, this), with the runs; lost: the runs that held it and do not now
+    required: whether it is a requirement; this, other: (runs,) its margins or values
     """
     name: str
     unit: str

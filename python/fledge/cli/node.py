@@ -196,8 +196,8 @@ def _several(sim: Simulation, scenario: str, names: list[str], options: argparse
             f"{times[slowest][1]:.3g} s")
     if options.record:
         written = [f"{name}.mcap" for name in names if (Path(options.record) / f"{name}.mcap").exists()]
-        names = [*written[:4], *["..."] * (len(written) > 4)]
-        say(f"  record   {len(written)} in {options.record}: {', '.join(names)}")
+        shown = [*written[:4], *["..."] * (len(written) > 4)]
+        say(f"  record   {len(written)} in {options.record}: {', '.join(shown)}")
     return 0
 
 
@@ -278,8 +278,8 @@ ENDS = (signal.SIGINT, signal.SIGTERM)
 
 def _interrupt_once(*_: Any) -> None:
     """The terminal and the command that started this program may each send a signal; the first one ends it."""
-    for each in ENDS:
-        signal.signal(each, signal.SIG_IGN)
+    for signal_number in ENDS:
+        signal.signal(signal_number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
@@ -339,5 +339,5 @@ def _second_run(function: Any) -> tuple[str, int] | None:
         for child in ast.iter_child_nodes(node):
             yield from runs(child, looped)
 
-    names = sorted(runs(tree, False))
-    return (function.__code__.co_filename, first + names[1] - 1) if len(names) > 1 else None
+    places = sorted(runs(tree, False))
+    return (function.__code__.co_filename, first + places[1] - 1) if len(places) > 1 else None

@@ -283,7 +283,7 @@ class Dictionary:
 
     @classmethod
     def load(cls, file: Path | str) -> Dictionary:
-        """That of a file MISSION_packets.json."""
+        """Read a dictionary from a file MISSION_packets.json."""
         return cls.read(Path(file).read_text(encoding="utf-8"), str(file))
 
     @classmethod
@@ -332,7 +332,7 @@ def _layout(fields: Sequence[Field]) -> list[Any]:
 
 
 def frames_of(struct: Any, memory: bytes) -> Frames | None:
-    """What a module's link carries, if it is a SpaceLink. memory: its own."""
+    """The frames of a module, if it is a SpaceLink. memory: the bytes of its struct."""
     if struct.name != "SpaceLink":
         return None
     fields, start, end = parameters(struct)

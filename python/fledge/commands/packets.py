@@ -122,7 +122,7 @@ class Packets:
         return [*parts, self._command(Code.COMMIT, place, binascii.crc_hqx(block, 0xFFFF))]
 
     def change(self, module: str, before: bytes, after: bytes) -> list[bytes]:
-        """What makes of a block, big-endian, another one, as a whole."""
+        """The commands that change a module's block, big-endian, from `before` to `after`, as a whole."""
         fields = self.dictionary.block(module)[1].fields
         changed = [(at, at + f.size) for _, f, at in leaves(fields) if before[at:at + f.size] != after[at:at + f.size]]
         if not changed:

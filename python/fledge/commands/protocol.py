@@ -13,8 +13,8 @@ from _fledge_protocol import (ALL, CHOICES, COMMAND_MAX, DATA_MAX, EVENT_RECORD,
                               Number, Reason, Record, Stage, Stream, UnitState)
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
-HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
-SERVICES = [stream.name.lower() for stream in Stream]     # and these the texts
+HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs
+SERVICES = [stream.name.lower() for stream in Stream]     # in the order of their streams, behind that of the texts
 PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
 TURNS = 10_000                           # of a procedure in one instant, by default
 LARGEST = 1e100                          # of a parameter

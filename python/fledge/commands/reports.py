@@ -42,7 +42,7 @@ class Report(NamedTuple):
 
     @property
     def own(self) -> bool:
-        """Whether flight had the command itself."""
+        """Whether a list, a monitor or a rule on board gave the command."""
         return (self.stored_on, self.monitor, self.rule) != (None, None, None)
 
     @property

@@ -365,7 +365,7 @@ class _Flight:
                 self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
                 continue
             instance = process.instances[name]
-            field = next(struct_field for struct_field in objects.struct(instance).fields if struct_field.name == port)
+            field = next(member for member in objects.struct(instance).fields if member.name == port)
             places[name] = mission + offset - field.offset
             view = getattr(instance, port)
             if link.carries(id):

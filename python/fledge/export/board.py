@@ -366,7 +366,7 @@ def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequ
 
 
 def emit(mission: Mission, boards: Sequence[Board], lanes: list[Lane]) -> dict[str, str]:
-    """The table of messages in lanes. boards: of `read`; found: of `lanes`."""
+    """The table of messages in lanes. boards: of `read`; lanes: of the function of that name."""
     return {f"{mission.name}_io.h": header(mission), f"{mission.name}_io.c": source(mission, boards, lanes)}
 
 

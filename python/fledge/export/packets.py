@@ -108,7 +108,7 @@ HEADER = [*(replace(item, value=None) for item in primary(False, 0)), bits("head
 
 
 def database(mission: Mission, facts: Dictionary | None = None, last: Packet | None = None) -> Database:
-    """Of a flight process. found: its dictionary, of the streams and byte order where it flies; None: those of its own
+    """Of a flight process. facts: its dictionary, of the streams and byte order where it flies; None: those of its own
     board. last: what the stream behind those of the outputs has; None: texts."""
     facts = facts or dictionary(mission)
     return Database(mission.process, facts, [*packets(mission, facts), last or texts(mission, facts),

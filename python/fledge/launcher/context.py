@@ -102,7 +102,7 @@ def project_named(name: str) -> Path | None:
 
 
 def say_if_in_another_checkout(folder: Path) -> None:
-    """Of an installed Fledge that is called within a checkout, say which of both it is."""
+    """Say that the installed Fledge runs, if it is called within a checkout."""
     for place in (folder, *folder.parents):
         if os.access(place / "fledge", os.X_OK) and (place / "python/fledge/__init__.py").exists() \
                 and not same(place, ROOT):

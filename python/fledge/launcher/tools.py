@@ -19,7 +19,7 @@ from fledge.errors import Failure
 
 SMALLEST_DISK = 10_000 * 1024       # [bytes] with less free space a disk is called full
 
-# What a log has of that which the machine lacks.
+# Texts of a log, by what the machine lacks.
 DISK = re.compile("No space left on device|enough free space")
 MEMORY = re.compile("Killed signal|out of memory|annot allocate memory|failed to map segment")
 NETWORK = re.compile("^E: (Failed|Unable) to fetch|Temporary failure resolving|Could not connect|ENOTFOUND|ECONN|"
@@ -127,8 +127,8 @@ def last_line(log: Path) -> str:
 
 
 def failure(log: Path, what: str, status: int) -> Failure:
-    """That `what` failed, which has written the log, and why. What the machine lacks is one line. Else refused headers
-    come first, then errors with the lines that follow them; the end of the log where there are neither."""
+    """The Failure of `what`, with the reason that its log shows: one line for what the machine lacks. Else refused
+    headers come first, then errors with the lines that follow them; the end of the log where there are neither."""
     text = log.read_text(encoding="utf-8", errors="replace")
     disk = os.statvfs(log.parent)
     lack = ""

@@ -27,8 +27,7 @@ class Number:
     """A number that can be changed, and read.
 
     places: [bytes] where a snapshot has it, once or more; incoming: (input, place in its message) of what comes to
-    readers in its place; size: its magnitude, or that of its array; late: whether it acts from now on, on what is
-    advanced until the next instant; else what runs at an instant reads it there
+    readers in its place; size: its magnitude, or that of its array
     """
     name: str
     unit: str

@@ -239,13 +239,13 @@ class Dispersions:
         choices = [self._choice(value, target, draw.scale, shown) for value in draw.numbers] if choice else []
         if choice and not choices:
             raise SetupError(f"{path} = {draw!r}: name what to choose from")
-        numbers = [self._numbers(value, target, draw) for value in draw.numbers] if not choice else []
-        numbers = numbers or [[0.0] * len(target.elements)] * 2
-        numbers += [self._numbers(draw.low, target, draw, -_INFINITY),
+        columns = [self._numbers(value, target, draw) for value in draw.numbers] if not choice else []
+        columns = columns or [[0.0] * len(target.elements)] * 2
+        columns += [self._numbers(draw.low, target, draw, -_INFINITY),
                     self._numbers(draw.high, target, draw, _INFINITY)]
         groups: dict[tuple[float, ...], list[int]] = {}  # elements with the same numbers
         for k in drawn:
-            groups.setdefault(tuple(number[k] for number in numbers), []).append(k)
+            groups.setdefault(tuple(column[k] for column in columns), []).append(k)
         for (a, b, low, high), group in groups.items():
             self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group],
                                 _core.Distribution(draw.kind, a, b, low, high, draw.scale, choices, draw.stride))

@@ -108,7 +108,7 @@ class Transfer:
             self._files.request(entity.message(Message.PROXY_CANCEL) + entity.message(Message.ORIGIN, self.id))
 
     def moved(self, done: int, size: int) -> None:
-        """Tell how far it is."""
+        """Set the progress [bytes], and report a change of it."""
         if (done, size) != (self.done, self.size):
             self.done, self.size = done, size
             if self._progress:
@@ -271,7 +271,7 @@ class Files:
                             if (message := self.entity.read_message(text))])
 
     def _answered(self, messages: list[tuple[int, tuple[int, int], int]]) -> None:
-        """The messages of a transaction: is one the answer to a request of this ground?"""
+        """Take the messages of a transaction; one may be the answer to a request of this ground."""
         about = next((about for kind, about, _ in messages if kind == Message.ORIGIN), None)
         transfer = next((transfer for transfer in self._transfers if transfer.id == about), None)
         if transfer is None:

@@ -99,7 +99,7 @@ class Guard:
 
     @web.middleware
     async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Of the application."""
+        """The application calls it for each request."""
         if times := self.connections.times(request):
             times.requested = monotonic()
         request["user"], request["bytes"] = None, 0

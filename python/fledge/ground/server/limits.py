@@ -79,7 +79,7 @@ class InForce:
 
 
 class SetLimits:
-    """Those of a spacecraft.
+    """The limits of a spacecraft that users set.
 
     changes: all so far; those of a replay are its spacecraft's, and none is kept
     handle: gets what the monitor notes when limits change

@@ -39,7 +39,7 @@ class Replay(Spacecraft):
         self.connection.state = "replaying"
 
     def _open(self) -> None:
-        """It has no link."""
+        """A replay opens no link."""
 
     def _turn(self) -> None:
         self._answer()

@@ -119,14 +119,14 @@ class Room:
         elif objects:
             with self._keeping:
                 waiting = self._unsaved.setdefault(craft, [])
-                for content in objects:
+                for row in objects:
                     if kind == "events" and len(waiting) >= UNSAVED:
                         self._left_out += 1
-                    elif not any(content is other for _, other in waiting):
-                        waiting.append((kind, content))
+                    elif not any(row is other for _, other in waiting):
+                        waiting.append((kind, row))
             self.flush(craft)
-        for content in objects:
-            self.publish(KINDS[kind], craft, shown({"id": None} | content))
+        for row in objects:
+            self.publish(KINDS[kind], craft, shown({"id": None} | row))
 
     def flush(self, craft: str) -> None:
         """Write the rows of a spacecraft that the journal has not taken before, in its thread. The first failure is an

@@ -28,7 +28,7 @@ class StoredLists:
         self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
         self._held: dict[int, int] = {}
         self._rows: dict[int, dict[str, Any]] = {}      # of the journal
-        if not reporter.clock.simulated:         # what a simulation had ends with it
+        if not reporter.clock.simulated:         # the lists of a simulation end with it
             for row in reporter.all("stored"):
                 number = row["list"]
                 self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])

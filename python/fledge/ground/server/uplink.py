@@ -33,8 +33,8 @@ Row = dict[str, Any]        # of the journal
 
 
 def finished(packet: bytes, number: int, header: str) -> bytes:
-    """A packet with what its header has besides. header: none, ccsds, cfs. Raises SetupError if it has no room for a
-    checksum."""
+    """The packet with sequence and length, and with a checksum for cfs. header: none, ccsds, cfs. Raises
+    SetupError if it has no room for a checksum."""
     if header == "none" or header == "ccsds" and len(packet) < 7:
         return packet
     if header == "cfs" and len(packet) < 8:

@@ -18,7 +18,7 @@ STAGES = {"TransferredToRange": "transferred", "SentFromRange": "sent", "Receive
           "Failed": "failed"}
 OPEN = 3_600_000_000_000    # [ns] of a window that the database does not end
 LATE = 60_000_000_000       # [ns] for which an answer is known that comes behind its window
-SEQUENCE = "/yamcs/cmdHist/ccsds-seqcount"      # what a database may compare besides arguments
+SEQUENCE = "/yamcs/cmdHist/ccsds-seqcount"      # which a verifier may compare, as it does arguments
 
 
 @dataclass

@@ -214,7 +214,7 @@ class Server:
         return user in (None, user_of(request)) or request["user"].crafts is None
 
     def rows(self) -> Iterator[Row]:
-        """Those of all its routes."""
+        """The rows of all routes."""
         for holder in (*TOPICS, self.guard.logins):
             yield from (row for row, _ in rows(holder))
 
@@ -253,7 +253,7 @@ class Server:
         return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     def describe(self) -> dict[str, Any]:
-        """What is in use of it, and how long its loop was blocked."""
+        """The resources that the server uses, and how long its loop was blocked."""
         return {"browsers": len(self.browsers), "limits": self.bounds.describe(), "loop": {
             "longest_ms": 1000 * self.watch.longest, "recent_ms": 1000 * self.watch.recent,
             "computed_ms": 1000 * self.watch.computed}}

@@ -21,7 +21,7 @@ Default = TypeVar("Default", int, None)
 
 
 def user_of(request: web.Request) -> str:
-    """The name of its user."""
+    """The name of the user who sent a request."""
     return str(request["user"].name)
 
 
@@ -70,5 +70,5 @@ def slot_of(request: web.Request, craft: Spacecraft) -> int:
 
 
 async def in_thread(craft: Spacecraft, request: Callable[[], Answer]) -> Answer:
-    """Something that the spacecraft's thread does."""
+    """Call a function in the spacecraft's thread; its result."""
     return await asyncio.wait_for(asyncio.wrap_future(craft.call(request)), PATIENCE)
