@@ -72,11 +72,12 @@ class Commanding:
 
     def load(self) -> None:
         """Take the forms of the database."""
-        self._forms = {form["name"]: form for form in self._telemetry.database.forms()}
-        for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
+        forms = {form["name"]: form for form in self._telemetry.database.forms()}
+        for form in forms.values():             # the server counts bytes itself, so no form asks for it
             counts = {argument["counted_by"] for argument in form["arguments"]}
             form["arguments"] = [argument for argument in form["arguments"] if argument["name"] not in counts]
             self._uplink.prepare(form)
+        self._forms = forms                     # other threads read it
         self._uplink.reload()
 
     @property
