@@ -142,6 +142,26 @@ static int enumerator(const ScriptEnum *values, mp_obj_t value, int32_t *number)
     return endings == 1;
 }
 
+static void enum_attribute(mp_obj_t object, qstr name, mp_obj_t *dest)
+{
+    const ScriptEnum *values = MP_OBJ_TO_PTR(object);
+    int32_t number = 0;
+    if (dest[0] != MP_OBJ_NULL) {
+        return;
+    }
+    if (!enumerator(values, MP_OBJ_NEW_QSTR(name), &number)) {
+        const mp_print_t *error = objects_error();
+        mp_printf(error, "%s has no '%q'; it has ", values->name, name);
+        for (uint32_t i = 0; i < values->n; i++) {
+            mp_printf(error, i ? ", %s" : "%s", values->values[i].name);
+        }
+        objects_raise_as(&mp_type_AttributeError);
+    }
+    dest[0] = mp_obj_new_int(number);
+}
+
+MP_DEFINE_CONST_OBJ_TYPE(script_enum_type, MP_QSTR_Enum, MP_TYPE_FLAG_NONE, attr, enum_attribute);
+
 /* What is within a quantity, whose dimensions must be the field's; a field in [SI] takes any. seconds: set to 1 if a
  * time must become one of nanoseconds. */
 static mp_obj_t within(const ScriptNode *node, const ScriptField *field, mp_obj_t value, int *seconds)

@@ -179,6 +179,7 @@ const ScriptMission fledge_script = {
     .modes = modes,
     .events = events,
     .n_types = 0,
+    .n_enums = 0,
     .n_places = 4,
     .n_inputs = 1,
     .n_constants = 0,

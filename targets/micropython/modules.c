@@ -120,6 +120,11 @@ static mp_obj_t flight_named(mp_obj_t name)
             return MP_OBJ_FROM_PTR(fledge_script.types[i]);
         }
     }
+    for (uint32_t i = 0; i < fledge_script.n_enums; i++) {
+        if (!strcmp(fledge_script.enums[i].name, text)) {
+            return MP_OBJ_FROM_PTR(&fledge_script.enums[i]);
+        }
+    }
     for (uint32_t i = 0; i < fledge_script.n_constants; i++) {
         if (!strcmp(fledge_script.constants[i].name, text)) {
             return rows_of(&fledge_script.constants[i]);

@@ -31,6 +31,7 @@ def build(f):
     k = f.watch(f.noise.kinds)
     first = f.event("first", when=(k.x > 1 * m) & ~(k.phase == "SAFE"), enter=work)
     assert [f.name, gnc.name, f.gnc.name, f.work.name, f.active_mode] == ["flight", "gnc", "gnc", "work", "idle"]
+    assert [fsw.Quality.GOOD, fsw.Quality.QUALITY_GOOD, fsw.EventSeverity.LOW] == [3, 3, 2]
     assert [f.first is first, first.name, first.armed, first.fired_at] == [True, "first", True, None]
 """
 END = '    f.task("rest", every=1 * s, run=[f.other])\n'
@@ -86,6 +87,7 @@ CASES = [
     ('f.event("e", when=k.x > 1, set=[(f.watch(f.noise).v[3], 1)])', "[3]: expected 1 whole numbers, below 3"),
     ('f.event("e", when=k.x > 1, set=[(f.watch(f.noise).v.norm(), 1)])', "set an element of it, or the whole field"),
     ('f.event("first", when=k.x > 1, enter=work)', "event flight.first: it is already there"),
+    ("fsw.Quality.WELL", "Quality has no 'WELL'; it has QUALITY_NONE, QUALITY_STALE"),
     ("f.watch(3)", "watch: expected a port or module; found 3"),
     ("k.nothing > 1", "flight.noise.kinds has no 'nothing'; it has"),
     ("k.x.nothing > 1", "flight.noise.kinds.x is a number or array"),
@@ -143,7 +145,7 @@ def refusals(tmp_path_factory):
     mission = export.read(sim)
     folder = tmp_path_factory.mktemp("process")
     library = toolchain.library()
-    tables = emit_tables(mission, "case", False, ["world", "flight"])["cases_script.c"]
+    tables = emit_tables(mission, "case", False, ["world", "flight"], named=["EventSeverity"])["cases_script.c"]
     assert tables.count('.module = "case"') == 1
     texts = {f"case_{i}.py": text_of(statement) for i, statement in enumerate(["pass", *(c[0] for c in CASES)])}
     write_files({**c_source.emit(mission), **commands.emit_commands(mission),

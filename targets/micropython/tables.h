@@ -25,7 +25,12 @@ typedef struct ScriptEnumerator {
     int32_t value;
 } ScriptEnumerator;
 
+struct _mp_obj_type_t;
+extern const struct _mp_obj_type_t script_class_type, script_enum_type;
+
+/** An enumeration is an object of Python, whose attributes are the numbers of its names: fsw.Quality.GOOD. */
 typedef struct ScriptEnum {
+    const struct _mp_obj_type_t *base; ///< script_enum_type
     const char *name;
     const ScriptEnumerator *values;
     uint16_t n;
@@ -50,9 +55,6 @@ typedef struct ScriptField {
     uint8_t unit;         ///< the index of its unit
     uint8_t count;        ///< the index of the field with the number of used rows; SCRIPT_NO_FIELD: all
 } ScriptField;
-
-struct _mp_obj_type_t;
-extern const struct _mp_obj_type_t script_class_type;
 
 /** A type is an object of Python, which makes modules or messages when it is called. */
 typedef struct ScriptType {
@@ -132,7 +134,7 @@ typedef struct ScriptMission {
     const char *const *tasks;
     const char *const *modes;
     const char *const *events;
-    uint16_t n_types, n_places, n_inputs, n_constants, n_units, n_unit_texts, n_tasks, n_modes, n_events;
+    uint16_t n_types, n_enums, n_places, n_inputs, n_constants, n_units, n_unit_texts, n_tasks, n_modes, n_events;
 } ScriptMission;
 
 extern const ScriptMission fledge_script;

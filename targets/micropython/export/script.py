@@ -43,6 +43,13 @@ class Scripts:
     whole: bool                     # build(sim) builds all processes; else build(f)
     files: dict[str, Path | str] = field(default_factory=dict)     # nadir_spin/flight.py -> the file, or its text
 
+    def names(self) -> set[str]:
+        """What they take from modules: Quality of fsw.Quality.GOOD, and of `from fledge.flight import Quality`."""
+        nodes = [node for file in self.files.values() for node in ast.walk(ast.parse(
+            file.read_text(encoding="utf-8") if isinstance(file, Path) else file))]
+        return {node.attr for node in nodes if isinstance(node, ast.Attribute)} | {
+            node.name for node in nodes if isinstance(node, ast.alias)}
+
 
 def read_scripts(sim: Any) -> Scripts:
     """The Scripts of a simulation that a mission's folder made. Raises ExportError."""

@@ -6,6 +6,7 @@ import binascii
 import struct as packing
 import sys
 from collections.abc import Iterable, Sequence
+from enum import EnumMeta
 from typing import TYPE_CHECKING, Any
 
 from fledge import flight, units
@@ -26,15 +27,17 @@ HEAP = 64 * 1024     # [bytes] of the interpreter
 LARGE = 16 * 1024    # [bytes] of a module for which it has more
 
 
-def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str], computed: bool = False
-                ) -> dict[str, str]:
+def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str], computed: bool = False,
+                named: Iterable[str] = ()) -> dict[str, str]:
     """File name -> text. module: what the program imports, "nadir_spin.flight"; whole: its build(sim) builds all
-    processes, or else its build(f) this one; processes: their names; computed: it has COMPUTED of script.py.
+    processes, or else its build(f) this one; processes: their names; computed: it has COMPUTED of script.py; named:
+    names that the scripts use, among which are enumerations of fledge.flight that no field of the mission has.
 
     The file defines `MISSION_memory`, the mission's struct, besides fledge_script.
     """
     name, struct = mission.name, mission.struct()
     types = types_of(mission)
+    enums = enums_of(types, named)
     blocks: dict[str, int] = {}
     for m in mission.modules:
         if parameters(m.struct)[0]:
@@ -43,7 +46,7 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     heap = HEAP + (largest if largest > LARGE else 0)
     lines = [*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"', "",
              f"{struct} {name}_memory;", f"static uint64_t heap[{heap // 8}];", "",
-             *type_tables(types, {m.type for m in mission.modules})]
+             *type_tables(types, enums, {m.type for m in mission.modules})]
 
     def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
         """The lines of a table, and what refers to it: "0" of an empty one."""
@@ -94,7 +97,7 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
         ("names", "names"), ("field_units", "field_units"), ("enums", "enums"), ("types", "types"),
         ("places", places), ("inputs", inputs), ("constants", shapes),
         ("units", unit_names), ("unit_texts", unit_texts), ("tasks", tasks), ("modes", modes), ("events", events),
-        ("n_types", f"{len(types)}u"), ("n_places", f"{len(mission.modules)}u"),
+        ("n_types", f"{len(types)}u"), ("n_enums", f"{len(enums)}u"), ("n_places", f"{len(mission.modules)}u"),
         ("n_inputs", "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs"),
         ("n_constants", f"{len(constants)}u"), ("n_units", f"{len(units.UNITS)}u"),
         ("n_unit_texts", f"{len(units._NAMES)}u"), ("n_tasks", f"{len(mission.tasks)}u"),
@@ -162,7 +165,16 @@ def visible(struct: _core.Struct) -> list[Any]:
     return fields
 
 
-def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
+def enums_of(types: dict[str, Any], named: Iterable[str]) -> dict[str, Sequence[tuple[str, int]]]:
+    """The enumerators by enumeration: of all fields that a script sees, and of what `named` has of fledge.flight."""
+    enums = {f.ctype: f.enumerators for struct in types.values() for f in visible(struct) if f.type == "enum"}
+    for name in sorted({*named} & {*dir(flight)} - {*enums}):
+        if isinstance(known := getattr(flight, name), EnumMeta):
+            enums[name] = [(member, number.value) for member, number in known.__members__.items()]
+    return enums
+
+
+def type_tables(types: dict[str, Any], enums: dict[str, Sequence[tuple[str, int]]], modules: set[str]) -> list[str]:
     """What types consist of: names, units and enumerations first, each once."""
     fields = [f for struct in types.values() for f in visible(struct)]
     names_at: dict[str, int] = {}
@@ -175,7 +187,6 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
     if at > 65535 or len(known) > 255:
         raise ExportError(f"the modules have {len(known)} units and {at} bytes of names of fields; a script has up to "
                           "255 and 65535")
-    enums = {f.ctype: f.enumerators for f in fields if f.type == "enum"}
     lines = [*wrap([f'"{name}\\0"' for name in names_at], "static const char names[] = ", "    ", ";"), "",
              "static const ScriptUnit field_units[] = {"]
     for text, dims in known:
@@ -187,7 +198,8 @@ def type_tables(types: dict[str, Any], modules: set[str]) -> list[str]:
             lines += row(quoted(enumerator), str(value))
         lines += ["};"]
     lines += ["static const ScriptEnum enums[] = {",
-              *(f'    {{"{name}", {name}_values, {len(values)}u}},' for name, values in enums.items()), "};", ""]
+              *(f'    {{&script_enum_type, "{name}", {name}_values, {len(values)}u}},'
+                for name, values in enums.items()), "};", ""]
     places, enum_places = list(types), list(enums)
     for name, struct in types.items():
         members = visible(struct)

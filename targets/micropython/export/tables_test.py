@@ -27,7 +27,7 @@ def test_what_the_tables_have_no_room_for_is_refused(old, message):
 
 
 def test_a_name_that_several_types_have_is_there_once():
-    lines = type_tables({"A": struct((), ()), "B": struct((3,), ())}, set())
+    lines = type_tables({"A": struct((), ()), "B": struct((3,), ())}, {}, set())
     assert sum(line.count('"x0\\0"') for line in lines) == 1
     assert [line for line in lines if line.endswith("/* x1 */")] == 2 * [
         "    {0u, 3u, 0u, {0u}, FLEDGE_F64, SCRIPT_PAR, 0u, 0u, 0u, SCRIPT_NO_FIELD}, /* x1 */"]
@@ -37,4 +37,4 @@ def test_names_beyond_their_room_are_refused():
     many = {f"T{i}": struct(*200 * [()], names=[f"a_rather_long_name_of_a_field_{i}_{k}" for k in range(200)])
             for i in range(12)}
     with pytest.raises(ExportError, match="the modules have 1 units and [0-9]+ bytes of names"):
-        type_tables(many, set())
+        type_tables(many, {}, set())
