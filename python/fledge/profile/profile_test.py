@@ -109,7 +109,7 @@ class Planted(Linux):
 def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
     planted = Planted()
     planted.text = text
-    monkeypatch.setitem(TARGETS._made, "planted", planted)
+    monkeypatch.setitem(TARGETS._targets, "planted", planted)
     monkeypatch.setitem(TARGETS.folders, "planted", TARGETS.folders["linux"])
     monkeypatch.setattr(process, "LOOP", ("__wrap_mission_host_exchange", "mission_record_take"))
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", "planted", "--out",

@@ -82,10 +82,10 @@ class Bare(Target):
                           "(-mfpu=fpv5-d16) or an rv64gc")
 
     def build(self, part: Part) -> Path:
-        from registers.checked_toml import parse, text_of
+        from fledge.export import board
 
         # Twice the boards' memory: there is a shadow of it (registers/line.h).
-        room = sum(2 * -(-parse(text_of(path), path)[0]["size"] // 8) * 8 for path in part.board_files())
+        room = sum(2 * each.size for each in board.read(part.mission, board.texts_of(part.board_files())))
         return self.program(part.folder / self.name, part.mission.name,
                             [*part.sources(), *FLIGHT, *LINE], part.includes(),
                             (f"-DFLEDGE_LINE_BYTES={room}",))

@@ -4,7 +4,8 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.commands import ALL, Action, Code, Reason, Stage, checked, decoded, read_script, read_table, storing, table
+from fledge.commands import (ALL, Action, Code, Reason, Stage, checked, decoded, read_script, read_table, stored,
+                             storing, table)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
@@ -156,8 +157,7 @@ def test_services_are_the_same_on_every_target(served, tmp_path, capsys):
 
 
 def check_stored(sim, reports, states):
-    stored = [report for report in reports if report.stored_on is not None]
-    ended = [report for report in stored if report.executed or not report.good]
+    ended = [report for report in reports if report.stored_on is not None and (report.executed or not report.good)]
     assert [(report.stored_on, report.code, report.reason) for report in ended][:12] == [
         (1, Code.MODE, Reason.OK), (1, Code.WRITE, Reason.OK), (1, Code.ARM, Reason.OK),
         (0, Code.MODE, Reason.OK), (0, Code.WRITE, Reason.OK), (1, Code.READ, Reason.OK),
