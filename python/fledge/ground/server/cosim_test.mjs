@@ -2,7 +2,7 @@
 // Run control of a co-simulation, which goes back in time. cosim_test.py starts it.
 import assert from "node:assert/strict";
 
-import {open, run} from "./testing/console.mjs";
+import {open, run} from "../console/testing/console.mjs";
 
 const seconds = async (page) => Number(await page.evaluate(() => controlRoom.live.crafts[0].t_ns)) / 1e9;
 
