@@ -42,6 +42,13 @@ static const mp_print_t *at_field(const ScriptNode *node, const ScriptField *fie
     return error;
 }
 
+static void list_names(const mp_print_t *error, const ScriptEnum *values)
+{
+    for (uint32_t i = 0; i < values->n; i++) {
+        mp_printf(error, i ? ", %s" : "%s", values->values[i].name);
+    }
+}
+
 static const mp_print_t *expected(const ScriptNode *node, const ScriptField *field)
 {
     const mp_print_t *error = at_field(node, field);
@@ -51,8 +58,9 @@ static const mp_print_t *expected(const ScriptNode *node, const ScriptField *fie
     if (names == NULL || field->n_dimensions) {
         assign_expected((AssignText){error->data, error->print_strn}, &all);
     }
-    for (uint32_t i = 0; names != NULL && i < names->n; i++) {
-        mp_printf(error, i ? ", %s" : field->n_dimensions ? " of %s" : "%s", names->values[i].name);
+    if (names != NULL) {
+        mp_print_str(error, field->n_dimensions ? " of " : "");
+        list_names(error, names);
     }
     mp_print_str(error, "; found ");
     return error;
@@ -152,9 +160,7 @@ static void enum_attribute(mp_obj_t object, qstr name, mp_obj_t *dest)
     if (!enumerator(values, MP_OBJ_NEW_QSTR(name), &number)) {
         const mp_print_t *error = objects_error();
         mp_printf(error, "%s has no '%q'; it has ", values->name, name);
-        for (uint32_t i = 0; i < values->n; i++) {
-            mp_printf(error, i ? ", %s" : "%s", values->values[i].name);
-        }
+        list_names(error, values);
         objects_raise_as(&mp_type_AttributeError);
     }
     dest[0] = mp_obj_new_int(number);

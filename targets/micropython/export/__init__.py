@@ -53,5 +53,5 @@ def compose(sim: Simulation, mission: Mission, own: Mission | None = None, board
         begins=mission.initial_mode if mission.initial_mode != own.initial_mode else None)
     files = (emit_c(mission) | emit_board(mission, boards, outputs) | emit_commands(mission) | emit_host(mission)
              | emit_tables(own, scripts.module, scripts.whole, [process.name for process in sim.processes],
-                           COMPUTED in scripts.files, scripts.names()))
+                           COMPUTED in scripts.files, scripts.names))
     return Composed(mission, files, scripts)

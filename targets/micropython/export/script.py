@@ -42,13 +42,7 @@ class Scripts:
     module: str                     # that has build()
     whole: bool                     # build(sim) builds all processes; else build(f)
     files: dict[str, Path | str] = field(default_factory=dict)     # nadir_spin/flight.py -> the file, or its text
-
-    def names(self) -> set[str]:
-        """What they take from modules: Quality of fsw.Quality.GOOD, and of `from fledge.flight import Quality`."""
-        nodes = [node for file in self.files.values() for node in ast.walk(ast.parse(
-            file.read_text(encoding="utf-8") if isinstance(file, Path) else file))]
-        return {node.attr for node in nodes if isinstance(node, ast.Attribute)} | {
-            node.name for node in nodes if isinstance(node, ast.alias)}
+    names: set[str] = field(default_factory=set)    # of attributes and imports: Quality of fsw.Quality.GOOD
 
 
 def read_scripts(sim: Any) -> Scripts:
@@ -59,7 +53,7 @@ def read_scripts(sim: Any) -> Scripts:
     package = mission.name if mission.name not in MODULES else f"{mission.name}_mission"
     entry = "mission" if mission.several else "flight"
     scripts = Scripts(f"{package}.{entry}", mission.several)
-    _Reader(package, mission.roots, scripts.files).take(f"{package}/{entry}.py", mission.folder / f"{entry}.py")
+    _Reader(package, mission.roots, scripts).take(f"{package}/{entry}.py", mission.folder / f"{entry}.py")
     given = _given(mission, scripts.files[f"{package}/{entry}.py"])
     choices = [line for flight in sim.flights for line in _choices(flight, mission.several)]
     if given or choices:
@@ -118,8 +112,8 @@ def _given(mission: Any, file: Path | str) -> str:
 class _Reader:
     """Follows the imports from one file."""
 
-    def __init__(self, package: str, roots: list[Path], files: dict[str, Path | str]) -> None:
-        self.package, self.roots, self.files = package, roots, files
+    def __init__(self, package: str, roots: list[Path], scripts: Scripts) -> None:
+        self.package, self.roots, self.files, self.names = package, roots, scripts.files, scripts.names
 
     def take(self, name: str, path: Path) -> None:
         if name in self.files:
@@ -129,6 +123,9 @@ class _Reader:
             tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
         except SyntaxError as error:
             raise ExportError(f"{path}, line {error.lineno}: {error.msg}") from None
+        for inner in ast.walk(tree):
+            if isinstance(inner, (ast.Attribute, ast.alias)):
+                self.names.add(inner.attr if isinstance(inner, ast.Attribute) else inner.name)
         here = name.removesuffix(".py").split("/")[:-1]
         for node in imports(tree):
             if isinstance(node, ast.Import):

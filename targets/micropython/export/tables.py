@@ -170,7 +170,7 @@ def enums_of(types: dict[str, Any], named: Iterable[str]) -> dict[str, Sequence[
     enums = {f.ctype: f.enumerators for struct in types.values() for f in visible(struct) if f.type == "enum"}
     for name in sorted({*named} & {*dir(flight)} - {*enums}):
         if isinstance(known := getattr(flight, name), EnumMeta):
-            enums[name] = [(member, number.value) for member, number in known.__members__.items()]
+            enums[name] = [(member, getattr(known, member).value) for member in known.__members__]
     return enums
 
 
