@@ -82,10 +82,10 @@ class Bare(Target):
                           "(-mfpu=fpv5-d16) or an rv64gc")
 
     def build(self, part: Part) -> Path:
-        from fledge.export import board
+        from fledge.export.board import read, texts_of
 
         # Twice the boards' memory: there is a shadow of it (registers/line.h).
-        room = sum(2 * each.size for each in board.read(part.mission, board.texts_of(part.board_files())))
+        room = sum(2 * board.size for board in read(part.mission, texts_of(part.board_files())))
         return self.program(part.folder / self.name, part.mission.name,
                             [*part.sources(), *FLIGHT, *LINE], part.includes(),
                             (f"-DFLEDGE_LINE_BYTES={room}",))
