@@ -30,13 +30,12 @@ from typing import TYPE_CHECKING
 
 from fledge.pool.children import Children, cores, fork
 from fledge.pool.local import Local
-from fledge.pool.work import Died, Work, anywhere, in_order
+from fledge.pool.work import LAST_LINES, Died, Work, anywhere, in_order
 
 if TYPE_CHECKING:
     from fledge.pool.cluster import Cluster
 
-__all__ = ["Children", "Died", "Local", "Work", "anywhere", "cores", "fork", "in_order",
-           "open_pool"]
+__all__ = ["LAST_LINES", "Children", "Died", "Local", "Work", "anywhere", "cores", "fork", "in_order", "open_pool"]
 
 
 def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Local | Cluster:

@@ -15,11 +15,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Self
+from typing import Any, Generic, Self
 
 from fledge.errors import RunError, SetupError
 from fledge.mission.provenance import digest, identity
-from fledge.pool.work import Died, Flown, Item, Result, Work, opened
+from fledge.pool.work import Death, Died, Flown, Item, Refusal, Result, Work, opened
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
 LOST = 20.0         # [s] until a scheduler that does not answer any more is given up
@@ -49,13 +49,13 @@ class Cluster:
         self.address = address
         self._checked = b""     # the job that all workers may fly
         try:
-            self._client: Any = Client(address, timeout=PATIENCE, set_as_default=False)
+            self.client: Any = Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             raise SetupError(f"there is no scheduler at {address} ({_in_words(error)}): start one with "
                              "./fledge exec dask-scheduler") from None
         try:
-            self._client.wait_for_workers(1, timeout=PATIENCE)
-            workers = self._client.scheduler_info()["workers"].values()
+            self.client.wait_for_workers(1, timeout=PATIENCE)
+            workers = self.client.scheduler_info()["workers"].values()
         except TimeoutError:
             self.close()
             raise SetupError(f"the scheduler at {address} has no workers: start them with ./fledge exec dask-worker "
@@ -63,7 +63,7 @@ class Cluster:
         self.threads = max(1, sum(worker["nthreads"] for worker in workers))
 
     def close(self) -> None:
-        self._client.close(timeout=1)
+        self.client.close(timeout=1)
 
     def __enter__(self) -> Self:
         return self
@@ -78,61 +78,16 @@ class Cluster:
         Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away. A worker of
         another revision that comes later is sent away, with a warning.
         """
-        import distributed
-
-        client = self._client
-        tasks: dict[Any, tuple[int, Item]] = {}     # by future
         job = _job(work)
         self._check(job)
-        waiting = deque(enumerate(items))
-        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        refused: list[str] = []     # addresses of workers
-        answered = time.monotonic()
+        tasks = _Tasks(self, work, job, items)
         try:
-            while waiting or tasks:
-                if client.status == "running":
-                    answered = time.monotonic()
-                elif client.status == "closed" or time.monotonic() - answered > LOST:
-                    raise RunError(f"the scheduler at {self.address} has gone")
-                while client.status == "running" and waiting and len(tasks) < _AHEAD * self.threads:
-                    place, item = waiting.popleft()
-                    task = client.submit(_fly, job, pickle.dumps(item), not work.split(item), pure=False)
-                    tasks[task] = place, item
-                    task.add_done_callback(done.put)
+            while tasks:
+                tasks.submit()
                 tick()
-                try:
-                    task = done.get(timeout=0.2)
-                except queue.Empty:
-                    continue
-                place, item = tasks.pop(task)
-                if task.status == "finished":
-                    answer = task.result()
-                    if isinstance(answer, tuple):
-                        if answer[0] not in refused:
-                            self._send_away(*answer)
-                        refused.append(answer[0])
-                        if len(refused) > REFUSALS:
-                            raise SetupError("the worker {} {}".format(*answer))
-                        waiting.appendleft((place, item))
-                        continue
-                elif task.status != "error":                    # lost, with the scheduler
-                    waiting.appendleft((place, item))
-                    time.sleep(0.2)
-                    continue
-                elif not isinstance(task.exception(), distributed.scheduler.KilledWorker):
-                    raise RunError(f"the scheduler at {self.address}: {task.exception()}")
-                else:
-                    answer = "the workers that flew it were ended"
-                if isinstance(answer, bytes):
-                    yield place, opened(answer)
-                elif parts := work.split(item):
-                    waiting.extendleft((place, part) for part in reversed(parts))
-                else:
-                    yield place, Died(item, answer)
+                yield from tasks.ended()
         finally:
-            if client.status == "running":
-                with suppress(OSError):
-                    client.cancel(list(tasks), force=True)
+            tasks.cancel()
 
     def _check(self, job: bytes) -> None:
         """Raise SetupError if there is a worker that must not fly a job."""
@@ -146,13 +101,77 @@ class Cluster:
                 return f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
             return check_job(job)
 
-        for worker, problem in self._client.run(check).items():
+        for worker, problem in self.client.run(check).items():
             if problem:
                 raise SetupError(f"the worker {worker} {problem}")
         self._checked = job
 
-    def _send_away(self, worker: str, problem: str) -> None:
-        """Close a worker that must not fly."""
+
+class _Tasks(Generic[Item, Result]):
+    """The items of a work, as tasks of the workers of a cluster."""
+
+    def __init__(self, cluster: Cluster, work: Work[Item, Result], job: bytes, items: Sequence[Item]) -> None:
+        self._cluster, self._work, self._job = cluster, work, job
+        self._waiting = deque(enumerate(items))
+        self._flying: dict[Any, tuple[int, Item]] = {}     # by future
+        self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._refused: list[str] = []       # addresses of workers
+        self._answered = time.monotonic()   # when the scheduler was last there
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting or self._flying)
+
+    def submit(self) -> None:
+        """Give the workers as many as keep all of them busy. Raises RunError if the scheduler has gone."""
+        client = self._cluster.client
+        if client.status == "running":
+            self._answered = time.monotonic()
+        elif client.status == "closed" or time.monotonic() - self._answered > LOST:
+            raise RunError(f"the scheduler at {self._cluster.address} has gone")
+        while client.status == "running" and self._waiting and len(self._flying) < _AHEAD * self._cluster.threads:
+            place, item = self._waiting.popleft()
+            task = client.submit(_fly, self._job, pickle.dumps(item), not self._work.split(item), pure=False)
+            self._flying[task] = place, item
+            task.add_done_callback(self._done.put)
+
+    def ended(self) -> Flown[Item, Result]:
+        """(place, result) of a task that ends within a short time, if it has one. What a process printed before it
+        died goes to stderr, as that of a process of this machine."""
+        try:
+            task = self._done.get(timeout=0.2)
+        except queue.Empty:
+            return
+        place, item = self._flying.pop(task)
+        answer = self._answer(task)
+        if answer is None:
+            self._waiting.appendleft((place, item))
+        elif isinstance(answer, bytes):
+            yield place, opened(answer)
+        elif parts := self._work.split(item):
+            self._waiting.extendleft((place, part) for part in reversed(parts))
+        else:
+            sys.stderr.writelines(f"{line}\n" for line in answer.printed)
+            yield place, Died(item, answer.text)
+
+    def _answer(self, task: Any) -> bytes | Death | None:
+        """Of a task that has ended; None: it must be flown by another worker."""
+        import distributed
+
+        if task.status == "finished":
+            answer: bytes | Death | Refusal = task.result()
+            if not isinstance(answer, Refusal):
+                return answer
+            self._refuse(answer)
+        elif task.status != "error":        # lost, with the scheduler
+            time.sleep(0.2)
+        elif isinstance(task.exception(), distributed.scheduler.KilledWorker):
+            return Death("the workers that flew it were ended")
+        else:
+            raise RunError(f"the scheduler at {self._cluster.address}: {task.exception()}")
+        return None
+
+    def _refuse(self, refusal: Refusal) -> None:
+        """Close a worker that must not fly. Raises SetupError after too many."""
         import warnings
 
         async def leave(dask_worker: Any) -> None:
@@ -160,8 +179,19 @@ class Cluster:
 
             asyncio.ensure_future(dask_worker.close(nanny=True))
 
-        warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=4)
-        self._client.run(leave, workers=[worker], wait=False)
+        worker, problem = refusal
+        if worker not in self._refused:
+            warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=6)
+            self._cluster.client.run(leave, workers=[worker], wait=False)
+        self._refused.append(worker)
+        if len(self._refused) > REFUSALS:
+            raise SetupError(f"the worker {worker} {problem}")
+
+    def cancel(self) -> None:
+        """Fly none of them any more."""
+        if self._cluster.client.status == "running":
+            with suppress(OSError):
+                self._cluster.client.cancel(list(self._flying), force=True)
 
 
 def _in_words(error: Exception) -> str:
@@ -183,16 +213,16 @@ def _job(work: Work[Any, Any]) -> bytes:
         "digests": {name: digest(name, work.folder) for name in ("fledge", "mission")}}))
 
 
-def _fly(job: bytes, item: bytes, twice: bool) -> bytes | str | tuple[str, str]:
-    """On a worker: the answer; how the process died that flew it; or (address of the worker, why it must not fly)."""
+def _fly(job: bytes, item: bytes, twice: bool) -> bytes | Death | Refusal:
+    """On a worker: its answer, as of worker.fly()."""
     import distributed
 
-    worker = distributed.get_worker().address
+    address = distributed.get_worker().address
     try:
         from fledge.pool.worker import Refused, fly
     except ImportError as error:
-        return worker, f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
+        return Refusal(address, f"cannot import fledge ({error}): start it with ./fledge exec dask-worker")
     try:
         return fly(job, item, twice)
     except Refused as error:
-        return worker, str(error)
+        return Refusal(address, str(error))

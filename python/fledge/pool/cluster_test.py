@@ -20,6 +20,8 @@ from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE, same
 from fledge.pool.pool_test import OfFaults, OfFlips, OfSweep, OfTiming, OfVerify, compiled
+from fledge.verify import flights as verification
+from fledge.verify.flight import Flight
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
@@ -103,6 +105,28 @@ def test_a_run_that_ends_its_process_has_failed_and_no_worker_dies(scheduler, wo
     result, near = campaign.fly(12, seed=3, scheduler=scheduler), campaign.fly(12, seed=3, threads=2)
     assert child.poll() is None and 0 < len(result.failures) < 12 and same(result, near)
     assert set(result.failures.values()) == {"the process that flew it ended with code 3"}
+
+
+def test_what_was_printed_before_a_death_is_reported_as_on_this_machine(scheduler, worker, tmp_path, capfd):
+    """The last lines of a flight's own log; of other items, what a process of this machine prints itself."""
+    mission(tmp_path, RELEASE, "\n    import os, sys\n    w.at(3 * s, lambda: print('it tears apart', file="
+            "sys.stderr) or os._exit(3))\n")
+    (tmp_path / "requirements.py").write_text(
+        "from fledge.requirements import always\n\ndef slow(r):\n    r.require('PNT-1', 'It turns slowly.', always("
+        "r.signal('flight.tracking.error.omega_BR_B').norm() < 1))\n")
+    (tmp_path / "scenarios.py").write_text(
+        "def fly(sim):\n    for n in range(9):\n        print('line', n)\n    sim.run(9)\n")
+    worker()
+    died, errors = "the process that flew it ended with code 3", []
+    for address in (None, scheduler):
+        flight = Flight(str(tmp_path), "fly", "desktop", 0, {}, False, tmp_path / "out")
+        flown, = verification.fly([flight], tmp_path, 1, True, lambda _: None, scheduler=address)
+        errors.append(flown.error)
+    assert errors[0] == errors[1] == "\n    ".join([died, *(f"line {n}" for n in range(5, 9)), "it tears apart"])
+    capfd.readouterr()
+    for address in (None, scheduler):
+        result = Campaign(tmp_path).fly(1, seed=3, threads=1, scheduler=address, progress=lambda *_: None)
+        assert dict(result.failures) == {0: died} and "it tears apart\n" in capfd.readouterr().err
 
 
 @pytest.mark.long("starts a scheduler and workers")

@@ -58,7 +58,8 @@ class Local:
                             children.dismiss(pipe)
                         if following is not None:
                             start(following)
-                    yield place, Died(items[place], reply) if isinstance(reply, str) else opened(reply)
+                    yield place, (opened(reply) if isinstance(reply, bytes) else
+                                  Died(items[place], reply, tuple(work.last_lines(items[place]))))
         finally:
             children.end()
 

@@ -82,6 +82,18 @@ def test_results_come_with_their_places_and_a_death_is_that_of_its_item(begun, w
     assert least <= len(begun) <= most
 
 
+class Logged(Squares):
+    """Each item has a log."""
+
+    def last_lines(self, item):
+        return [f"begins {item}", "ends"]
+
+
+def test_the_last_lines_of_an_item_come_with_its_death():
+    found = dict(Local(2).fly(Logged(), [2, 3]))
+    assert found == {0: 4, 1: Died(3, KILLED, ("begins 3", "ends"))}
+
+
 def test_the_order_of_the_items_is_kept_where_it_is_wanted():
     assert list(in_order(iter([(2, "c"), (0, "a"), (1, "b"), (3, "d")]))) == list("abcd")
     assert [found for found in in_order(Local(3).fly(Squares(), [5, 6, 7, 8]))] == [25, 36, 49, 64]

@@ -43,13 +43,33 @@ class Work(Generic[Item, Result]):
         """Smaller items in place of one in which a process died; none: the item itself has died."""
         return ()
 
+    def last_lines(self, item: Item) -> Sequence[str]:
+        """Of the log of an item, if it has its own; called on the machine where its process has died."""
+        return ()
+
 
 @dataclass(frozen=True)
 class Died(Generic[Item]):
-    """The process that flew an item has ended; text: how, as "the process that flew it was ended by SIGKILL"."""
+    """The process that flew an item has ended; text: how, as "the process that flew it was ended by SIGKILL";
+    last_lines: of the item's own log."""
     item: Item
     text: str
+    last_lines: tuple[str, ...] = ()
 
+
+class Death(NamedTuple):
+    """How a process of another machine ended, and the last lines that it printed there."""
+    text: str
+    printed: tuple[str, ...] = ()
+
+
+class Refusal(NamedTuple):
+    """A worker, by its address, must not fly; problem: why."""
+    worker: str
+    problem: str
+
+
+LAST_LINES = 5      # that are kept of what a process printed which has died
 
 # (place, result) of items, as they come.
 Flown = Generator[tuple[int, Died[Item] | Result], None, None]

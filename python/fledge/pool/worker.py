@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections import deque
 from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
@@ -21,7 +22,9 @@ from typing import Any
 from fledge.errors import Failure, SetupError
 from fledge.mission.provenance import digest, identity
 from fledge.pool.local import Local
-from fledge.pool.work import Died, Item, Result, Work, answer, death
+from fledge.pool.work import LAST_LINES, Death, Died, Item, Result, Work, answer, death
+
+_PATIENCE = 5.0     # [s] for the last lines of a child that has ended, while programs that it started hold its output
 
 
 class Refused(Exception):
@@ -31,6 +34,10 @@ class Refused(Exception):
 class _Died(Exception):
     """A child ended within an item."""
 
+    def __init__(self, death: Death) -> None:
+        super().__init__(death.text)
+        self.death = death
+
 
 class _Child:
     """A process that flies items of a job."""
@@ -38,10 +45,13 @@ class _Child:
     def __init__(self, job: bytes) -> None:
         self._pipe, theirs = Pipe()
         with theirs:
-            # What the mission prints goes where errors go.
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "fledge.pool.worker", str(theirs.fileno())], stdin=subprocess.DEVNULL,
-                stdout=2, pass_fds=[theirs.fileno()])
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                pass_fds=[theirs.fileno()])
+        self._printed: deque[str] = deque(maxlen=LAST_LINES)    # of the item that it flies
+        self._reader = threading.Thread(target=self._pass_on, daemon=True)
+        self._reader.start()
         problem = self.request(job).decode()
         if problem:
             self.end()
@@ -49,11 +59,23 @@ class _Child:
 
     def request(self, data: bytes) -> bytes:
         """The reply to a request. Raises _Died."""
+        self._printed.clear()
         try:
             self._pipe.send_bytes(data)
             return self._pipe.recv_bytes()
         except (OSError, EOFError):
-            raise _Died(death(self._process.wait())) from None
+            how = death(self._process.wait())
+            self._reader.join(_PATIENCE)
+            raise _Died(Death(how, tuple(self._printed))) from None
+
+    def _pass_on(self) -> None:
+        """What the mission prints goes where the worker's errors go."""
+        assert self._process.stdout
+        with self._process.stdout as lines:
+            for line in lines:
+                self._printed.append(line.rstrip("\n"))
+                with suppress(OSError, ValueError):     # it is closed
+                    sys.stderr.write(line)
 
     def end(self) -> None:
         self._pipe.close()
@@ -85,14 +107,14 @@ def check_job(job: bytes) -> str:
     return ""
 
 
-def fly(job: bytes, item: bytes, twice: bool) -> bytes | str:
-    """The answer to an item, or how the process died that flew it. twice: fly it once more then, because something
+def fly(job: bytes, item: bytes, twice: bool) -> bytes | Death:
+    """The answer to an item, or the death of the process that flew it. twice: fly it once more then, because something
     else, as a lack of memory, may have ended the process. Raises Refused."""
     try:
         child = _child(job)
         reply = child.request(item)
     except _Died as error:
-        return fly(job, item, False) if twice else str(error)
+        return fly(job, item, False) if twice else error.death
     _rest(job, child)
     return reply
 
@@ -133,7 +155,9 @@ def _work(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
 def _serve(pipe: Connection) -> None:
     """Answer a job, then items of it, until the worker closes the pipe."""
     signal.signal(signal.SIGINT, lambda *_: None)
-    threading.Thread(target=_end_with_worker, args=[pipe.fileno()], daemon=True).start()
+    busy = threading.Event()
+    busy.set()
+    threading.Thread(target=_end_with_worker, args=[pipe.fileno(), busy], daemon=True).start()
     work, problem = _work(pickle.loads(pipe.recv_bytes()))
     pipe.send_bytes(problem.encode())
     if work is not None:
@@ -141,15 +165,20 @@ def _serve(pipe: Connection) -> None:
         flying = _Apart(work) if work.fresh else work
         with suppress(EOFError):
             while True:
-                pipe.send_bytes(answer(flying, pickle.loads(pipe.recv_bytes())))
+                busy.clear()
+                item = pickle.loads(pipe.recv_bytes())
+                busy.set()
+                pipe.send_bytes(answer(flying, item))
 
 
-def _end_with_worker(pipe: int) -> None:
-    """End this process in the middle of an item, when nothing reads its answer any more."""
+def _end_with_worker(pipe: int, busy: threading.Event) -> None:
+    """End this process in the middle of an item, when nothing reads its answer any more; between two items it ends by
+    itself, and deletes its temporary folders."""
     closed = select.poll()
     closed.register(pipe, 0)
     closed.poll()
-    os._exit(1)
+    if busy.is_set():
+        os._exit(1)
 
 
 if __name__ == "__main__":

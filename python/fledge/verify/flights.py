@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -15,7 +16,7 @@ from typing import Any
 from fledge import mission as missions
 from fledge.errors import Failure, SetupError
 from fledge.files import write_files
-from fledge.pool import Died, Work, anywhere, open_pool
+from fledge.pool import LAST_LINES, Died, Work, anywhere, open_pool
 from fledge.verify.flight import FILE, Flight, Flown
 from fledge.verify.judging import judged
 
@@ -24,7 +25,7 @@ LOG = "flight.log"      # what a flight prints, in its folder
 
 class Verification(Work[tuple[Flight, str], dict[str, bytes]]):
     """Flights with their hashes, as the work of a pool. The results are files in the folder of the flight; far: on
-    another machine, which returns them: name -> bytes."""
+    another machine, which has a temporary folder for them, and returns them: name -> bytes."""
 
     fresh = True
 
@@ -33,7 +34,8 @@ class Verification(Work[tuple[Flight, str], dict[str, bytes]]):
         import matplotlib.backends.backend_svg  # noqa: F401
         import matplotlib.style  # noqa: F401
 
-        self.mission, self.far, self.folder = mission, far, missions.find(mission).folder
+        self.mission, self.folder = mission, missions.find(mission).folder
+        self._far = TemporaryDirectory() if far else None
 
     @property
     def recipe(self) -> tuple[Callable[..., Verification], tuple[Any, ...]]:
@@ -41,13 +43,27 @@ class Verification(Work[tuple[Flight, str], dict[str, bytes]]):
 
     def fly(self, item: tuple[Flight, str]) -> dict[str, bytes]:
         flight, hash = item
-        if not self.far:
+        folder = self._folder(flight)
+        if not self._far:
             _fly(flight, hash)
             return {}
-        with TemporaryDirectory() as folder:
-            there = Path(folder)
-            flown = _fly(dataclasses.replace(flight, mission=self.mission, folder=there), hash)
-            return {name: (there / name).read_bytes() for name in (FILE, LOG, flown.record) if name}
+        folder.mkdir(parents=True, exist_ok=True)
+        flown = _fly(dataclasses.replace(flight, mission=self.mission, folder=folder), hash)
+        files = {name: (folder / name).read_bytes() for name in (FILE, LOG, flown.record) if name}
+        shutil.rmtree(folder)
+        return files
+
+    def last_lines(self, item: tuple[Flight, str]) -> list[str]:
+        folder = self._folder(item[0])
+        log = folder / LOG
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.exists() else []
+        if self._far:
+            shutil.rmtree(folder, ignore_errors=True)
+        return lines[-LAST_LINES:]
+
+    def _folder(self, flight: Flight) -> Path:
+        """Of the files of a flight on this machine."""
+        return Path(self._far.name, flight.scenario, flight.target) if self._far else flight.folder
 
 
 def fly(flights: Sequence[Flight], mission: Path, jobs: int | None, again: bool, tell: Callable[[Flown], None],
@@ -104,6 +120,4 @@ def _result(flight: Flight, hash: str, files: dict[str, bytes] | Died[Any]) -> F
         flown = Flown.read(flight.folder / FILE)
         assert flown
         return flown
-    log = flight.folder / LOG
-    last = log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:] if log.exists() else []
-    return Flown(flight.scenario, flight.target, flight.seed, hash, "\n    ".join([files.text, *last]))
+    return Flown(flight.scenario, flight.target, flight.seed, hash, "\n    ".join([files.text, *files.last_lines]))
