@@ -17,7 +17,7 @@ import operator
 import os
 import pickle
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from multiprocessing.connection import Connection
 from time import perf_counter
@@ -39,6 +39,7 @@ from fledge.requirements.judge import HOLDS
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
+    from fledge.pool.cluster import Cluster
     from fledge.requirements import Judged
 
 SECOND = 10**9          # [ns]
@@ -91,7 +92,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
         return self.baselines[scenario, limit]
 
     def fly(self, item: Plan) -> tuple[int, list[Flight]]:
-        return item.first, self.branch(item, 1)
+        return item.first, _Branches(self, item, 1).fly()
 
     def split(self, item: Plan) -> list[Plan]:
         middle = len(item.tasks) // 2
@@ -103,67 +104,76 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
         baseline = self.baseline(plan.scenario, plan.limit)
         return Flight(plan.scenario, mode_at(baseline, ns / 1e9), ns / 1e9, faults, "failed", text=text)
 
-    def branch(self, plan: Plan, jobs: int, progress: Callable[[int], Any] = lambda done: None) -> list[Flight]:
-        """Fly a scenario up to each beginning, and let a copy of this process go on with each fault, several at a time.
-        progress(done): about every second"""
-        children = Children()
-        flights: list[Any] = [None] * len(plan.tasks)
-        mine: list[tuple[int, Connection]] = []     # of a copy: its task, its pipe
 
-        def collect(most: int) -> None:
-            while len(children) > most:
-                progress(sum(map(bool, flights)))
-                for index, answer, pipe in children.answers():
-                    if isinstance(answer, str) or pipe is None:
-                        flights[index] = self.failed(plan, index, str(answer))
-                        continue
-                    children.dismiss(pipe)
-                    result = pickle.loads(answer)
-                    if isinstance(result, str):
-                        raise _Done(SetupError(f"{' and '.join(map(str, plan.tasks[index][1]))}: {result}"))
-                    flights[index] = result
+class _Branches:
+    """The flights of a plan: its scenario flies up to each beginning, where a copy of this process goes on with each
+    fault, several at a time. progress(done): about every second"""
 
-        def fork_each(sim: Simulation, at: int) -> None:
-            if mine:
-                return
-            for index, (ns, faults) in enumerate(plan.tasks):
-                if max(0, ns - LEAD) != at or flights[index]:
-                    continue
-                collect(jobs - 1)
-                pipe = children.fork(index)
-                if pipe:
-                    mine.append((index, pipe))
-                    sim.__dict__["_plant"] = lambda: plant(sim, ns, faults, plan.lasts)
-                    return
-            collect(0)
-            if at == stops[-1]:
-                raise _Done
+    def __init__(self, work: _Faults, plan: Plan, jobs: int,
+                 progress: Callable[[int], Any] = lambda done: None) -> None:
+        self._work, self._plan, self._jobs, self._progress = work, plan, jobs, progress
+        self._stops = sorted({max(0, ns - LEAD) for ns, _ in plan.tasks})
+        self._children = Children()
+        self._flights: list[Any] = [None] * len(plan.tasks)
+        self._mine: tuple[int, Connection] | None = None    # of a copy: its task, its pipe
 
-        def careful(sim: Simulation, at: int) -> None:
-            try:
-                fork_each(sim, at)
-            except KeyboardInterrupt:
-                raise _Done(KeyboardInterrupt()) from None      # which a script of the ground would take for its own
-
-        stops = sorted({max(0, ns - LEAD) for ns, _ in plan.tasks})
-        baseline = self.baseline(plan.scenario, plan.limit)
+    def fly(self) -> list[Flight]:
+        plan = self._plan
+        baseline = self._work.baseline(plan.scenario, plan.limit)
         try:
-            seen = _flight(self.matrix, plan.scenario, stops, careful, plan.limit)
-            if mine:
-                index, pipe = mine[0]
+            seen = _flight(self._work.matrix, plan.scenario, self._stops, self._stopped, plan.limit)
+            if self._mine:
+                index, pipe = self._mine
                 pipe.send_bytes(pickle.dumps(seen.problem if seen.failed == "SetupError" else compare(
-                    self.matrix, plan.scenario, baseline, seen, *plan.tasks[index])))
+                    self._work.matrix, plan.scenario, baseline, seen, *plan.tasks[index])))
                 os._exit(0)
         except _Done as end:
             if end.args:
                 raise end.args[0] from None
-            return flights
+            return self._flights
         finally:
-            if mine:
+            if self._mine:
                 traceback.print_exc()
                 os._exit(1)
-            children.end()
-        raise SetupError(f"the scenario {plan.scenario} never reaches {stops[-1] / 1e9:g} s by sim.run()")
+            self._children.end()
+        raise SetupError(f"the scenario {plan.scenario} never reaches {self._stops[-1] / 1e9:g} s by sim.run()")
+
+    def _stopped(self, sim: Simulation, at: int) -> None:
+        try:
+            self._fork_each(sim, at)
+        except KeyboardInterrupt:
+            raise _Done(KeyboardInterrupt()) from None      # which a script of the ground would take for its own
+
+    def _fork_each(self, sim: Simulation, at: int) -> None:
+        """Begin the flights of the faults that are planned at a stop [ns]."""
+        if self._mine:
+            return
+        for index, (ns, faults) in enumerate(self._plan.tasks):
+            if max(0, ns - LEAD) != at or self._flights[index]:
+                continue
+            self._collect(self._jobs - 1)
+            pipe = self._children.fork(index)
+            if pipe:
+                self._mine = index, pipe
+                sim.__dict__["_plant"] = lambda: plant(sim, ns, faults, self._plan.lasts)
+                return
+        self._collect(0)
+        if at == self._stops[-1]:
+            raise _Done
+
+    def _collect(self, most: int) -> None:
+        """Wait until at most so many copies fly."""
+        while len(self._children) > most:
+            self._progress(sum(map(bool, self._flights)))
+            for index, answer, pipe in self._children.answers():
+                if isinstance(answer, str) or pipe is None:
+                    self._flights[index] = self._work.failed(self._plan, index, str(answer))
+                    continue
+                self._children.dismiss(pipe)
+                result = pickle.loads(answer)
+                if isinstance(result, str):
+                    raise _Done(SetupError(f"{' and '.join(map(str, self._plan.tasks[index][1]))}: {result}"))
+                self._flights[index] = result
 
 
 def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] | None = None, double: bool = False,
@@ -172,72 +182,97 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
         scheduler: str | None = None) -> list[Flight]:
     """Fly each fault in each scenario; returns a Flight for each, in the order of the declarations.
 
-    scenarios: by name; default: the first. faults: default: all. double: the pairs of faults of different units too.
-    begin: times; default: those of the matrix, or the middle of each mode's first stay. lasts: a time; 0: for ever.
-    jobs: processes at a time; default: all cores. limit: a time at which each flight ends; default: with its scenario.
-    progress(done, all, [s] that all will take, by the flights without a fault): before the first, and about every
-    second. scheduler: the address of a Dask scheduler, whose workers fly instead.
+    scenarios: by name; default: the first. faults: at least one; None: all. double: the pairs of faults of different
+    units too. begin: times, at least one; None: those of the matrix, or the middle of each mode's first stay. lasts: a
+    time; 0: for ever. jobs: processes at a time; default: all cores. limit: a time at which each flight ends; default:
+    with its scenario. progress(done, all, [s] that all will take, by the flights without a fault): before the first,
+    and about every second. scheduler: the address of a Dask scheduler, whose workers fly instead.
     Raises SetupError before the first flight if something is wrong with all of them.
     """
-    assert matrix.simulation.mission
     names = [matrix.scenario(scenario) for scenario in scenarios] or [chosen(matrix.simulation, None)[0]]
-    wanted = list(matrix.faults() if faults is None else faults)
-    sets = [[fault] for fault in wanted]
-    if double:
-        sets += [list(pair) for pair in itertools.combinations(wanted, 2) if pair[0].unit != pair[1].unit]
+    sets = _sets(matrix.faults() if faults is None else faults, double)
+    times = _times(matrix.begin if begin is None else begin)
     for_ns = time_ns(matrix.lasts if lasts is None else lasts, "lasts")
-    given = matrix.begin if begin is None else begin
-    times = None if given is None else [time_ns(time, "begin") for time in (
-        given if isinstance(given, (list, tuple)) else [given])]
     end = None if limit is None else time_ns(limit, "limit")
     work = _Faults(matrix)
     with open_pool(jobs, scheduler) as pool:
         plans: list[Plan] = []
         expected = 0.0
         for name in names:
-            started = perf_counter()
-            baseline = work.baseline(name, end)
-            wall = perf_counter() - started
-            if baseline.problem and (baseline.failed or not baseline.duration):
-                raise SetupError(f"{matrix.simulation.name}, {name} does not fly without a fault: {baseline.problem}")
-            begins = _begins(baseline) if times is None else times
-            for ns in begins:
-                if not 0 <= ns < baseline.duration * 1e9:
-                    raise SetupError(f"begin: {ns / 1e9:g} s is not within the scenario {name}, which flies "
-                                     f"{baseline.duration:g} s")
+            begins, wall, duration = _begins(work, name, end, times)
             tasks = [(ns, together) for ns in sorted(set(begins)) for together in sets]
             plans.append(Plan(sum(len(plan.tasks) for plan in plans), name, tasks, for_ns, end))
             # The rest of each flight, several at a time, and the one that leads up to all.
-            rest = sum(1 - max(0, ns - LEAD) / 1e9 / baseline.duration for ns, _ in tasks)
-            expected += wall * (rest / min(pool.threads, len(tasks)) + max(begins) / 1e9 / baseline.duration)
+            rest = sum(1 - max(0, ns - LEAD) / 1e9 / duration for ns, _ in tasks)
+            expected += wall * (rest / min(pool.threads, len(tasks)) + max(begins) / 1e9 / duration)
         count = sum(len(plan.tasks) for plan in plans)
-        progress(0, count, expected)
-        flights_by_place: dict[int, Flight] = {}
+        flown: dict[int, Flight] = {}
 
-        def add(first: int, flights: Sequence[Flight]) -> None:
-            flights_by_place.update(enumerate(flights, first))
+        def report(done: int = 0) -> None:
+            progress(len(flown) + done, count, expected)
 
-        if isinstance(pool, Local):
-            for plan in plans:
-                add(plan.first, work.branch(plan, pool.threads, lambda done: progress(
-                    len(flights_by_place) + done, count, expected)))
-        else:
-            # Faults that begin together are a share for each thread, which repeats the flight before them.
-            size = -(-len(sets) // pool.threads)
-            shares = [cut(plan, first, min(first + size, begun + len(sets))) for plan in plans
-                      for begun in range(0, len(plan.tasks), len(sets))
-                      for first in range(begun, begun + len(sets), size)]
-            flown = pool.fly(work, shares, lambda: progress(len(flights_by_place), count, expected))
-            with closing(flown):
-                for _, result in flown:
-                    if isinstance(result, Died):
-                        add(result.item.first, [work.failed(result.item, 0, result.text)])
-                    else:
-                        add(*result)
-        return [flights_by_place[place] for place in sorted(flights_by_place)]
+        report()
+        with closing(_flown(work, plans, len(sets), pool, report)) as results:
+            for first, flights in results:
+                flown.update(enumerate(flights, first))
+    return [flown[place] for place in sorted(flown)]
 
 
-def _begins(baseline: Seen) -> list[int]:
+def _sets(faults: Sequence[Fault], double: bool) -> list[list[Fault]]:
+    """The faults that are flown together."""
+    if not faults:
+        raise SetupError("faults: expected at least one, found none; None stands for all")
+    pairs = itertools.combinations(faults, 2) if double else ()
+    return [*([fault] for fault in faults), *(list(pair) for pair in pairs if pair[0].unit != pair[1].unit)]
+
+
+def _times(given: Any) -> list[int] | None:
+    """[ns] of a time or several; None: they follow from the flight."""
+    if given is None:
+        return None
+    times = [time_ns(time, "begin") for time in (given if isinstance(given, (list, tuple)) else [given])]
+    if not times:
+        raise SetupError("begin: expected at least one time, found none; None stands for those of the modes")
+    return times
+
+
+def _begins(work: _Faults, scenario: str, limit: int | None, times: list[int] | None) -> tuple[list[int], float, float]:
+    """(the beginnings of faults [ns] in a scenario, wall time [s] of the flight without a fault, its duration [s])"""
+    started = perf_counter()
+    baseline = work.baseline(scenario, limit)
+    wall = perf_counter() - started
+    if baseline.problem and (baseline.failed or not baseline.duration):
+        raise SetupError(f"{work.matrix.simulation.name}, {scenario} does not fly without a fault: {baseline.problem}")
+    begins = _middles(baseline) if times is None else times
+    for ns in begins:
+        if not 0 <= ns < baseline.duration * 1e9:
+            raise SetupError(f"begin: {ns / 1e9:g} s is not within the scenario {scenario}, which flies "
+                             f"{baseline.duration:g} s")
+    return begins, wall, baseline.duration
+
+
+def _flown(work: _Faults, plans: Sequence[Plan], together: int, pool: Local | Cluster,
+           report: Callable[..., None]) -> Generator[tuple[int, Sequence[Flight]], None, None]:
+    """(place of the first, flights) of all plans, as they come. together: the faults that begin at a time"""
+    if isinstance(pool, Local):
+        for plan in plans:
+            yield plan.first, _Branches(work, plan, pool.threads, report).fly()
+        return
+    # Faults that begin together are a share for each thread, which repeats the flight before them.
+    size = -(-together // pool.threads)
+    shares = [cut(plan, first, min(first + size, begun + together)) for plan in plans
+              for begun in range(0, len(plan.tasks), together)
+              for first in range(begun, begun + together, size)]
+    results = pool.fly(work, shares, report)
+    with closing(results):
+        for _, result in results:
+            if isinstance(result, Died):
+                yield result.item.first, [work.failed(result.item, 0, result.text)]
+            else:
+                yield result
+
+
+def _middles(baseline: Seen) -> list[int]:
     """[ns] The middle of the first stay in each mode of the process with the most; else a third of the flight."""
     stays: list[tuple[float, str]] = max(baseline.modes.values(), key=len, default=[])
     first: dict[str, float] = {}

@@ -195,6 +195,17 @@ def test_a_wrong_line_of_the_mission_is_named(mission, tmp_path, capsys, line, w
     assert wrong in errors and "faults.py, line 2" in errors
 
 
+def test_no_fault_and_no_time_are_refused_not_taken_for_all(mission):
+    matrix, fault = Matrix(mission), Fault("world.gyro", "DEAD")
+    with pytest.raises(fledge.SetupError, match="^faults: expected at least one, found none; None stands for all$"):
+        fly(matrix, faults=[], begin=[260 * s])
+    with pytest.raises(fledge.SetupError, match="^begin: expected at least one time, found none; None stands for "):
+        fly(matrix, faults=[fault], begin=[])
+    matrix.begin = []
+    with pytest.raises(fledge.SetupError, match="^begin: expected at least one time"):
+        fly(matrix, faults=[fault])
+
+
 def test_a_requirement_for_flights_without_a_fault_is_left_out(mission):
     matrix = Matrix(mission)
     matrix.nominal("SUN-1")
