@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge.commands.fields import Field, byte_runs, described, leaves, parameters, place_of, values
-from fledge.commands.protocol import (ALL, ARGUMENTS, CHOICES, COMMAND_MAX, COMMANDS, DATA_MAX, FLAGS, HEADER,
+from fledge.commands.protocol import (ARGUMENTS, CHOICES, COMMAND_MAX, COMMANDS, DATA_MAX, FLAGS, HEADER,
                                       HOUSEKEEPING, NAMED, NUMBERS, OUTPUTS, PROCEDURE_MAX, REPORT_LEAST, REPORTS,
                                       TELEMETRY, WHY, Code, Kind, Reason, cuts)
 from fledge.elements import ELEMENTS

@@ -82,8 +82,7 @@ def byte_runs(fields: Sequence[Any]) -> list[tuple[int, int]]:
 def place_of(items: Sequence[Item], names: Sequence[str], name: str, kind: str, where: str) -> tuple[int, Item]:
     """(place, item) of a name. Raises SetupError."""
     if name not in names:
-        raise SetupError(f"{where} has no {kind} '{name}'{did_you_mean(name, names)} it has "
-                         + listed(names, none="none"))
+        raise SetupError(f"{where} has no {kind} '{name}'{did_you_mean(name, names)} it has {listed(names)}")
     return names.index(name), items[names.index(name)]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from fledge.commands.dictionary import Dictionary, EventId
-from fledge.commands.fields import Field, value_of, values
+from fledge.commands.fields import value_of, values
 from fledge.commands.protocol import (CHOICES, EVENT_RECORD, HOUSEKEEPING, HOUSEKEEPING_RECORD, LAYOUTS, OF_LIST,
                                       OF_MONITOR, OF_RULE, OUTPUTS, REPORT_RECORD, REPORTS, RULES, SERVICES, STORED,
                                       TEXT_RECORD, Code, Kind, Reason, Stage, layout)

@@ -64,7 +64,7 @@ def link_of(address: str, accepts: Callable[[bytes], bool] | None = None, frames
     known |= OF_FRAMES if frames else set()
     if unknown := set(options) - known:
         raise SetupError(f"{address}: there is no option {listed(sorted(unknown))}; "
-                         f"there is {listed(sorted(known), none='none')}")
+                         f"there is {listed(sorted(known))}")
     if frames:
         return _framed(address, parts, options, frames)
     return _link_of(address, parts, options, port, accepts, False)

@@ -85,7 +85,7 @@ class Newest:
             if not isinstance(value, dict) or name not in value:
                 known = list(value) if isinstance(value, dict) else []
                 raise SetupError(f"{path}: there is no field '{name}'{did_you_mean(name, known)} it has "
-                                 + listed(known, none="none"))
+                                 + listed(known))
             value = value[name]
         return value
 

@@ -4,6 +4,8 @@ import os
 import random
 import resource
 import socket
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -264,6 +266,36 @@ def test_a_port_that_is_taken_is_refused():
     port = free()
     with open_link(f"listen://{port}"), pytest.raises(SetupError, match="in use"):
         open_link(f"listen://{port}")
+
+
+PLAIN = """
+import sys
+for name in ("aiohttp", "serial", "h5py", "scipy", "matplotlib", "jinja2"):
+    sys.modules[name] = None
+from fledge import ground
+with ground.connect(*sys.argv[1:]) as craft:
+    craft.command("noop")
+    try:
+        ground.connect("http://127.0.0.1:9/craft")
+    except ModuleNotFoundError as error:
+        print(error.name)
+    import threading
+    print(threading.active_count())
+"""
+
+
+def test_a_script_with_a_plain_link_needs_no_package_of_other_links(tmp_path):
+    """That of a server names what is missing, and leaves no thread."""
+    dictionary = fledge.load("nadir_spin").flight.commands.dictionary
+    (tmp_path / "packets.json").write_text(dictionary.text())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flight:
+        flight.bind(("127.0.0.1", 0))
+        flight.settimeout(PATIENCE)
+        address = f"udp://127.0.0.1:{flight.getsockname()[1]}?listen={free(socket.SOCK_DGRAM)}"
+        done = subprocess.run([sys.executable, "-c", PLAIN, address, tmp_path / "packets.json"], capture_output=True,
+                              text=True, timeout=PATIENCE)
+        assert done.stdout.split() == ["aiohttp", "1"], done.stderr
+        assert flight.recv(1000) == Packets(dictionary).noop()
 
 
 def test_commands_are_made_of_names_and_quantities():

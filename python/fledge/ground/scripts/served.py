@@ -13,8 +13,11 @@ from threading import Thread
 from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
 
+from aiohttp import ClientError, ClientSession
+
 from fledge.commands import Dictionary, Timed
-from fledge.errors import Failure, SetupError, did_you_mean, listed
+from fledge.commands.fields import place_of
+from fledge.errors import Failure, SetupError
 from fledge.ground.scripts.address import is_loopback
 from fledge.ground.scripts.links import Link
 
@@ -96,8 +99,6 @@ class Served(Link):
     # --- in the thread of the connection ---
 
     def _call(self, request: Awaitable[Answer]) -> Answer:
-        from aiohttp import ClientError
-
         async def patiently() -> Answer:
             return await asyncio.wait_for(request, PATIENCE)
 
@@ -107,16 +108,12 @@ class Served(Link):
             raise ConnectionError(f"{self._server}: {error or 'no answer'}") from None
 
     async def _open(self) -> None:
-        from aiohttp import ClientSession
-
         self._session = ClientSession(headers={"Authorization": f"Bearer {self._token}"} if self._token else {},
                                       trust_env=False)
         self._csrf = (await self._get("session"))["csrf"]
-        crafts = {row["name"]: row for row in await self._get("crafts")}
-        if self._name not in crafts:
-            raise SetupError(f"{self._server} has no spacecraft '{self._name}'{did_you_mean(self._name, crafts)} "
-                             f"it has {listed(list(crafts))}")
-        self._t = int(crafts[self._name]["t_ns"])
+        crafts = await self._get("crafts")
+        craft = place_of(crafts, [row["name"] for row in crafts], self._name, "spacecraft", self._server)[1]
+        self._t = int(craft["t_ns"])
         self.dictionary = Dictionary.read(json.dumps(await self._get(f"crafts/{self._name}/dictionary")), self._name)
         self._socket = await self._session.ws_connect(f"{self._server}/api/live", heartbeat=30)
         await self._socket.send_json({"subscribe_packets": self._name})
@@ -125,7 +122,7 @@ class Served(Link):
         if first is None or first["kind"] == "refused":
             raise SetupError(f"{self._server}: {first['error'] if first else 'the connection was closed'}")
         self._t = int(first["t_ns"])
-        self._begin = self._t if crafts[self._name]["clock"] == "utc" else 0
+        self._begin = self._t if craft["clock"] == "utc" else 0
         if first["packets"]:
             self._queue.put(first)
 

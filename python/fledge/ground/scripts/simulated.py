@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Timed
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.commands.fields import place_of
+from fledge.errors import SetupError, listed
 from fledge.ground.scripts.links import Link
 from fledge.mission.process import Flight
 
@@ -15,26 +16,18 @@ if TYPE_CHECKING:
 
 def flight_of(simulation: Simulation, name: str | None = None) -> Flight:
     """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
-    flights = {process.name: process for process in simulation.processes if isinstance(process, Flight)}
-    names = list(flights)
-    if name is None and len(names) == 1:
-        return flights[names[0]]
-    if name is None:
+    flights = [process for process in simulation.processes if isinstance(process, Flight)]
+    names = [flight.name for flight in flights]
+    if name is None and len(names) != 1:
         raise SetupError(f"{simulation.name} has {len(names)} flight processes; choose one by its name, `process`: "
-                         + listed(names, none="none"))
-    if name not in names:
-        raise SetupError(f"{simulation.name} has no flight process '{name}'{did_you_mean(name, names)} it has "
-                         + listed(names, none="none"))
-    return flights[name]
+                         + listed(names))
+    return flights[0] if name is None else place_of(flights, names, name, "flight process", simulation.name)[1]
 
 
 def radio_of(simulation: Simulation, path: str) -> Any:
     """The model of a path, "world.radio". Raises SetupError."""
     radios = [carrier for carrier, _ in simulation.kernel.carriers]
-    if path not in radios:
-        raise SetupError(f"{simulation.name} has no radio '{path}'{did_you_mean(path, radios)} it has "
-                         + listed(radios, none="none"))
-    process, name = path.split(".")
+    process, name = place_of(radios, radios, path, "radio", simulation.name)[1].split(".")
     return simulation.process(process).instances[name]
 
 

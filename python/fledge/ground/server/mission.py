@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.commands import Dictionary
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.commands.fields import place_of
 from fledge.files import write_files
 
 if TYPE_CHECKING:
@@ -41,10 +41,9 @@ class LoadedMission:
         if settings.scenario:
             set_up(sim, chosen(sim, settings.scenario)[1])
         process = flight_of(sim, settings.process)
-        if settings.radio and settings.radio not in sim.world.instances:
-            raise SetupError(f"{settings.name}: the world of {sim.name} has no radio '{settings.radio}'"
-                             f"{did_you_mean(settings.radio, sim.world.instances)} it has "
-                             + listed(list(sim.world.instances)))
+        if settings.radio:
+            models = list(sim.world.instances)
+            place_of(models, models, settings.radio, "radio", f"{settings.name}: the world of {sim.name}")
         folder = Path(sim.mission.folder) if sim.mission else None
         own = [module for name, module in sys.modules.copy().items() if name.startswith(f"_mission_{sim.name}_")]
         files = sorted({Path(path) for module in own if (path := getattr(module, "__file__", None))})

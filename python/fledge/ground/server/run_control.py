@@ -8,7 +8,8 @@ from math import inf
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.commands.fields import place_of
+from fledge.errors import SetupError
 
 if TYPE_CHECKING:
     from fledge.cosim.steering import Steering
@@ -118,16 +119,9 @@ class Pace(RunControl):
         if "".join(steps) != path.replace(".", "") or len(steps) < 3 or any(
                 step.startswith("_") for step in steps):
             raise SetupError(f"a fault is of a parameter by its path, as world.wheels.friction; found '{path}'")
-        names = {process.name: process for process in self.sim.processes}
-        if steps[0] not in names:
-            raise SetupError(f"{self.sim.name} has no process '{steps[0]}'{did_you_mean(steps[0], list(names))} it has "
-                             + listed(list(names)))
-        holder: Any = names[steps[0]]
-        if steps[1] not in holder.instances:
-            known = list(holder.instances)
-            raise SetupError(f"{steps[0]} has no part '{steps[1]}'{did_you_mean(steps[1], known)} it has "
-                             + listed(known))
-        holder = holder.instances[steps[1]]
+        names = [process.name for process in self.sim.processes]
+        parts = place_of(self.sim.processes, names, steps[0], "process", self.sim.name)[1].instances
+        holder: Any = place_of(list(parts.values()), list(parts), steps[1], "part", steps[0])[1]
         try:
             for step in steps[2:-1]:
                 holder = holder[int(step[1:-1])] if step.startswith("[") else getattr(holder, step)
