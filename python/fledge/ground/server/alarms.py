@@ -4,16 +4,35 @@ operator has acknowledged it."""
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict, cast
 
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
+    from fledge.ground.server.journal import Row
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.telemetry import Telemetry
 
 LONGEST = 7 * 86400     # [s] for which an alarm is shelved
 CONCERNS = ("normal", "watch", "warning", "distress", "critical", "severe")
+SEVERITIES = ("info", *CONCERNS[1:])    # of events
+
+
+class Alarm(TypedDict):
+    """A row of the journal. Concerns are places in CONCERNS."""
+    id: NotRequired[int]
+    name: str               # of the parameter
+    concern: int
+    worst: int
+    since_ns: str
+    t_ns: str
+    count: int              # how often it became worse
+    value: Any              # the newest beyond its limits
+    text: str
+    acknowledged: dict[str, str] | None     # user, note, t_ns, received_ns
+    shelved_until_ns: str
+    ended_ns: str
 
 
 class Alarms:
@@ -22,9 +41,9 @@ class Alarms:
 
     def __init__(self, telemetry: Telemetry, reporter: Reporter) -> None:
         self._telemetry, self._clock, self._reporter = telemetry, reporter.clock, reporter
-        self._open: dict[str, dict[str, Any]] = {}
+        self._open: dict[str, Alarm] = {}
         self._changed: set[str] = set()     # alarms with a level that the journal does not have yet
-        for alarm in reporter.all("alarms", is_open=True):
+        for alarm in cast("list[Alarm]", reporter.all("alarms", is_open=True)):
             if int(alarm["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
                 alarm["shelved_until_ns"] = "0"
             self._open[alarm["name"]] = alarm
@@ -48,17 +67,18 @@ class Alarms:
     def compare(self) -> None:
         """Update the alarms by the present states of the monitor, of which notes may be lost."""
         for slot, name in enumerate(self._telemetry.slot_names):
-            newest, before = self._telemetry.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
+            newest, alarm = self._telemetry.monitor.newest(slot), self._open.get(name)
+            before = alarm["concern"] if alarm else 0
             if newest and newest[5] != before:
                 self.take([(slot, newest[0], before, newest[5])])
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Row]:
         """The open alarms. The slot is None if the database no longer has the parameter."""
         return [self._shown(alarm) for alarm in list(self._open.values())]      # from any thread
 
     def take(self, notes: list[tuple[int, int, int, int]]) -> None:
         """Take changes of limit states: (slot, t, old, new) each."""
-        changed: dict[str, dict[str, Any]] = {}
+        changed: dict[str, Alarm] = {}
         for slot, t, _, new in notes:
             name = self._telemetry.slot_names[slot]
             alarm = self._open.get(name)
@@ -70,7 +90,7 @@ class Alarms:
                     "value": None, "text": "", "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
             alarm["count"] += new > alarm["concern"]
             worse = new > alarm["worst"]
-            alarm.update(concern=new, t_ns=str(t), worst=max(new, alarm["worst"]))
+            alarm["concern"], alarm["t_ns"], alarm["worst"] = new, str(t), max(new, alarm["worst"])
             if new:
                 newest = self._telemetry.monitor.newest(slot)
                 alarm["value"] = value = newest[3] if newest else None
@@ -83,12 +103,12 @@ class Alarms:
                 self._changed.add(name)
         self._keep(list(changed.values()))
 
-    def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
+    def acknowledge(self, name: str, user: str, note: str) -> Row:
         """Acknowledge an alarm for a user. Raises SetupError if there is no such alarm, or the journal fails."""
         return self._request(self._named(name), acknowledged={
             "user": user, "note": note, "t_ns": str(self._clock.now), "received_ns": str(time.time_ns())})
 
-    def shelve(self, name: str, seconds: float) -> dict[str, Any]:
+    def shelve(self, name: str, seconds: float) -> Row:
         """Do not announce an alarm for some seconds of the server's time; 0: announce it again from now on."""
         if not 0 <= seconds <= LONGEST:
             raise SetupError(f"an alarm is shelved for 0 to {LONGEST} s; found {seconds:g}")
@@ -102,17 +122,17 @@ class Alarms:
                 alarm["shelved_until_ns"] = str(max(0, int(alarm["shelved_until_ns"]) + by))
                 self._changed.add(name)
 
-    def _request(self, alarm: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    def _request(self, alarm: Alarm, **changes: Any) -> Row:
         """Change an alarm for a user, after the journal has it. Raises JournalError: then nothing has changed."""
-        later = alarm | changes
+        later: Row = {**alarm, **changes}
         if not later["concern"] and later["acknowledged"]:
             later["ended_ns"] = str(self._clock.now)
         self._reporter.keep("alarms", later, shown=self._shown, must=True)
-        alarm.update(later)
+        cast("Row", alarm).update(later)
         self._ends(alarm, self._clock.now)
         return self._shown(alarm)
 
-    def _ends(self, alarm: dict[str, Any], t: int) -> bool:
+    def _ends(self, alarm: Alarm, t: int) -> bool:
         """End an alarm if its two conditions hold; returns whether they do."""
         if alarm["concern"] or not alarm["acknowledged"]:
             return False
@@ -120,15 +140,15 @@ class Alarms:
         del self._open[alarm["name"]]
         return True
 
-    def _named(self, name: str) -> dict[str, Any]:
+    def _named(self, name: str) -> Alarm:
         if name not in self._open:
             raise SetupError(f"{self._reporter.name} has no alarm of {name}")
         return self._open[name]
 
-    def _shown(self, alarm: dict[str, Any]) -> dict[str, Any]:
+    def _shown(self, alarm: Mapping[str, Any]) -> Row:
         names = self._telemetry.slot_numbers
-        return alarm | {"craft": self._reporter.name, "slot": names.get(alarm["name"]),
-                        "level": CONCERNS[alarm["concern"]], "worst_level": CONCERNS[alarm["worst"]]}
+        return {**alarm, "craft": self._reporter.name, "slot": names.get(alarm["name"]),
+                "level": CONCERNS[alarm["concern"]], "worst_level": CONCERNS[alarm["worst"]]}
 
-    def _keep(self, changed: list[dict[str, Any]]) -> None:
+    def _keep(self, changed: list[Alarm]) -> None:
         self._reporter.keep("alarms", *changed, shown=self._shown)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PART = 8192     # values of a series that become text at once
 
 
-def dumps(content: Any) -> str:
+def dumps(content: object) -> str:
     """As JSON, in which a number that is not finite is null."""
     try:
         return json.dumps(content, allow_nan=False)
@@ -27,7 +27,7 @@ def dumps(content: Any) -> str:
         return json.dumps(_finite(content))
 
 
-def _finite(content: Any) -> Any:
+def _finite(content: object) -> object:
     if isinstance(content, dict):
         return {key: _finite(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -116,12 +116,12 @@ def in_binary(all_series: dict[str, Series]) -> Iterator[bytes]:
             yield bytes(-len(t) % 8)
 
 
-def answer(content: Any) -> web.Response:
+def answer(content: object) -> web.Response:
     """A short answer in JSON."""
     return web.Response(text=dumps(content), content_type="application/json")
 
 
-def json_answer(content: Any) -> web.Response:
+def json_answer(content: object) -> web.Response:
     """An answer that may be long: the calling thread, not the event loop, encodes it."""
     return web.Response(body=dumps(content).encode(), content_type="application/json")
 

@@ -14,6 +14,7 @@ import yaml
 from aiohttp import WSMsgType
 from jsonschema import Draft4Validator
 
+from fledge.ground.server.alarms import CONCERNS, SEVERITIES
 from fledge.ground.server.attacked_test import ROWS
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
@@ -159,6 +160,12 @@ def conforms(path, method, status, content, kind="application/json"):
 
 def test_the_file_is_valid():
     assert complaints(API) == []
+
+
+def test_the_file_has_the_levels_of_alarms_and_the_severities_of_events():
+    schemas = API["components"]["schemas"]
+    assert schemas["Concern"]["description"] == ", ".join(CONCERNS)
+    assert tuple(schemas["Event"]["properties"]["severity"]["enum"]) == SEVERITIES
 
 
 @pytest.mark.parametrize("change, says", [

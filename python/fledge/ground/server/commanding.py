@@ -7,7 +7,7 @@ progress, completed or failed, as its uplink knows them (uplink.py).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.server.stages import Stages
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.past import Past
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.settings import CraftSettings
+    from fledge.ground.server.stages import Command
     from fledge.ground.server.telemetry import Telemetry
 
 NUMBERS = ("natural", "integer", "label", "boolean")
@@ -39,7 +40,7 @@ class Hazardous(SetupError):
 
 
 class Commanding:
-    """The spacecraft's own thread calls all methods but `preview` and `forms`.
+    """The spacecraft's own thread calls all methods but `preview`, `forms` and `hazard`.
 
     dictionary: of a mission of Fledge, or None; flown: the server flies it; past: the sessions before
     """
@@ -49,11 +50,12 @@ class Commanding:
         self._flown, self._connection, self._telemetry = flown, connection, telemetry
         self._past, self._clock, self._reporter = past, reporter.clock, reporter
         self._stages = Stages(reporter)
-        self._uplink: Uplink = FlightUplink(settings, dictionary, connection, telemetry, self._stages) \
+        self.uplink: Uplink = FlightUplink(settings, dictionary, connection, telemetry, self._stages) \
             if dictionary else DatabaseUplink(settings, connection, telemetry, reporter, self._stages)
         self.load()
         #: commands that had not ended when the last server stopped
-        self.left = [row for row in reporter.all("sent", is_open=True) if isinstance(row.get("open"), dict)]
+        self.left = [cast("Command", row) for row in reporter.all("sent", is_open=True)
+                     if isinstance(row.get("open"), dict)]
 
     def restore(self) -> None:
         """Go on with the commands of the last server: flight may report them yet. Reports sent meanwhile are lost."""
@@ -65,7 +67,7 @@ class Commanding:
         for row in left:
             form, packets = self._forms.get(row["name"]), [bytes.fromhex(word) for word in row["hex"].split()]
             ended = self._flown or clock.simulated and clock.now < int(row["t_ns"])
-            if ended or not self._uplink.restore(row, packets, form):
+            if ended or not self.uplink.restore(row, packets, form):
                 self._stages.add(row, "unknown", None, "the run that it was sent to has ended" if ended else
                                  "the database does not have this command any more")
                 self._stages.end(row)
@@ -76,9 +78,9 @@ class Commanding:
         for form in forms.values():             # the server counts bytes itself, so no form asks for it
             counts = {argument["counted_by"] for argument in form["arguments"]}
             form["arguments"] = [argument for argument in form["arguments"] if argument["name"] not in counts]
-            self._uplink.prepare(form)
+            self.uplink.prepare(form)
         self._forms = forms                     # other threads read it
-        self._uplink.reload()
+        self.uplink.reload()
 
     @property
     def forms(self) -> list[dict[str, Any]]:
@@ -87,7 +89,7 @@ class Commanding:
     def preview(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         """The bytes that a command would have, its sequence apart. Raises ArgumentError."""
         form, given, packet = self._encoded(name, arguments)
-        packet = finished(packet, 0, self._uplink.header)
+        packet = finished(packet, 0, self.uplink.header)
         known = {argument["name"]: argument for argument in form["arguments"]}
         whole, fields = int.from_bytes(packet, "big"), []
         for field, is_argument, bit, bits in self._telemetry.database.places(form["path"], **given):
@@ -99,7 +101,7 @@ class Commanding:
                            "argument": bool(argument), "raw": digits})
         return {"hex": packet.hex(), "fields": fields, "hazardous": form["hazardous"]}
 
-    def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> dict[str, Any]:
+    def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> Command:
         """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
         packet = self.packet_of(name, arguments, confirmed)
         return self.release(user, name, arguments, [packet], form=self._forms[name])
@@ -114,7 +116,7 @@ class Commanding:
                      if form["hazardous"]]
         if not hazardous:
             return ""
-        return next((why for command in self._uplink.commands_in(packet) for name, path, why in hazardous
+        return next((why for command in self.uplink.commands_in(packet) for name, path, why in hazardous
                      if command in (name, path) or name.startswith(f"{command}.from_")), "")
 
     def packet_of(self, name: str, arguments: dict[str, Any], confirmed: bool) -> bytes:
@@ -122,42 +124,29 @@ class Commanding:
         form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
             raise Hazardous(form["hazardous"])
-        return self._uplink.numbered(packet)
+        return self.uplink.numbered(packet)
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
-                then: Callable[[Sent], None] | None = None, form: Form | None = None) -> dict[str, Any]:
+                then: Callable[[Sent], None] | None = None, form: Form | None = None) -> Command:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
         executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
         connection, name_of_craft = self._connection, self._reporter.name
         if connection.link is None or connection.silent:
             raise SetupError(f"{name_of_craft}: {connection.silent}; so nothing was sent")
-        row: dict[str, Any] = {"craft": name_of_craft, "t_ns": str(self._clock.now), "user": user, "name": name,
-                               "arguments": arguments, "hex": " ".join(packet.hex() for packet in packets),
-                               "stages": []}
-        if self._uplink.follows(form):
+        row: Command = {"craft": name_of_craft, "t_ns": str(self._clock.now), "user": user, "name": name,
+                        "arguments": arguments, "hex": " ".join(packet.hex() for packet in packets), "stages": []}
+        if self.uplink.follows(form):
             row["open"] = {}
         self._stages.add(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
         self._reporter.save("sent", row)    # before it leaves
         try:
-            self._uplink.send(row, packets, form, then)
+            self.uplink.send(row, packets, form, then)
         except OSError as error:
             row.pop("open", None)
             self._stages.add(row, "failed", False,
                              f"the link broke: {error.strerror or error}; it may have arrived or not")
         self._stages.keep(row)
         return row
-
-    def stepped(self, by: int) -> None:
-        """The server's clock was set [ns]."""
-        self._uplink.stepped(by)
-
-    def verified(self, number: int, t: int, returned: str) -> None:
-        """A packet fulfils a verifier, by the monitor."""
-        self._uplink.verified(number, t, returned)
-
-    def poll(self) -> None:
-        """Add the stages that commands have reached since the last call."""
-        self._uplink.poll()
 
     def _encoded(self, name: str, arguments: dict[str, Any]) -> tuple[Form, dict[str, Any], bytes]:
         """(form, what the encoder is given, packet)."""

@@ -7,9 +7,10 @@ two bodies and J2: without other bodies, drag, thrust and finer gravity, so the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from threading import Lock
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from fledge.ground.server.scene import Feed
 
@@ -22,9 +23,18 @@ DAY = 86400.0           # [s] ahead
 STEP = 10.0             # [s] between the times at which passes are looked for; shorter ones may be missed
 AGAIN = 5.0             # [s] of real time from a prediction to the next
 SPEED_OF_LIGHT = 299792458.0
-STATES = ["silent", "locked", "below the mask", "hidden by a body", "too weak", "off"]     # RadioState
+WORDS = {"LOW": "below the mask", "HIDDEN": "hidden by a body", "WEAK": "too weak"}     # of RadioState, for some
 LINK = ("range", "light_time", "elevation", "eb_n0_dB", "bit_error_rate")
 TRAFFIC = ("bytes", "sent", "dropped", "lost", "received", "damaged", "waiting")
+
+
+class Pass(TypedDict):
+    """Over a station; times [s]. rise, set: None where they lie outside the predicted day."""
+    station: str
+    rise: float | None
+    set: float | None
+    highest: float
+    elevation: float        # [rad] of then
 
 
 class Station:
@@ -53,9 +63,8 @@ class Station:
         distance = np.linalg.norm(way, axis=1)
         return np.arcsin(way @ self.up / distance), distance
 
-    def passes(self, t: float, r: Any, v: Any) -> list[dict[str, Any]]:
-        """The passes from t [s] on for a day of a spacecraft at r [m], v [m/s] in N: rise and set [s], None where they
-        lie outside, highest [s] and its elevation [rad]."""
+    def passes(self, t: float, r: NDArray[Any], v: NDArray[Any]) -> list[Pass]:
+        """The passes from t [s] on for a day of a spacecraft at r [m], v [m/s] in N."""
         import numpy as np
         from scipy.optimize import brentq, minimize_scalar
 
@@ -74,15 +83,16 @@ class Station:
         cuts = [float(brentq(lambda x: over(x)[0], times[k], times[k + 1], xtol=1e-3))
                 for k in np.flatnonzero(np.diff(heights > 0))]
         ends = ([None] if heights[0] > 0 else []) + cuts + ([None] if heights[-1] > 0 else [])
-        predicted = []
+        predicted: list[Pass] = []
         for rise, end in zip(ends[::2], ends[1::2]):
             within = (0.0 if rise is None else rise, DAY if end is None else end)
             best = times[(inside := (times >= within[0]) & (times <= within[1]))]
             near = best[np.argmax(heights[inside])] if len(best) else sum(within) / 2
             top = minimize_scalar(lambda x: -over(x)[0], method="bounded", options={"xatol": 1e-2}, bounds=(
                 max(within[0], near - STEP), min(within[1], near + STEP)))
-            predicted.append({"rise": None if rise is None else t + rise, "set": None if end is None else t + end,
-                              "highest": t + float(top.x), "elevation": self.mask - float(top.fun)})
+            predicted.append({"station": self.name, "rise": None if rise is None else t + rise,
+                              "set": None if end is None else t + end, "highest": t + float(top.x),
+                              "elevation": self.mask - float(top.fun)})
         return predicted
 
 
@@ -99,7 +109,7 @@ def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDAr
             np.tile(np.array(body.v_PN_N, dtype=float), (len(times), 1)))
 
 
-def orbit(body: Any, pole: NDArray[Any], r: NDArray[Any], v: NDArray[Any]) -> Any:
+def orbit(body: Any, pole: NDArray[Any], r: NDArray[Any], v: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
     """The motion (r, v) about a body in the coming day, as a function of the time from now [s]: by its mass, and by its
     J2 if the mission has more than its mass."""
     import numpy as np
@@ -129,15 +139,15 @@ class Contacts:
     def __init__(self, feed: Feed, simulation: Simulation | None, radio: str = "") -> None:
         self._feed, self._used = feed, radio
         self._lock = Lock()
-        self._predicted: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
+        self._predicted: tuple[float, list[Pass]] = (-math.inf, [])
         self.state: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
         self._states: dict[str, tuple[float, NDArray[Any], NDArray[Any]]] = {}      # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
         self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
         if simulation is None:
             return
-        models = {f"{process.name}.{name}": model for process in simulation.processes
-                  if process not in simulation.flights for name, model in process.instances.items()}
+        models: dict[str, Any] = {f"{process.name}.{name}": model for process in simulation.processes
+                                  if process not in simulation.flights for name, model in process.instances.items()}
         facts = feed.facts
         for path in facts.all_of("GroundStation"):
             craft = models.get(facts.wires.get(f"{path}.truth", "").rpartition(".")[0])
@@ -149,6 +159,8 @@ class Contacts:
     def poll(self) -> None:
         """Take the present state. Call it in the thread that has the link."""
         import numpy as np
+
+        from fledge.world import RadioState
 
         if not self._stations and not self._radios:
             return
@@ -174,8 +186,9 @@ class Contacts:
                                    "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
                 link, traffic = (newest.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
+                word = "" if link is None else RadioState(int(link["state"])).name
                 row[way] = {"rate": getattr(radio, f"{way}_rate")} | (
-                    {} if link is None else {"state": STATES[int(link["state"])], "lock": bool(link["lock"])}
+                    {} if link is None else {"state": WORDS.get(word, word.lower()), "lock": bool(link["lock"])}
                     | {name: float(link[name]) for name in LINK}) | (
                     {} if traffic is None else {name: int(traffic[name]) for name in TRAFFIC})
             radios.append(row)
@@ -183,11 +196,11 @@ class Contacts:
             self._states = states
         self.state = {"stations": stations, "radios": radios}
 
-    def passes(self) -> list[dict[str, Any]]:
+    def passes(self) -> list[Pass]:
         """Those of the coming day, of each station, soonest first; for all threads."""
         with self._lock:
             if monotonic() - self._predicted[0] > AGAIN:
                 self._predicted = monotonic(), sorted(
-                    ({"station": station.name} | entry for station in self._stations if station.path in self._states
+                    (entry for station in self._stations if station.path in self._states
                      for entry in station.passes(*self._states[station.path])), key=lambda entry: entry["highest"])
             return self._predicted[1]

@@ -33,10 +33,11 @@ from registers.checked_toml import Tables, TomlError, parse, text_of
 
 KINDS = ("values", "large", "plot", "commands")
 MOST = 200      # rows of a name
+Rows = Sequence[Mapping[str, Any]]
+Place = tuple[str | int, ...]       # of a value: the keys and numbers that lead to it
 
 
-def displays(folders: Iterable[Path], slots: Sequence[Mapping[str, Any]], forms: Sequence[Mapping[str, Any]]
-             ) -> list[dict[str, Any]]:
+def displays(folders: Iterable[Path], slots: Rows, forms: Rows) -> list[dict[str, Any]]:
     """The displays of the files *.toml of these folders, by their names; the first folder that has a name counts.
 
     slots, forms: the parameters and commands of the craft. Each is {name, title, problems, panels: [{kind, title, wide,
@@ -49,7 +50,7 @@ def displays(folders: Iterable[Path], slots: Sequence[Mapping[str, Any]], forms:
     return [_display(files[name], slots, forms) for name in sorted(files)]
 
 
-def _display(file: Path, slots: Sequence[Mapping[str, Any]], forms: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _display(file: Path, slots: Rows, forms: Rows) -> dict[str, Any]:
     display: dict[str, Any] = {"name": file.stem, "title": file.stem, "problems": [], "panels": []}
     try:
         text = text_of(file)
@@ -63,8 +64,7 @@ def _display(file: Path, slots: Sequence[Mapping[str, Any]], forms: Sequence[Map
 
 
 class _Reader(Tables):
-    def __init__(self, file: str, lines: dict[Any, int], text: str, slots: Sequence[Mapping[str, Any]],
-                 forms: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, file: str, lines: dict[Place, int], text: str, slots: Rows, forms: Rows) -> None:
         super().__init__(file, lines)
         self.rows = text.splitlines()
         self.slots = {str(slot["name"]): slot for slot in slots}
@@ -74,7 +74,7 @@ class _Reader(Tables):
         self.keys(whole, (), ("title", "panel"))
         return [self.panel(table, ("panel", i)) for i, table in enumerate(self.tables(whole, (), "panel"))]
 
-    def panel(self, table: dict[str, Any], at: tuple[Any, ...]) -> dict[str, Any]:
+    def panel(self, table: dict[str, Any], at: Place) -> dict[str, Any]:
         self.keys(table, at, ("title", "wide", "minutes", *KINDS))
         kinds = [key for key in KINDS if key in table]
         if len(kinds) != 1:
@@ -96,7 +96,7 @@ class _Reader(Tables):
         return {"kind": kind, "title": self.text(table, at, "title", ""), "minutes": minutes, "items": items,
                 "wide": bool(self.value(table, at, "wide", (bool,), "true or false", False))}
 
-    def numbers(self, given: dict[str, Any], at: tuple[Any, ...]) -> list[dict[str, Any]]:
+    def numbers(self, given: dict[str, Any], at: Place) -> list[dict[str, Any]]:
         """The slots of a name: its own, or those of all its elements and members."""
         self.keys(given, at, ("name", "label", "digits"))
         name, label = self.text(given, at, "name"), self.text(given, at, "label", "")
@@ -113,7 +113,7 @@ class _Reader(Tables):
         return [{"name": slot["name"], "slot": slot["slot"], "digits": digits,
                  "label": (label + str(slot["name"])[len(name):] if label else slot["name"])} for slot in matches]
 
-    def button(self, given: dict[str, Any], at: tuple[Any, ...]) -> list[dict[str, Any]]:
+    def button(self, given: dict[str, Any], at: Place) -> list[dict[str, Any]]:
         self.keys(given, at, ("command", "label", "arguments"))
         name = self.text(given, at, "command")
         arguments = self.table(given, at, "arguments")
@@ -127,7 +127,7 @@ class _Reader(Tables):
                         for argument in arguments if argument not in known), "")
         return [entry | ({"problem": f"{self.place(name, at)}: {why}"} if why else {})]
 
-    def place(self, name: str, at: tuple[Any, ...]) -> str:
+    def place(self, name: str, at: Place) -> str:
         """FILE:LINE of a name: of its line in the array, or of the array's."""
         first: int = self.lines.get(at) or self.lines.get(at[:-1]) or 1
         line = next((i for i, row in enumerate(self.rows[first - 1:], first) if f'"{name}"' in row), first)

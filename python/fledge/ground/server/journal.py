@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from fledge.errors import SetupError, printable
 
 Answer = TypeVar("Answer")
+Row = dict[str, Any]        # an object of JSON
 
 LISTS = ("sent", "events", "alarms", "limits", "transfers", "stored", "log")
 MOST = 500          # rows of an answer
@@ -56,16 +57,16 @@ class Journal:
         except (sqlite3.Error, UnicodeError) as error:      # a damaged schema may be no text
             raise SetupError(f"{self.path}: {error}") from None
 
-    def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
+    def save(self, kind: str, craft: str, *contents: Mapping[str, Any]) -> None:
         """Write objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
         self.save_all([(kind, craft, content) for content in contents])
 
-    def save_all(self, rows: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
+    def save_all(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
         """The same of (kind, craft, object) each."""
         for (_, _, content), number in zip(rows, self._write(lambda: [self._put(*row) for row in rows])):
-            content["id"] = number
+            cast(Row, content)["id"] = number
 
-    def _put(self, kind: str, craft: str, content: dict[str, Any]) -> int | None:
+    def _put(self, kind: str, craft: str, content: Mapping[str, Any]) -> int | None:
         text = json.dumps({key: value for key, value in content.items() if key != "id"})
         if "id" in content:
             self._db.execute(f"UPDATE {kind} SET content = ? WHERE id = ?", (text, content["id"]))
@@ -75,7 +76,7 @@ class Journal:
 
     def rows(self, kind: str, craft: str | None = None, before: int | None = None, limit: int = MOST,
              before_ns: int | None = None, seen: tuple[list[str], str] | None = None,
-             user: str | None = None) -> list[dict[str, Any]]:
+             user: str | None = None) -> list[Row]:
         """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of
         this time of the spacecraft's clock (the log: UTC) at most; user: of this one; seen: of
         some spacecraft, or of a user."""
@@ -90,12 +91,12 @@ class Journal:
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         return self._read(text, (*given, min(limit, MOST)))
 
-    def all(self, kind: str, craft: str, is_open: bool = False) -> list[dict[str, Any]]:
+    def all(self, kind: str, craft: str, is_open: bool = False) -> list[Row]:
         """All objects of a spacecraft, the oldest first. is_open: those that have not ended."""
         where = f" AND {_is_open(kind)}" if is_open else ""
         return self._read(f"SELECT id, content FROM {kind} WHERE craft = ?{where} ORDER BY id", (craft,))
 
-    def _read(self, query: str, given: Sequence[Any]) -> list[dict[str, Any]]:
+    def _read(self, query: str, given: Sequence[Any]) -> list[Row]:
         """The objects of (id, content). Raises SetupError if the journal is damaged."""
         number = 0
         try:

@@ -9,7 +9,7 @@ import struct
 import time
 from collections import deque
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aiohttp import WebSocketError, WSMsgType, web
 
@@ -20,6 +20,8 @@ from fledge.ground.server.spacecraft import Spacecraft
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
+    from aiohttp.http import WebSocketWriter
+
     from fledge.ground.server.web import Server
 
 FRAME = 32          # [bytes] of a frame without values
@@ -39,15 +41,15 @@ class _Socket(web.WebSocketResponse):
         super().__init__(heartbeat=30, autoping=False, max_msg_size=int(bounds["message"]), compress=False)
         self.bounds, self._frames = bounds, Recent()
 
-    def _post_start(self, request: web.BaseRequest, protocol: str, writer: Any) -> None:
+    def _post_start(self, request: web.BaseRequest, protocol: str, writer: WebSocketWriter) -> None:
         whole, early = request.protocol, request.protocol._message_tail
         whole._message_tail = b""
         super()._post_start(request, protocol, writer)
         reader = whole._payload_parser
         parse, feed = reader.parse_frame, reader.feed_data
 
-        def counted(data: bytes) -> Any:
-            frames = parse(data)
+        def counted(data: bytes) -> list[tuple[object, ...]]:
+            frames: list[tuple[object, ...]] = parse(data)
             if self.bounds.over("frames", self._frames.count(len(frames), time.monotonic())):
                 raise WebSocketError(1008, self.bounds.says("frames"))
             return frames
@@ -77,7 +79,7 @@ class Sender:
     `frames`, for as long as a turn of all lasts."""
 
     def __init__(self) -> None:
-        self.frames: dict[Any, Any] = {}
+        self.frames: dict[tuple[object, ...], tuple[int, bytes]] = {}
         self._due: deque[Browser] = deque()
         self._wake = asyncio.Event()
 
@@ -201,17 +203,17 @@ class Browser:
         self.wake()
 
     @message("unsubscribe", USER, craft="")
-    def _unsubscribe(self, name: str, _: Any) -> None:
+    def _unsubscribe(self, name: str, _: object) -> None:
         self.wanted.pop(name, None)
 
     @message("subscribe_packets", "view")
-    def _subscribe_packets(self, craft: Spacecraft, _: Any) -> None:
+    def _subscribe_packets(self, craft: Spacecraft, _: object) -> None:
         if craft.name not in self._feeds:
             self._feeds[craft.name] = _PacketFeed(craft, self.server)
             craft.telemetry.sinks.append(self._feeds[craft.name].take)
 
     @message("subscribe", "view")
-    def _subscribe(self, craft: Spacecraft, content: Any) -> None:
+    def _subscribe(self, craft: Spacecraft, content: object) -> None:
         if not isinstance(content, dict):
             raise SetupError('subscribe is {"craft": ..., "slots": [...], "hz": 10}')
         slots, hz = content.get("slots", []), content.get("hz", 10)
@@ -251,7 +253,7 @@ class Browser:
 
     def _values(self, now: float, transport: asyncio.Transport) -> None:
         frames = self.server.sender.frames
-        key: tuple[Any, ...]
+        key: tuple[object, ...]
         for name, wanted in list(self.wanted.items()):
             if now < wanted.due:
                 continue

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from fledge.ground.server.limits import SetLimits
@@ -19,12 +20,12 @@ LISTED = 1 << 22        # [bytes] of packets in a list, which ends then
 class Series(NamedTuple):
     """The values of a parameter, or those of each of some buckets."""
 
-    t: NDArray[Any]             #: [ns]
-    value: NDArray[Any]
-    low: NDArray[Any]
-    high: NDArray[Any]
-    concern: NDArray[Any]
-    worst: NDArray[Any]
+    t: NDArray[np.int64]        #: [ns]
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    concern: NDArray[np.uint8]
+    worst: NDArray[np.uint8]
     exact: tuple[str, list[Any]] | None     #: (kind, values), if they were requested
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from fledge.ground.server.bounds import Bounds
-from fledge.ground.server.journal import Journal, JournalError
+from fledge.ground.server.journal import Journal, JournalError, Row
 from fledge.ground.server.settings import Settings
 from fledge.ground.server.run_control import Steered
 from fledge.ground.server.spacecraft import Spacecraft
@@ -30,10 +30,10 @@ class Room:
         self.settings = settings
         self.bounds = Bounds()
         self.journal = Journal(settings.folder)
-        self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: get all objects for browsers, from any thread
+        self.listeners: list[Callable[[Row], None]] = []    #: get all objects for browsers, from any thread
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
-        self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
+        self._unsaved: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}     # of each craft, while the journal fails
         self._left_out = 0      # events besides
         self._failed: set[str] = set()      # spacecraft with an event about the failed journal
         self._keeping = RLock()
@@ -104,13 +104,13 @@ class Room:
 
     # --- what happens ---
 
-    def publish(self, kind: str, craft: str, content: dict[str, Any]) -> None:
+    def publish(self, kind: str, craft: str, content: Mapping[str, Any]) -> None:
         """Send an object to all browsers."""
         for listener in list(self.listeners):
-            listener(content | {"kind": kind, "craft": craft})
+            listener({**content, "kind": kind, "craft": craft})
 
-    def keep(self, kind: str, craft: str, *objects: dict[str, Any],
-             shown: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:
+    def keep(self, kind: str, craft: str, *objects: Mapping[str, Any], shown: Callable[[Row], Row] = dict,
+             must: bool = False) -> None:
         """Write objects into the journal, and publish them, as `shown` has them. What the journal does not take is
         published, too, and is written as soon as it can be. must: raise JournalError instead, for a request is refused
         then."""
@@ -126,7 +126,7 @@ class Room:
                         waiting.append((kind, row))
             self.flush(craft)
         for row in objects:
-            self.publish(KINDS[kind], craft, shown({"id": None} | row))
+            self.publish(KINDS[kind], craft, shown({"id": None, **row}))
 
     def flush(self, craft: str) -> None:
         """Write the rows of a spacecraft that the journal has not taken before, in its thread. The first failure is an
@@ -151,8 +151,8 @@ class Room:
             self.report(craft, "info", "server", "the journal is written again"
                         + f"; {left_out} events meanwhile are not in it" * bool(left_out))
 
-    def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> dict[str, Any]:
-        """An event as the journal has it. severity: info, watch, warning, distress, critical, severe."""
+    def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> Row:
+        """An event as the journal has it. severity: of alarms.SEVERITIES."""
         if t is None and craft in self.crafts:
             t = self.crafts[craft].clock.now
         return {"craft": craft, "t_ns": str(t or 0), "received_ns": str(time.time_ns()), "severity": severity,
@@ -163,7 +163,7 @@ class Room:
         self.keep("events", craft, self.event(craft, severity, source, text, t))
 
     def log(self, user: str, action: str, text: str, craft: str = "", good: bool = True,
-            also: Sequence[tuple[str, dict[str, Any]]] = ()) -> None:
+            also: Sequence[tuple[str, Row]] = ()) -> None:
         """Keep a user's action, and also (kind, object) of it, all or none. Raises JournalError: then the server must
         not carry it out."""
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,

@@ -83,7 +83,7 @@ class Flown:
             while sim.time_ns < t * 1e9:
                 if arrived := craft.connection.receive(round(t * 1e9)):
                     craft.take(craft.clock.timed(arrived, craft.connection.link.t))
-            craft.commanding.poll()
+            craft.commanding.uplink.poll()
             craft.feed.sample()
             number, news = craft.feed.since(number)
             self.messages += news

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 
 PATIENCE = 60.0         # [s] at most until the thread begins again; after as long without an error, soon
-SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "critical"}
+OF_FLIGHT = {"low": "watch", "medium": "warning", "high": "critical"}     # severities of flight, as here
 
 
 class Spacecraft:
@@ -226,7 +226,7 @@ class Spacecraft:
         if link is not None:
             until = self.run.until() if self.run else link.t + TURN
         if link is None or until is None:
-            self.commanding.poll()
+            self.commanding.uplink.poll()
             self._over.wait(TURN / 1e9)
             return
         arrived = self.connection.receive(until)
@@ -241,8 +241,9 @@ class Spacecraft:
         if packets:
             self.take(packets)
         self.telemetry.report_gaps()
-        self.commanding.poll()
+        self.commanding.uplink.poll()
         self.transfers.poll()
+        self.stored.poll()
         self.feed.sample()
 
     def _publish_all(self) -> None:
@@ -273,7 +274,7 @@ class Spacecraft:
     def _advance(self) -> None:
         """Go on with UTC. What waits for a time waits as long when the server's clock is set."""
         if step := self.clock.advance():
-            self.commanding.stepped(step)
+            self.commanding.uplink.stepped(step)
             self.alarms.stepped(step)
             self.reporter.event("warning", "server", f"the clock went {'back' if step < 0 else 'forward'} by "
                                 f"{abs(step) / 1e9:g} s" + ": a new session begins" * (step < 0))
@@ -306,7 +307,7 @@ class Spacecraft:
             elif kind == "watched":
                 self._report(rest[3])
             elif kind == "verified":
-                self.commanding.verified(*rest)
+                self.commanding.uplink.verified(*rest)
             elif kind == "slots":
                 self.telemetry.extend(rest[0])
                 self.handle(self.limits.in_force.learn(rest[0]))
@@ -325,7 +326,7 @@ class Spacecraft:
             return
         craft.take(packet)
         for event in craft.events:
-            self.reporter.event(SEVERITIES.get(event.severity, event.severity), event.output, event.text, event.t)
+            self.reporter.event(OF_FLIGHT.get(event.severity, event.severity), event.output, event.text, event.t)
         for text in craft.texts:
             self.reporter.event("info", text.kind.name.lower(), text.text, text.t)
         craft.events.clear()

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from fledge.ground.scripts.craft import Sent
     from fledge.ground.server.commanding import Commanding
     from fledge.ground.server.link import Connection
+    from fledge.ground.server.journal import Row
     from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.stages import Command
     from fledge.ground.server.telemetry import Telemetry
 
 
@@ -23,11 +25,11 @@ class StoredLists:
                  reporter: Reporter) -> None:
         self.path, self._connection, self._commanding = path, connection, commanding
         self._telemetry, self._clock, self._reporter = telemetry, reporter.clock, reporter
-        self._lists: dict[int, tuple[list[dict[str, Any]], str | None]] = {}    # and when they were read
+        self._lists: dict[int, tuple[list[Row], str | None]] = {}    # and when they were read
         self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
         self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
         self._held: dict[int, int] = {}
-        self._rows: dict[int, dict[str, Any]] = {}      # of the journal
+        self._rows: dict[int, Row] = {}      # of the journal
         if not reporter.clock.simulated:         # the lists of a simulation end with it
             for row in reporter.all("stored"):
                 number = row["list"]
@@ -35,6 +37,13 @@ class StoredLists:
                 self._names |= {command["crc"]: command["name"] for command in row["commands"]}
                 self._begun |= {} if row["begun"] is None else {number: row["begun"]}
                 self._held |= {} if row["held"] is None else {number: row["held"]}
+
+    def poll(self) -> None:
+        """Forget the starts of sequences that have ended: the next start may be that of others."""
+        if self._begun:
+            running, t = self._newest_number("running") or 0, self._newest_number("head.t") or 0
+            self._begun = {number: begun for number, begun in self._begun.items()
+                           if running & 1 << number or t <= begun}
 
     def describe(self) -> dict[str, Any]:
         """All lists."""
@@ -46,8 +55,6 @@ class StoredLists:
         lists = []
         for number in range(LISTS):
             bit = 1 << number
-            if not running & bit and (self._newest_number("head.t") or 0) > self._begun.get(number, now):
-                self._begun.pop(number, None)       # it has ended: the next start may be that of others
             begun = self._begun.get(number) if running & bit and not held & bit else None
             rows, when = self._lists.get(number, ([], None))
             if number == 0 and not held & bit:      # they leave the store when they are due
@@ -64,16 +71,14 @@ class StoredLists:
                 "next_ns": None if due is None or due < 0 else str(due + ahead),
                 **{name: self._newest_number(name) for name in ("stored", "released", "skipped")}}
 
-    def act(self, user: str, request: dict[str, Any]) -> dict[str, Any]:
+    def act(self, user: str, request: dict[str, Any]) -> Command:
         """Carry out a browser's request for a list; returns the row of the command. Raises SetupError."""
         craft, number = self._connection.reach(), request.get("list", 0)
         if not self.path:
             raise SetupError(self.describe()["text"])
-        if not isinstance(number, int) or not 0 <= number < LISTS:
+        if not 0 <= number < LISTS:
             raise SetupError(f"a list is a number from 0 to {LISTS - 1}; found {number!r}")
         action, step = request.get("action"), request.get("step", ALL)
-        if not isinstance(step, int):
-            raise SetupError(f"a step is a whole number; found {step!r}")
         commanding = self._commanding
         if action is None:
             packet = commanding.packet_of(str(request.get("name", "")), request.get("arguments", {}),
@@ -87,7 +92,7 @@ class StoredLists:
             packets = craft.packets("stored", number)
         elif action == "delete":
             packets = craft.packets("delete", number, step)
-        elif isinstance(action, str) and action.upper() in Action.__members__:
+        elif action.upper() in Action.__members__:
             packets = craft.packets("control", Action[action.upper()], number)
         else:
             raise SetupError(f"a list can report, delete, {', '.join(member.name.lower() for member in Action)}; found "

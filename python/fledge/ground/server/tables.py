@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.commanding import Commanding
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.stages import Command
 
 
 class Tables:
@@ -35,7 +36,7 @@ class Tables:
                 "fields": [_field(f) for f in block.fields if not f.name.startswith("spare")],
                 "values": values(block.fields, data) if data is not None else None, "read_ns": when}
 
-    def read(self, user: str, name: str) -> dict[str, Any]:
+    def read(self, user: str, name: str) -> Command:
         """Ask for the values on board: the row of the command. Raises SetupError."""
         craft, block = self._connection.reach(), self._block(name)
 
@@ -45,7 +46,7 @@ class Tables:
 
         return self._commanding.release(user, "read", {"module": name}, craft.packets("read", name), done)
 
-    def write(self, user: str, name: str, given: dict[str, Any], confirmed: bool) -> dict[str, Any]:
+    def write(self, user: str, name: str, given: dict[str, Any], confirmed: bool) -> Command:
         """Change values on board, by stage and commit. Raises Hazardous, if the write of one is; SetupError."""
         craft, block = self._connection.reach(), self._block(name)
         if name not in self._read:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.commands import STORED, Code, Stage, checksummed, numbered, sequence_of
 from fledge.errors import SetupError
@@ -23,13 +23,11 @@ if TYPE_CHECKING:
     from fledge.ground.server.link import Connection
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.settings import CraftSettings
-    from fledge.ground.server.stages import Stages
+    from fledge.ground.server.stages import Command, Stages
     from fledge.ground.server.telemetry import Telemetry
 
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
-
-Row = dict[str, Any]        # of the journal
 
 
 def finished(packet: bytes, number: int, header: str) -> bytes:
@@ -66,11 +64,11 @@ class Uplink(ABC):
         """Whether stages of a command are known after its release. form: None: it has none."""
 
     @abstractmethod
-    def send(self, row: Row, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
+    def send(self, row: Command, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
         """Send the packets of a command that the journal has. then: is called when it is executed. Raises OSError."""
 
     @abstractmethod
-    def restore(self, row: Row, packets: list[bytes], form: Form | None) -> bool:
+    def restore(self, row: Command, packets: list[bytes], form: Form | None) -> bool:
         """Go on with a command of the last server, if its stages can be known."""
 
     @abstractmethod
@@ -100,7 +98,7 @@ class FlightUplink(Uplink):
                  stages: Stages) -> None:
         self._settings, self._dictionary, self._connection, self._clock = settings, dictionary, connection, stages.clock
         self._telemetry, self._stages = telemetry, stages
-        self._open: list[tuple[Row, Sent, int]] = []            # and how many reports of it the row has
+        self._open: list[tuple[Command, Sent, int]] = []            # and how many reports of it the row has
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
         self._stepped: dict[int, int] = {}      # [ns] by the row's id, by which the clock was set since its release
 
@@ -117,14 +115,14 @@ class FlightUplink(Uplink):
     def follows(self, form: Form | None) -> bool:
         return True
 
-    def send(self, row: Row, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
+    def send(self, row: Command, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
         craft = self._connection.craft
         assert craft is not None
         self._open.append((row, craft.send(packets), 0))
         if then:
             self._then[row["id"]] = then
 
-    def restore(self, row: Row, packets: list[bytes], form: Form | None) -> bool:
+    def restore(self, row: Command, packets: list[bytes], form: Form | None) -> bool:
         craft = self._connection.craft
         assert craft is not None
         sent = Sent(craft, packets)
@@ -152,7 +150,7 @@ class FlightUplink(Uplink):
         if (craft := self._connection.craft) and not left:
             del craft.sent[:-1]     # a late report would match none; the last one has flight's sequence
 
-    def _advance(self, row: Row, sent: Sent, seen: int) -> bool:
+    def _advance(self, row: Command, sent: Sent, seen: int) -> bool:
         """Add the stages that are new; returns whether it is over."""
         stages = {stage["stage"] for stage in row["stages"]}
         if "delivered" not in stages and sent.arrived and len(sent.arrived) == len(sent.packets):
@@ -220,7 +218,7 @@ class DatabaseUplink(Uplink):
         self._reporter, self._stages = reporter, stages
         self._verifying = Verifying(stages, telemetry)
         self._sequences: dict[int, int] = {}        # of each stream, the newest one
-        self._going: dict[bytes, Row] = {}          # packets that the link will confirm
+        self._going: dict[bytes, Command] = {}          # packets that the link will confirm
 
     def prepare(self, form: Form) -> None:
         self._verifying.prepare(form)
@@ -241,7 +239,7 @@ class DatabaseUplink(Uplink):
     def follows(self, form: Form | None) -> bool:
         return bool(form and form["verifiers"])
 
-    def send(self, row: Row, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
+    def send(self, row: Command, packets: list[bytes], form: Form | None, then: Callable[[Sent], None] | None) -> None:
         link = self._connection.link
         assert link is not None
         for packet in packets:
@@ -251,7 +249,7 @@ class DatabaseUplink(Uplink):
         if form:
             self._verifying.begin(row, form, packets[0])
 
-    def restore(self, row: Row, packets: list[bytes], form: Form | None) -> bool:
+    def restore(self, row: Command, packets: list[bytes], form: Form | None) -> bool:
         if form:
             self._verifying.begin(row, form, packets[0])
             self._stages.keep(row)

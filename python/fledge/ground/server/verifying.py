@@ -4,13 +4,13 @@ fulfils the verifier; a window that ends before is a stage that failed."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
     from fledge.ground.database import Form, Verifier
-    from fledge.ground.server.stages import Stages
+    from fledge.ground.server.stages import Command, Stage, Stages
     from fledge.ground.server.telemetry import Telemetry
 
 STAGES = {"TransferredToRange": "transferred", "SentFromRange": "sent", "Received": "received",
@@ -25,12 +25,12 @@ SEQUENCE = "/yamcs/cmdHist/ccsds-seqcount"      # which a verifier may compare, 
 class Waiting:
     """A command with verifiers that are not decided. Numbers are those of monitor.expect()."""
 
-    row: dict[str, Any]
+    row: Command
     release: int                #: [ns]
     passed: int                 #: [ns] when its last verifier passed, or its release
     open: dict[int, Verifier] = field(default_factory=dict)   #: in the order of their stages
     places: dict[int, int] = field(default_factory=dict)            #: in the form, of those that are or were open
-    late: dict[int, tuple[dict[str, Any], int]] = field(default_factory=dict)      #: (the failed stage, [ns])
+    late: dict[int, tuple[Stage, int]] = field(default_factory=dict)      #: (the failed stage, [ns])
 
     def window(self, number: int) -> tuple[int, int]:
         """[ns]"""
@@ -68,7 +68,7 @@ class Verifying:
             except SetupError as error:
                 verifier["problem"] = str(error)
 
-    def begin(self, row: dict[str, Any], form: Form, packet: bytes) -> None:
+    def begin(self, row: Command, form: Form, packet: bytes) -> None:
         """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
         words = {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
         for argument in form["arguments"]:
@@ -160,7 +160,7 @@ class Verifying:
         command.passed = t
         self._keep(command)
 
-    def _stage(self, row: dict[str, Any], verifier: Verifier, good: bool | None, text: str, t: int) -> None:
+    def _stage(self, row: Command, verifier: Verifier, good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
         self._stages.add(row, name, good, text, t)
         if name == "progress" and good:

@@ -9,17 +9,19 @@ import sys
 from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 from shutil import copytree
-from threading import Event
+from threading import Event, get_ident
 from unittest.mock import patch
 
 import pytest
 from aiohttp import ClientSession, WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 
+from fledge.ground.server.commanding import Commanding
 from fledge.ground.server.handlers import common
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
 from fledge.ground.server.past import number_of
+from fledge.ground.server.telemetry import Telemetry
 from fledge.ground.server.web import Server
 from tests.tree import ROOT
 from tests.waiting import PATIENCE, wait_for
@@ -160,6 +162,29 @@ async def test_forms_previews_and_refusals(tmp_path):
         log = await c.get("log")
         assert [row["action"] for row in log[:4]].count("POST /api/crafts/earth_imager/send") == 3
         assert any(row["action"] == "refused" and not row["good"] for row in log)
+
+
+@flown
+async def test_what_reads_the_database_for_a_request_is_not_done_by_the_loop(tmp_path):
+    """A large one would keep all other clients waiting."""
+    threads = {}
+
+    def watched(of, name):
+        work = getattr(of, name)
+
+        def recorded(*given, **named):
+            threads[name] = get_ident()
+            return work(*given, **named)
+
+        return patch.object(of, name, recorded)
+
+    with watched(Commanding, "hazard"), watched(Commanding, "preview"), watched(Telemetry, "inspect"):
+        async with console(tmp_path, NADIR) as c:
+            craft = "crafts/nadir_spin"
+            packet = {"hex": (await c.post(f"{craft}/preview", {"name": "flight.noop"}))["hex"]}
+            await c.post(f"{craft}/inspect", packet)
+            await c.post(f"{craft}/raw", packet)
+    assert len(threads) == 3 and get_ident() not in threads.values()
 
 
 @flown

@@ -24,34 +24,33 @@ async def commands(server: Server, _: web.Request, craft: Spacecraft) -> web.Str
 
 
 @route("POST", "/api/crafts/{c}/preview", "view", logged=False)
-async def preview(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name=str, arguments=dict)
-    return answer(craft.commanding.preview(body.get("name", ""), body.get("arguments", {})))
+async def preview(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, name="", arguments={})
+    return answer(await server.aside(lambda: craft.commanding.preview(**body)))
 
 
 @route("POST", "/api/crafts/{c}/send", "command")
 async def send(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name=str, arguments=dict, confirmed=bool)
-    row = await in_thread(craft, lambda: craft.commanding.send(
-        user_of(request), body.get("name", ""), body.get("arguments", {}), body.get("confirmed", False)))
+    body = await body_of(request, name="", arguments={}, confirmed=False)
+    row = await in_thread(craft, lambda: craft.commanding.send(user_of(request), **body))
     return answer({"id": row["id"]})
 
 
 @route("POST", "/api/crafts/{c}/raw", "command")
-async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     """A packet that a script has made; it gets the number that is next."""
-    body = await body_of(request, hex=str, confirmed=bool)
+    body = await body_of(request, hex="", confirmed=False)
     opened = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
     if opened is None:
         raise Refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
     flight = opened
     try:
-        packet = bytes.fromhex(body.get("hex", ""))
+        packet = bytes.fromhex(body["hex"])
     except ValueError:
         packet = b""
     if not 8 <= len(packet) <= 1 << 16:
         raise Refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
-    if not body.get("confirmed", False) and (why := craft.commanding.hazard(packet)):
+    if not body["confirmed"] and (why := await server.aside(craft.commanding.hazard, packet)):
         raise Hazardous(f"{why}; a script says confirmed=True in its command")
     # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
     if not flight.in_step and not craft.probed:
@@ -86,8 +85,8 @@ async def sent(server: Server, request: web.Request, craft: Spacecraft) -> web.S
 
 @route("POST", "/api/crafts/{c}/questions", "command")
 async def ask(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, text=str)
-    return answer(server.questions.ask(craft.name, user_of(request), body.get("text", "")))
+    body = await body_of(request, text="")
+    return answer(server.questions.ask(craft.name, user_of(request), body["text"]))
 
 
 @route("GET", "/api/crafts/{c}/questions", "view")

@@ -25,8 +25,11 @@ def user_of(request: web.Request) -> str:
     return str(request["user"].name)
 
 
-async def body_of(request: web.Request, **kinds: tuple[type, ...] | type) -> dict[str, Any]:
-    """The JSON object of a request. kinds: what its keys must be, if they are there."""
+async def body_of(request: web.Request, **keys: object) -> dict[str, Any]:
+    """The JSON object of a request. keys: what each may be, a type or several; or its default, which has that type."""
+    defaults = {key: value for key, value in keys.items() if not isinstance(value, (type, tuple))}
+    kinds: dict[str, Any] = keys | {key: (int, float) if isinstance(value, float) else type(value)
+                                    for key, value in defaults.items()}
     try:
         body = loads(await request.read() or b"{}")
     except ValueError as error:
@@ -38,7 +41,7 @@ async def body_of(request: web.Request, **kinds: tuple[type, ...] | type) -> dic
             raise Refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
         if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
             raise Refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
-    return body
+    return defaults | body
 
 
 def number_of(request: web.Request, key: str, default: Default, least: int = -2**63) -> int | Default:

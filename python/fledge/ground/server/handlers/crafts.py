@@ -36,8 +36,8 @@ async def slots(server: Server, request: web.Request, craft: Spacecraft) -> web.
 
 @route("PUT", "/api/crafts/{c}/limits/{slot}", "administer")
 async def limits(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, limits=(dict, type(None)), persistence=int)
-    slot, levels, persistence = slot_of(request, craft), body.get("limits", {}), body.get("persistence", 1)
+    body = await body_of(request, limits=(dict, type(None)), persistence=1)
+    slot, levels, persistence = slot_of(request, craft), body.get("limits", {}), body["persistence"]
     if not 1 <= persistence <= 1000:
         raise Refusal(400, f"persistence is from 1 to 1000 values; found {persistence}")
     for level, pair in (levels or {}).items():
@@ -65,14 +65,13 @@ async def alarms(server: Server, _: web.Request, craft: Spacecraft) -> web.Strea
 
 @route("POST", "/api/crafts/{c}/alarms/{slot}", "command")
 async def alarm(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, acknowledge=bool, note=str, shelve_s=(int, float))
+    body = await body_of(request, acknowledge=False, note="", shelve_s=(int, float))
     name = craft.telemetry.slot_names[slot_of(request, craft)]
     if "shelve_s" in body:
         return answer(await in_thread(craft, lambda: craft.alarms.shelve(name, body["shelve_s"])))
-    if not body.get("acknowledge"):
+    if not body["acknowledge"]:
         raise Refusal(400, "give {\"acknowledge\": true, \"note\": ...} or {\"shelve_s\": ...}")
-    return answer(await in_thread(craft, lambda: craft.alarms.acknowledge(
-        name, user_of(request), body.get("note", ""))))
+    return answer(await in_thread(craft, lambda: craft.alarms.acknowledge(name, user_of(request), body["note"])))
 
 
 @route("GET", "/api/crafts/{c}/events", "view")

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 @route("POST", "/api/crafts/{c}/inspect", "view", logged=False)
-async def inspect(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, hex=str)
+async def inspect(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, hex="")
     try:
-        packet = bytes.fromhex(body.get("hex", ""))
+        packet = bytes.fromhex(body["hex"])
     except ValueError:
         raise Refusal(400, "hex has hexadecimal digits, two a byte") from None
-    return answer(craft.telemetry.inspect(packet))
+    return answer(await server.aside(craft.telemetry.inspect, packet))
 
 
 @route("GET", "/api/crafts/{c}/packets", "view")
@@ -53,9 +53,13 @@ async def scene(server: Server, _: web.Request, craft: Spacecraft) -> web.Stream
 @route("GET", "/api/crafts/{c}/passes", "view")
 async def passes(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
     zero = 0 if craft.clock.simulated else craft.epoch_ns or 0
-    return answer([{"station": row["station"], "elevation": row["elevation"]} | {
-        f"{name}_ns": None if row[name] is None else str(zero + round(1e9 * row[name]))
-        for name in ("rise", "highest", "set")} for row in await server.aside(craft.contacts.passes)])
+
+    def ns(t: float | None) -> str | None:
+        return None if t is None else str(zero + round(1e9 * t))
+
+    return answer([{"station": row["station"], "elevation": row["elevation"], "rise_ns": ns(row["rise"]),
+                    "highest_ns": ns(row["highest"]), "set_ns": ns(row["set"])}
+                   for row in await server.aside(craft.contacts.passes)])
 
 
 def _archived(craft: Spacecraft) -> None:
@@ -108,7 +112,7 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
     from fledge.ground.server.replay import Replay
 
     _archived(craft)
-    body = await body_of(request, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float))
+    body = await body_of(request, session=-1, from_ns=(str, int), to_ns=(str, int), speed=1.0)
     room = server.room
     try:
         begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
@@ -116,13 +120,13 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
         raise Refusal(400, "from_ns and to_ns are whole numbers") from None
     if not -2**63 <= begin <= end < 2**63:
         raise Refusal(400, "from_ns comes before to_ns")
-    session = body.get("session", -1)
+    session = body["session"]
     if not -1 <= session < 2**31:
         raise Refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
     async with server.replaying:
         if server.bounds.over("replays", 1 + room.replays):
             raise Refusal(409, server.bounds.says("replays"))
-        further = await server.aside(lambda: Replay(room, craft, session, begin, end, body.get("speed", 1.0)))
+        further = await server.aside(lambda: Replay(room, craft, session, begin, end, body["speed"]))
         room.add(further)
     further.start()
     room.publish("crafts", "", {})

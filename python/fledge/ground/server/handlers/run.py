@@ -31,15 +31,15 @@ async def run(_: Server, _request: web.Request, craft: Spacecraft) -> web.Stream
 @route("POST", "/api/crafts/{c}/run", "command", RUN)
 async def command_run(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     control = _control(craft)
-    body = await body_of(request, action=str, seconds=(int, float), speed=(int, float), fault=dict)
+    body = await body_of(request, action=str, seconds=1.0, speed=(int, float), fault={})
 
     def act() -> dict[str, Any]:
-        if fault := body.get("fault"):
+        if fault := body["fault"]:
             before = control.inject(str(fault.get("path", "")), fault.get("value"))
             craft.reporter.event("warning", "run", f"{user_of(request)} set {fault.get('path')} to "
                                  f"{fault.get('value')}; it was {before}")
         if "action" in body or "speed" in body:
-            action, seconds = body.get("action", "pause" if control.paused else "go"), body.get("seconds", 1.0)
+            action, seconds = body.get("action", "pause" if control.paused else "go"), body["seconds"]
             control.command(action, seconds, body.get("speed"))
             if action == "rewind":
                 craft.reporter.event("warning", "run", f"{user_of(request)} asked the run to go back to {seconds:g} s")

@@ -24,8 +24,8 @@ async def transfers(server: Server, request: web.Request, craft: Spacecraft) -> 
 
 @route("POST", "/api/crafts/{c}/transfers/{id}", "command")
 async def transfer(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body, number = await body_of(request, action=str), id_of(request)
-    return answer(await in_thread(craft, lambda: craft.transfers.action(number, body.get("action", ""))))
+    body, number = await body_of(request, action=""), id_of(request)
+    return answer(await in_thread(craft, lambda: craft.transfers.action(number, body["action"])))
 
 
 @route("POST", "/api/crafts/{c}/files", "command", body="body of a file")
@@ -37,8 +37,8 @@ async def upload(_: Server, request: web.Request, craft: Spacecraft) -> web.Stre
 
 @route("POST", "/api/crafts/{c}/fetch", "command")
 async def fetch(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name=str)
-    row = await in_thread(craft, lambda: craft.transfers.fetch(body.get("name", "")))
+    body = await body_of(request, name="")
+    row = await in_thread(craft, lambda: craft.transfers.fetch(body["name"]))
     return answer({"id": row["id"]})
 
 
@@ -46,8 +46,8 @@ async def fetch(_: Server, request: web.Request, craft: Spacecraft) -> web.Strea
 async def directory(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if not craft.mission or not craft.mission.has("Files"):
         raise Refusal(404, f"the flight software of {craft.name} has no Files")
-    body = await body_of(request, path=str)
-    listing = await in_thread(craft, lambda: craft.transfers.directory(body.get("path", "")))
+    body = await body_of(request, path="")
+    listing = await in_thread(craft, lambda: craft.transfers.directory(body["path"]))
     return answer({"names": await asyncio.wait_for(asyncio.wrap_future(listing), 6 * common.PATIENCE)})
 
 
@@ -73,10 +73,10 @@ async def tables(server: Server, _: web.Request, craft: Spacecraft) -> web.Strea
 @route("POST", "/api/crafts/{c}/tables/{name}", "command")
 async def table(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     user, name = user_of(request), request.match_info["name"]
-    body = await body_of(request, read=bool, values=dict, confirmed=bool)
+    body = await body_of(request, read=bool, values=dict, confirmed=False)
     values = body.get("values")
     row = await in_thread(craft, lambda: craft.tables.read(user, name) if values is None else
-                          craft.tables.write(user, name, values, body.get("confirmed", False)))
+                          craft.tables.write(user, name, values, body["confirmed"]))
     return answer({"ids": [row["id"]]})
 
 
