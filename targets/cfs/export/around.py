@@ -2,10 +2,11 @@
 """The files around an app's C: its build, what a tree needs to know of it, and how to get it there."""
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.commands import HEADER, Reason
 from fledge.export.c_text import comment, wrap
@@ -16,8 +17,9 @@ from fledge.targets.cfs.export.packets import MISSION, PLATFORM, guarded, housek
 from fledge.targets.cfs.export.tables import HEAD_SIZE, Table
 
 if TYPE_CHECKING:
-    from fledge.export.read import Mission
+    from fledge.export.read import Message, Mission
 
+TEMPLATES = Path(__file__).resolve().parent / "templates"
 STACK, PRIORITY = 16384, 55
 
 
@@ -133,108 +135,37 @@ def app_list(apps: Sequence[App]) -> str:
 def readme(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     prefix, name = app.prefix, app.name
     ids = app.ids(mission)
-    tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "
-                       f"`{t.file}` |" for t in tables)
 
-    def packets(messages: Sequence[Any], end: str) -> str:
-        return "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_{end}_MID']:#06x} | {m.path} | {m.struct.name} | "
-                         f"{16 + m.struct.size} |" for m in messages)
+    def id_of(packet: str) -> str:
+        return f"{ids[f'{prefix}_{packet}_MID']:#06x}"
 
-    files = "" if not has_files(mission) else f"""## Files
+    def packets(messages: Sequence[Message], end: str) -> str:
+        return "\n".join(f"| {id_of(f'{m.name.upper()}_{end}')} | {m.path} | {m.struct.name} | {16 + m.struct.size} |"
+                         for m in messages)
 
-They are in `/cf/{name}`, which the app makes (`{prefix}_FILES_FOLDER`).
-
-"""
-    command, request, wakeup = (ids[f"{prefix}_{name}_MID"] for name in ("CMD", "SEND_HK", "WAKEUP"))
+    files = "" if not has_files(mission) else (
+        f"## Files\n\nThey are in `/cf/{name}`, which the app makes (`{prefix}_FILES_FOLDER`).\n\n")
     period = f"every {joint.step(mission) / 1e9:g} s"
-    waking = (f"A child task wakes the app, {period}, by the message {wakeup:#06x}." if app.timer else
-              f"The message {wakeup:#06x} wakes the app, {period}.")
-    sizes = {"uint8": 1, "uint16": 2, "uint32": 4, "int64": 8}
-    hk_size = 16 + sum(sizes[kind] * int(count[:-1] or 1) for _, type_, _ in housekeeping(mission)
-                       for kind, _, count in [f"{type_}[1]".replace("][1", "").partition("[")])
-    return f"""# {prefix}: {mission.title} as an app of the core Flight System
+    waking = (f"A child task wakes the app, {period}, by the message {id_of('WAKEUP')}." if app.timer else
+              f"The message {id_of('WAKEUP')} wakes the app, {period}.")
+    return filled(
+        mission, app, "README.md", words=mission.words, order=app.order, waking=waking, files=files,
+        inputs=packets(mission.inputs, "IN"), outputs=packets(mission.outputs, "TLM"), command=id_of("CMD"),
+        request=id_of("SEND_HK"), housekeeping=id_of("HK_TLM"), counters=id_of("FLIGHT_TLM"),
+        reports=id_of("REPORT_TLM"), housekeeping_size=16 + sum(size(type_) for _, type_, _ in housekeeping(mission)),
+        counters_size=HEADER + 32 + 4 * len(Reason), tables="\n".join(
+            f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | `{t.file}` |"
+            for t in tables))
 
-Written by `fledge export cfs {mission.words} --app {name}`; change the mission instead. The folder needs nothing
-else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
 
-## Into a tree, in five steps
+def size(type_: str) -> int:
+    """[bytes] of a number or array, as in "uint8[16]"."""
+    number, _, count = type_.rstrip("]").partition("[")
+    return {"uint8": 1, "uint16": 2, "uint32": 4, "int64": 8}[number] * int(count or 1)
 
-1. Copy this folder to `apps/{name}`.
-2. Add the line of `install/targets.cmake` at the end of your `targets.cmake`.
-3. Add the line of `install/cfe_es_startup.scr` to your start-up script, before its `!`. The bundle of 7.0.1 writes its
-   script by `generate_startup.cmake`: add the line there, in a `file (APPEND ${{STARTUP_FILE}} "...\\n")`.
-4. Add the entries of `install/sch_lab_table.VERSION.c`, of your version, and of `install/to_lab_sub.c` to the tables of
-   your scheduler and of your telemetry output. The build finds the app's headers without further include paths.
-5. `make prep && make install`; with gcc 12 in Caelum, whose OSAL needs it, after `export CFLAGS=-Wno-error=restrict`.
-   In the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another configuration: `native_eds` builds
-   with the data sheet, `eds/{name}.xml`. The tables are built with it; without that tool, or for another byte order,
-   copy `cf/*.tbl` to the target's `/cf`: they are {app.order}-endian (`--order`), for builds without data sheets.
 
-Under Linux, `/proc/sys/fs/mqueue/msg_max` limits the depth of pipes; cFE's own need 40 messages.
-
-## Its surroundings
-
-{waking}
-It takes its inputs from packets that it subscribes to, flies, and sends its outputs. Flight's time is the mission
-elapsed time to the nearest step (`{prefix}_TIME_FROM_MET`). However many wake-ups are missing, flight takes one step;
-it ignores those that come too often; if that time is set back, it begins anew with its parameters. Each is an event,
-and a count in housekeeping. A mission replaces any header of `config/` by one in its definitions, named without
-`default_`: topics, message ids, depth of the pipe, priorities, marks of performance logs.
-
-| input | | payload | bytes |
-|---|---|---|---|
-{packets(mission.inputs, "IN")}
-
-An input's packet is a telemetry header, and the message as `config/default_{name}_msgdefs.h` declares it. If its head
-is zero, the app writes one: the time of the next wake-up, the next sequence, good quality. The option `--input PATH=ID`
-of the export makes an input of another app's packets, `--wakeup ID` takes a scheduler's message.
-
-## Commands, on {command:#06x}
-
-`ground/{mission.name}_packets.json` describes all commands and telemetry. The numbers of a command are big-endian,
-and the first is the version of that dictionary: a command for another version is refused.
-
-| code | | arguments |
-|---|---|---|
-| 0, 1 | no operation (the event tells {prefix}'s version); reset the counters | |
-| 2 | enter a mode | its place |
-| 3 | write parameters | module, offset (32 bits), bytes |
-| 4, 5 | stage a part of a block; commit the staged block | module, offset, bytes; module, CRC |
-| 6 | publish configuration | module |
-| 7 | reset flight; its parameters stay | |
-| 8 | arm or disarm an event | event, 1 or 0 |
-| 9 | read parameters back, into the report | module, offset, count |
-| 10 | telemetry of an output | output, 1 or 0, every how many of its writings |
-
-Each command is reported twice, when it is accepted and when it is executed, at the next wake-up; without registers, 0,
-1 and 7 are executed at once. A refused one is an event and a counter too, with its reason. {request:#06x} asks for
-housekeeping and lets the tables take over what the ground loaded.
-
-{files}## Tables
-
-The parameters of each module, behind a word that tells byte order and version: a file of another is refused. What
-breaks its rules (finite, within its range, ...) is refused, with an event that
-names the number. `config/default_{name}_tblstruct.h` has their structs, with units.
-
-| table | parameters of | bytes | file |
-|---|---|---|---|
-{tables}
-
-They are replaced by load, validate and activate of cFE's table services; the next request for housekeeping takes
-them over, between two ticks. Parameters that a command writes are shown in the table: a dump has what flies.
-
-## Telemetry
-
-Packets carry spacecraft time, as the core's own do, and heads of payloads flight's. Payloads are in the processor's
-byte order, without padding (`config/default_{name}_msgdefs.h`). An output is sent when it was written anew, at the rate
-of command 10: from the start those that others read (`{prefix}_OUTPUTS_ON`), the rest after a command. What was not
-sent between two requests for housekeeping is sent again, so that an app that was started alone has the configuration of
-others.
-
-| id | | payload | bytes |
-|---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | {hk_size} |
-| {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | {HEADER + 32 + 4 * len(Reason)} |
-| {ids[f"{prefix}_REPORT_TLM_MID"]:#06x} | reports of commands | | 40, and the bytes read |
-{packets(mission.outputs, "TLM")}
-"""
+def filled(mission: Mission, app: App, template: str, **values: object) -> str:
+    """A file of templates/, with what its words between @ stand for."""
+    values |= {"APP": app.prefix, "app": app.name, "mission": mission.name, "title": mission.title}
+    return re.sub(r"@(\w+)@", lambda found: str(values[found[1]]),
+                  (TEMPLATES / f"{template}.in").read_text(encoding="utf-8"))

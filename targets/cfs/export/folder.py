@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.export import board as boards_of
 from fledge.export import c_source
@@ -17,8 +17,6 @@ from fledge.files import ROOT, write_files
 
 if TYPE_CHECKING:
     from registers.description import Board
-
-HERE = Path(__file__).resolve().parent
 
 
 def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, outputs: Sequence[str] | str = (),
@@ -34,29 +32,12 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     of_board = emit_commands(mission) if registers else of_bus
     flown |= {file: text for file, text in of_board.items() if not file.endswith(".json")}
     flown |= emit_host(mission) if watched else {}
-    prefix, name = app.prefix, app.name
-
-    def filled(template: Path) -> str:
-        text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
-        return text.replace("@mission@", mission.name).replace("@title@", mission.title)
-
-    src: dict[str, str] = {}
-    inc: dict[str, str] = {}
     if registers and app.timer:
         raise ExportError("--wakeup own: the clock of a board gives flight its time; leave it out")
-    left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
-        () if app.timer else ("timer.c",)) + (
-        ("files.c",) if watched or not has_files(mission) else ()) + (
-        () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
-    for template in sorted((HERE / "templates").glob("*.in")):
-        what = template.name.removesuffix(".in")
-        if what in left_out:
-            continue
-        what = "attach.c" if what.startswith("attach") else what
-        if what == "eds.c":                         # a source that only a build with data sheets compiles
-            sheets = sources.renamed(app, filled(template))
-            continue
-        (inc if what == "eventids.h" else src)[f"{name}_{what}"] = filled(template)
+    name = app.name
+    src = templates(mission, app, registers, simulated, watched)
+    inc = {f"{name}_eventids.h": src.pop(f"{name}_eventids.h")}
+    sheets = sources.renamed(app, src.pop(f"{name}_eds.c"))     # a source that only a build with data sheets compiles
     headers = packets.config(mission, app, tables_, simulated)
     config = {f"{name}_{part}.h": text for part, text in headers.items()}
     src |= {f"{name}_mission.h": joint.header(mission, app, tables_, boards, watched),
@@ -72,28 +53,44 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     code = {file: text for file, text in src.items() if file.endswith(".c")}
     src |= {file: sources.renamed(app, text) for file, text in code.items()}
     src[f"{name}_names.h"] = sources.names_header(app, code.values())
-
-    out: dict[str, Any] = {f"fsw/inc/{file}": text for file, text in inc.items()}
+    out = {f"fsw/inc/{file}": text for file, text in inc.items()}
     out |= {f"config/default_{file}": text for file, text in config.items()}
     out |= {f"fsw/src/{file}": text for file, text in src.items()}
-    out[f"fsw/eds/{name}_eds.c"] = sheets
-    out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in tables_}
-    out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in tables_}
+    out |= {f"fsw/eds/{name}_eds.c": sheets, f"ground/{mission.name}.xml": packets.database(mission, app)}
     out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
-    out[f"ground/{mission.name}.xml"] = packets.database(mission, app)
     out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
-    out |= {"CMakeLists.txt": around.cmake(app, sorted(code), tables_),
-            "README.md": around.readme(mission, app, tables_),
+    return dict(sorted((out | of_tables(app, tables_) | surroundings(mission, app, sorted(code), tables_)).items()))
+
+
+def templates(mission: Mission, app: App, registers: bool, simulated: bool, watched: bool) -> dict[str, str]:
+    """The app's own C, of the templates that it needs."""
+    needed = {"keep.c": bool(joint.kept(mission, app)), "registers.c": registers, "timer.c": app.timer,
+              "files.c": has_files(mission) and not watched, "attach_file.c": simulated,
+              "attach_memory.c": registers and not simulated}
+    names = (template.name.removesuffix(".in") for template in sorted(around.TEMPLATES.glob("*.[ch].in")))
+    return {f"{app.name}_{'attach.c' if what.startswith('attach') else what}": around.filled(mission, app, what)
+            for what in names if needed.get(what, True)}
+
+
+def of_tables(app: App, tables_: Sequence[tables.Table]) -> dict[str, str | bytes]:
+    """The tables' sources, and the files that are loaded."""
+    return {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in tables_} | {
+        f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in tables_}
+
+
+def surroundings(mission: Mission, app: App, code: Sequence[str], tables_: Sequence[tables.Table]) -> dict[str, str]:
+    """The build of an app of this C, its unit test, its data sheet, and how to get it into a tree."""
+    test = f"coveragetest_{app.name}.c"
+    return {"CMakeLists.txt": around.cmake(app, code, tables_), "README.md": around.readme(mission, app, tables_),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
             "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
-            f"eds/{name}.xml": eds.sheet(mission, app, tables_),
-            "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
-            f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
+            f"eds/{app.name}.xml": eds.sheet(mission, app, tables_),
+            "unit-test/CMakeLists.txt": around.unit_test(app, code),
+            f"unit-test/{test}": around.filled(mission, app, "unit-test/coveragetest.c"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
             **{f"install/sch_lab_table.{version}.c": around.schedule(mission, app, version)
                for version in around.SCHEDULERS},
             "install/to_lab_sub.c": around.downlink(mission, app)}
-    return dict(sorted(out.items()))
 
 
 def flown_by(mission: Mission, files: Sequence[Path | str], outputs: Sequence[str] | str) -> tuple[dict[str, str],
