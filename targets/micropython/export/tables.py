@@ -35,74 +35,88 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
 
     The file defines `MISSION_memory`, the mission's struct, besides fledge_script.
     """
-    name, struct = mission.name, mission.struct()
+    name = mission.name
     types = types_of(mission)
     enums = enums_of(types, named)
-    blocks: dict[str, int] = {}
-    for m in mission.modules:
-        if parameters(m.struct)[0]:
-            blocks[m.name] = len(blocks)
     largest = max((m.struct.size for m in mission.modules), default=0)      # it is made in the heap, then moved
     heap = HEAP + (largest if largest > LARGE else 0)
-    lines = [*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"', "",
-             f"{struct} {name}_memory;", f"static uint64_t heap[{heap // 8}];", "",
-             *type_tables(types, enums, {m.type for m in mission.modules})]
+    tables = Tables([*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"',
+                     "", f"{mission.struct()} {name}_memory;", f"static uint64_t heap[{heap // 8}];", "",
+                     *type_tables(types, enums, {m.type for m in mission.modules})])
+    places, inputs, constants = tables.places(mission), tables.inputs(mission), tables.constants()
+    unit_names, unit_texts = tables.units(), tables.unit_texts()
+    process_names = tables.texts("processes", processes, "0")
+    tasks = tables.texts("tasks", [t.title for t in mission.tasks])
+    modes = tables.texts("modes", [mission.mode_titles[m] for m in mission.modes])
+    events = tables.texts("events", [e.title for e in mission.events])
+    members = {
+        "module": quoted(module), "process": quoted(mission.process), "processes": process_names, "whole": int(whole),
+        "computed": int(computed), "commands": f"&{name}_commands", "memory": f"&{name}_memory",
+        "size": f"sizeof {name}_memory", "heap_size": "sizeof heap", "heap": "heap", "names": "names",
+        "field_units": "field_units", "enums": "enums", "types": "types", "places": places, "inputs": inputs,
+        "constants": constants, "units": unit_names, "unit_texts": unit_texts, "tasks": tasks, "modes": modes,
+        "events": events, "n_types": f"{len(types)}u", "n_enums": f"{len(enums)}u",
+        "n_places": f"{len(mission.modules)}u",
+        "n_inputs": "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs",
+        "n_constants": f"{len(matrices())}u", "n_units": f"{len(units.UNITS)}u",
+        "n_unit_texts": f"{len(units._NAMES)}u", "n_tasks": f"{len(mission.tasks)}u",
+        "n_modes": f"{len(mission.modes)}u", "n_events": f"{len(mission.events)}u"}
+    lines = [*tables.lines, *wrap([f"&{t}_type," for t in types], "static const ScriptType *const types[] = {", "    ",
+                                  "};"), "", "const ScriptMission fledge_script = {",
+             *(f"    .{key} = {value}," for key, value in members.items()), "};", ""]
+    return {f"{name}_script.c": "\n".join(lines)}
 
-    def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
-        """The lines of a table, and what refers to it: "0" of an empty one."""
+
+class Tables:
+    """The lines of tables. Each method returns what refers to its table: the name, or "0" of an empty one."""
+
+    def __init__(self, lines: list[str]) -> None:
+        self.lines = lines
+
+    def table(self, head: str, rows: Iterable[Sequence[object]]) -> str:
         entries = [line for items in rows for line in row(*map(str, items))]
         if entries:
-            lines.extend([f"static const {head}[] = {{", *entries, "};", ""])
+            self.lines += [f"static const {head}[] = {{", *entries, "};", ""]
         return head.split()[-1] if entries else "0"
 
-    places = table("ScriptPlace places", (
-        (quoted(script_name(module)), f"&{module.type}_type", f"offsetof({struct}, {module.name})",
-         f"{parameters(module.struct)[1]}u", blocks.get(module.name, -1), f"{parameters_crc(module):#06x}u")
-        for module in mission.modules))
-    inputs = table("ScriptInput inputs", (
-        (f"{i}u", f"offsetof({struct}, {wire.source})", f"offsetof({struct}, {wire.target})",
-         f"sizeof((({struct} *)0)->{wire.source})", wire.stale_after)
-        for i, m in enumerate(mission.modules) for wire in mission.wires[m.name] if wire.source.startswith("in.")))
-    constants = matrices()
-    for constant, rows in constants.items():
-        lines += [f"static const double constant_{constant}[] = {{",
-                  *(f"    {', '.join(map(repr, line))}," for line in rows), "};"]
-    shapes = table("ScriptConstant constants", (
-        (quoted(constant), f"constant_{constant}", f"{{{len(rows)}u, {len(rows[0])}u}}")
-        for constant, rows in constants.items()))
-    unit_names = table("ScriptUnitName unit_names", (
-        (quoted(unit), f"{{&script_quantity_type, SCRIPT_NUMBER({bits(quantity.value)}), {braced(quantity.dims)}}}")
-        for unit, quantity in ((unit, getattr(units, unit)) for unit in units.UNITS)))
-    unit_texts = table("ScriptUnit unit_texts", (
-        (quoted(text), braced(dims)) for dims, text in units._NAMES.items()))
-
-    def list_of(what: str, these: Sequence[str], *end: str) -> str:
+    def texts(self, name: str, these: Sequence[str], *end: str) -> str:
         if these:
             texts = [*map(quoted, these), *end]
-            lines.extend(wrap([*(f"{text}," for text in texts[:-1]), texts[-1]],
-                              f"static const char *const {what}[] = {{", "    ", "};"))
-        return what if these else "0"
+            self.lines += wrap([*(f"{text}," for text in texts[:-1]), texts[-1]],
+                               f"static const char *const {name}[] = {{", "    ", "};")
+        return name if these else "0"
 
-    process_names = list_of("processes", processes, "0")
-    tasks = list_of("tasks", [t.title for t in mission.tasks])
-    modes = list_of("modes", [mission.mode_titles[m] for m in mission.modes])
-    events = list_of("events", [e.title for e in mission.events])
-    lines += [*wrap([f"&{t}_type," for t in types], "static const ScriptType *const types[] = {", "    ", "};"), "",
-              "const ScriptMission fledge_script = {"]
-    lines += [f"    .{key} = {value}," for key, value in (
-        ("module", quoted(module)), ("process", quoted(mission.process)), ("processes", process_names),
-        ("whole", int(whole)), ("computed", int(computed)), ("commands",
-                                                             f"&{name}_commands"), ("memory", f"&{name}_memory"),
-        ("size", f"sizeof {name}_memory"), ("heap_size", "sizeof heap"), ("heap", "heap"),
-        ("names", "names"), ("field_units", "field_units"), ("enums", "enums"), ("types", "types"),
-        ("places", places), ("inputs", inputs), ("constants", shapes),
-        ("units", unit_names), ("unit_texts", unit_texts), ("tasks", tasks), ("modes", modes), ("events", events),
-        ("n_types", f"{len(types)}u"), ("n_enums", f"{len(enums)}u"), ("n_places", f"{len(mission.modules)}u"),
-        ("n_inputs", "0u" if inputs == "0" else "sizeof inputs / sizeof *inputs"),
-        ("n_constants", f"{len(constants)}u"), ("n_units", f"{len(units.UNITS)}u"),
-        ("n_unit_texts", f"{len(units._NAMES)}u"), ("n_tasks", f"{len(mission.tasks)}u"),
-        ("n_modes", f"{len(mission.modes)}u"), ("n_events", f"{len(mission.events)}u"))]
-    return {f"{name}_script.c": "\n".join([*lines, "};", ""])}
+    def places(self, mission: Mission) -> str:
+        adjustable = [m.name for m in mission.modules if parameters(m.struct)[0]]
+        return self.table("ScriptPlace places", (
+            (quoted(script_name(module)), f"&{module.type}_type", f"offsetof({mission.struct()}, {module.name})",
+             f"{parameters(module.struct)[1]}u", adjustable.index(module.name) if module.name in adjustable else -1,
+             f"{parameters_crc(module):#06x}u") for module in mission.modules))
+
+    def inputs(self, mission: Mission) -> str:
+        struct = mission.struct()
+        return self.table("ScriptInput inputs", (
+            (f"{i}u", f"offsetof({struct}, {wire.source})", f"offsetof({struct}, {wire.target})",
+             f"sizeof((({struct} *)0)->{wire.source})", wire.stale_after)
+            for i, m in enumerate(mission.modules) for wire in mission.wires[m.name] if wire.source.startswith("in.")))
+
+    def constants(self) -> str:
+        constants = matrices()
+        for constant, rows in constants.items():
+            self.lines += [f"static const double constant_{constant}[] = {{",
+                           *(f"    {', '.join(map(repr, line))}," for line in rows), "};"]
+        return self.table("ScriptConstant constants", (
+            (quoted(constant), f"constant_{constant}", f"{{{len(rows)}u, {len(rows[0])}u}}")
+            for constant, rows in constants.items()))
+
+    def units(self) -> str:
+        return self.table("ScriptUnitName unit_names", (
+            (quoted(unit), f"{{&script_quantity_type, SCRIPT_NUMBER({bits(quantity.value)}), {braced(quantity.dims)}}}")
+            for unit, quantity in ((unit, getattr(units, unit)) for unit in units.UNITS)))
+
+    def unit_texts(self) -> str:
+        return self.table("ScriptUnit unit_texts", (
+            (quoted(text), braced(dims)) for dims, text in units._NAMES.items()))
 
 
 def braced(numbers: Iterable[int]) -> str:
