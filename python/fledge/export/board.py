@@ -65,34 +65,16 @@ def toml(mission: Mission, outputs: Sequence[str] | str = ()) -> str:
     at, parts = FIRST, []
     for message, name in zip(carried, snorkels):
         # registers/lane.h: a control block, then four slots with their heads.
-        size = 32 + 4 * -(-(8 + 4 + message.struct.size) // 8) * 8
-        parts.append(f'''
-[[snorkel]]
-name      = "{name}"
-doc       = "{_doc(message)}"
-form      = "message"
-direction = "{"read" if message.direction == "in" else "write"}"
-address   = {at:#x}
-{_typed(message)}size      = {message.struct.size}
-carries   = "{message.path}"
-''')
-        at += size
+        parts.append(_snorkel(name, _doc(message), "message", "read" if message.direction == "in" else "write", at,
+                              _typed(message) + f"size      = {message.struct.size}", message.path))
+        at += 32 + 4 * -(-(8 + 4 + message.struct.size) // 8) * 8
     commands = dictionary(mission)
     for name, direction, capacity, queue in (
             ("commands", "read", commands.uplink, commands.packets),
             ("telemetry", "write", commands.downlink,
              1 << (2 * commands.packets + len(commands.outputs)).bit_length())):
-        parts.append(f'''
-[[snorkel]]
-name      = "{name}"
-doc       = "{PACKETS[name]}"
-form      = "packet"
-direction = "{direction}"
-address   = {at:#x}
-capacity  = {capacity}
-queue     = {queue}
-carries   = "{name}"
-''')
+        parts.append(_snorkel(name, PACKETS[name], "packet", direction, at,
+                              f"capacity  = {capacity}\nqueue     = {queue}", name))
         at += 32 + queue * (-(-(8 + capacity) // 8) * 8)
     return f'''# SPDX-License-Identifier: Apache-2.0
 # The board of {mission.title}: its messages as they are. Written by `fledge export`; a board of your own
@@ -111,6 +93,19 @@ interrupt = "tick"
 address = {INTERRUPTS:#x}
 lines   = ["tick"]
 ''' + "".join(parts)
+
+
+def _snorkel(name: str, doc: str, form: str, direction: str, address: int, sizes: str, carries: str) -> str:
+    return f'''
+[[snorkel]]
+name      = "{name}"
+doc       = "{doc}"
+form      = "{form}"
+direction = "{direction}"
+address   = {address:#x}
+{sizes}
+carries   = "{carries}"
+'''
 
 
 def board_name(mission: Mission) -> str:

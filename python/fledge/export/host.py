@@ -17,37 +17,19 @@ if TYPE_CHECKING:
 
 def emit_host(mission: Mission) -> dict[str, str]:
     """File name -> text."""
-    name, struct = mission.name, mission.struct()
+    name, composed = mission.name, mission.form == "micropython"
     messages = [*mission.inputs, *mission.outputs]
-    types = list({m.struct.name: m.struct for m in messages}.values())
-    recorded = {m.struct.name for m in mission.outputs}
-    composed = mission.form == "micropython"
+    types = {m.struct.name: m.struct for m in messages}
+    n_schemas, n_channels = len({m.struct.name for m in mission.outputs}) + 2, len(mission.outputs) + 2
     lines = [*written(mission), f'#include "{name}_commands.h"', f'#include "{name}_io.h"',
              *['#include "targets/micropython/arena.h"', '#include "targets/micropython/executive.h"'] * composed,
-             '#include "targets/mission_host.h"', "",
-             f"extern const MissionDefinition {name}_definitions[];", *
-             ([f"static {struct} m;"] if not composed else []),
-             f"static McapSchema schemas[{len(recorded) + 2}];",
-             f"static McapChannel channels[{len(mission.outputs) + 2}];", "static CommandState commands;",
-             "static MissionStart start;", ""]
-    for function, result, parameter, argument in () if composed else (
-            ("init", "void", "void", ""), ("next", "int64_t", "void", ""), ("restart", "void", "int64_t t", ", t"),
-            ("tick", "void", "int64_t t", ", t")):
-        back = "return " if result != "void" else ""
-        lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});", "}",
-                  ""]
-    if composed:
-        lines += ["static MissionHeap heap(void)", "{",
-                  "    return (MissionHeap){arena_in_use->used, arena_in_use->peak};", "}", ""]
-    set_up = [f"    {name}_set_up();"] * bool(mission.changed)
-    if mission.begins:
-        set_up.append(f"    executive_start_in({mission.modes.index(mission.begins)}u); /* {mission.begins} */")
-    if set_up:
-        lines += ["static void init(void)", "{", "    executive_init();", *set_up, "}", ""]
-    lines += ["static const MissionTopic topics[] = {"]
-    places = {type_.name: i for i, type_ in enumerate(types)}
+             '#include "targets/mission_host.h"', "", f"extern const MissionDefinition {name}_definitions[];",
+             *[f"static {mission.struct()} m;"] * (not composed), f"static McapSchema schemas[{n_schemas}];",
+             f"static McapChannel channels[{n_channels}];", "static CommandState commands;",
+             "static MissionStart start;", "", *functions(mission), "static const MissionTopic topics[] = {"]
+    places = list(types)
     for message in messages:
-        lines += row(f'"{topic(message.path)}"', f"{places[message.struct.name]}u",
+        lines += row(f'"{topic(message.path)}"', f"{places.index(message.struct.name)}u",
                      f"MISSION_{message.latency.upper()}", f"{int(message.optional)}u")
     lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
@@ -56,21 +38,41 @@ def emit_host(mission: Mission) -> dict[str, str]:
     frames = dictionary(mission).frames
     secured = frames is not None and frames.secured > 0
     lines += [f"    .{key} = {value}," for key, value in (
-        ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
-        ("start", "&start"), ("init", "init" if set_up else own + "init"),
+        ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"), ("start", "&start"),
+        ("init", "init" if mission.changed or mission.begins else own + "init"),
         *((call, own + call) for call in ("restart", "next", "tick")),
         *((call, own + call) for call in ("failure", "describe", "figures") if composed),
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
         *[("store", f"&{name}_services.store")] * any(module.type == "Files" for module in mission.modules),
-        *[("keys", f"&{name}_services.keys")] * secured,
-        ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
-        ("n_schemas", f"{len(recorded) + 2}u"),
-        ("n_channels", f"{len(mission.outputs) + 2}u"), ("n_rates", f"{len(mission.tasks)}u"),
+        *[("keys", f"&{name}_services.keys")] * secured, ("state", "&commands"), ("schemas", "schemas"),
+        ("channels", "channels"), ("n_schemas", f"{n_schemas}u"), ("n_channels", f"{n_channels}u"),
+        ("n_rates", f"{len(mission.tasks)}u"),
         ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
-    return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(
-        mission, [*types, *message_types()])}
+    return {f"{name}_host.c": "\n".join([*lines, "};", ""]),
+            f"{name}_definitions.c": definitions(mission, [*types.values(), *message_types()])}
+
+
+def functions(mission: Mission) -> list[str]:
+    """What the host calls: the mission's functions, and its start."""
+    name, lines = mission.name, []
+    if mission.form == "micropython":
+        lines += ["static MissionHeap heap(void)", "{",
+                  "    return (MissionHeap){arena_in_use->used, arena_in_use->peak};", "}", ""]
+    else:
+        for function, result, parameter, argument in (
+                ("init", "void", "void", ""), ("next", "int64_t", "void", ""),
+                ("restart", "void", "int64_t t", ", t"), ("tick", "void", "int64_t t", ", t")):
+            back = "return " if result != "void" else ""
+            lines += [f"static {result} {function}({parameter})", "{", f"    {back}{name}_{function}(&m{argument});",
+                      "}", ""]
+    set_up = [f"    {name}_set_up();"] * bool(mission.changed)
+    if mission.begins:
+        set_up.append(f"    executive_start_in({mission.modes.index(mission.begins)}u); /* {mission.begins} */")
+    if set_up:
+        lines += ["static void init(void)", "{", "    executive_init();", *set_up, "}", ""]
+    return lines
 
 
 def message_types() -> list[Any]:
