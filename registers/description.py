@@ -433,6 +433,37 @@ class _Reader(Tables):
         direction = self.choice(table, path, "direction", DIRECTIONS)
         if not form or not direction:
             return None
+        self.fitting(table, path, name, form, direction)
+        shape = self.queue(table, path, name) | dict(form=form)
+        sides = {"read": {"": False}, "write": {"": True}, "both": {"": False, "write_": True}}[direction]
+        numbers = {prefix: self.numbers(table, path, prefix, form) for prefix in sides}
+        variable, capacity, message_size = self.capacity(table, path, form, all(numbers.values()))
+        message, header = None, None
+        if form == "message" and ("message" in table or "header" in table):
+            message, header = self.message(table, path, variable)
+        swap = self.choice(table, path, "outside_order", ORDERS, board_order) != board_order
+        unit = self.choice(table, path, "unit", UNITS, 1) or 1
+        if swap and unit == 1:
+            self.refuse((*path, "outside_order"), "sides of different order have a unit to swap",
+                        "`unit` is 1 or not there", "give `unit` = 2, 4 or 8")
+        shape |= dict(capacity=capacity, variable=variable, unit=unit, swap=swap)
+
+        names_of_fields: dict[str, tuple] = {}
+        lanes: list[Lane] = []
+        for prefix, from_flight in sides.items():
+            suffix = ("_write" if from_flight else "_read") if direction == "both" else ""
+            lane = self.lane(table, path, prefix, name + suffix, from_flight, lines, shape, numbers[prefix])
+            if prefix and "write_field" not in table and not numbers[prefix]:
+                fields = lanes[0].fields
+            else:
+                fields = self.lane_fields(table, path, prefix, numbers[prefix], names_of_fields, lane, board_order)
+            lanes.append(replace(lane, fields=fields))
+            names.setdefault(name + suffix, (*path, "name"))
+        return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
+                       message, header, message_size)
+
+    def fitting(self, table: dict, path: tuple, name: str, form: str, direction: str) -> None:
+        """Refuse keys that a snorkel of this form and direction does not have."""
         for key, forms in _ONLY_FOR.items():
             if key in table and form not in forms:
                 self.refuse((*path, key), f"`{key}` is for {' and '.join(forms)}",
@@ -442,59 +473,35 @@ class _Reader(Tables):
                 self.refuse((*path, key), f"`{key}` is for direction \"both\"",
                             f"`{name}` has only one lane", f"write `{key[6:]}`")
 
+    def queue(self, table: dict, path: tuple, name: str) -> dict[str, Any]:
+        """How many packets or words a lane holds, and which of them flight and outside see."""
         queue = self.integer(table, path, "queue", 1, 65536, None)
         if queue and queue & (queue - 1):
             self.refuse((*path, "queue"), "a queue's depth is a power of two", f"it is {queue}",
                         f"choose {1 << queue.bit_length() - 1} or {1 << queue.bit_length()}")
-        if "overflow" in table and not queue:
-            self.refuse((*path, "overflow"), "`overflow` is of queues", f"`{name}` has none",
-                        "leave it out, or give `queue`")
+        for key in ("overflow", "sees"):
+            if key in table and not queue:
+                self.refuse((*path, key), f"`{key}` is of queues", f"`{name}` has none",
+                            "leave it out, or give `queue`")
         overwrite = self.choice(table, path, "overflow", OVERFLOWS, "refuse") == "overwrite"
-        if "sees" in table and not queue:
-            self.refuse((*path, "sees"), "`sees` is of queues", f"`{name}` has none", "leave it out, or give `queue`")
         newest = self.choice(table, path, "sees", SEES, "oldest") == "newest"
         count = self.integer(table, path, "count", 1, 65536, 1) or 1
         if queue and count > 1:
             self.refuse((*path, "count"), "`count` is of words that are not queued",
                         f"`{name}` is queued", "leave it out, or the queue")
+        return dict(queued=bool(queue), depth=queue or SINGLE_SLOTS, overwrite=overwrite, newest=newest, count=count)
 
-        sides = {"read": {"": False}, "write": {"": True}, "both": {"": False, "write_": True}}[direction]
-        numbers = {prefix: self.numbers(table, path, prefix, form) for prefix in sides}
-        variable, capacity, message_size = self.capacity(table, path, form, all(numbers.values()))
-        message, header = None, None
-        if form == "message" and ("message" in table or "header" in table):
-            message, header = self.message(table, path, variable)
-        shape = dict(newest=newest, form=form, capacity=capacity, variable=variable, queued=bool(queue),
-                     overwrite=overwrite, count=count, depth=queue or SINGLE_SLOTS)
-        outside_order = self.choice(table, path, "outside_order", ORDERS, board_order)
-        swap = outside_order != board_order
-        unit = self.choice(table, path, "unit", UNITS, 1) or 1
-        if swap and unit == 1:
-            self.refuse((*path, "outside_order"), "sides of different order have a unit to swap",
-                        "`unit` is 1 or not there", "give `unit` = 2, 4 or 8")
-
-        names_of_fields: dict[str, tuple] = {}
-        lanes: list[Lane] = []
-        for prefix, from_flight in sides.items():
-            suffix = ("_write" if from_flight else "_read") if direction == "both" else ""
-            lane = self.lane(table, path, prefix, name + suffix, from_flight, lines,
-                             shape | dict(unit=unit, swap=swap), numbers[prefix])
-            key = prefix + "field"
-            if numbers_ := numbers[prefix]:
-                if key in table:
-                    self.refuse((*path, key), f"a packet has fields, or `{prefix}carries` that names its numbers",
-                                "both are there", "leave one out")
-                lane = replace(lane, fields=self.carried_fields(numbers_, names_of_fields, lane, board_order,
-                                                                (*path, prefix + "carries")))
-            elif prefix and "write_field" not in table:
-                lane = replace(lane, fields=lanes[0].fields)
-            else:
-                lane = replace(lane, fields=self.packet_fields(table, path, key, names_of_fields, lane, board_order)
-                               if form == "packet" else self.fields(table, path, key, names_of_fields))
-            lanes.append(lane)
-            names.setdefault(name + suffix, (*path, "name"))
-        return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
-                       message, header, message_size)
+    def lane_fields(self, table: dict, path: tuple, prefix: str, numbers: list[Number] | None, names: dict[str, tuple],
+                    lane: Lane, order: str) -> tuple[Field, ...]:
+        key = prefix + "field"
+        if numbers:
+            if key in table:
+                self.refuse((*path, key), f"a packet has fields, or `{prefix}carries` that names its numbers",
+                            "both are there", "leave one out")
+            return self.carried_fields(numbers, names, lane, order, (*path, prefix + "carries"))
+        if lane.form == "packet":
+            return self.packet_fields(table, path, key, names, lane, order)
+        return self.fields(table, path, key, names)
 
     def numbers(self, table: dict, path: tuple, prefix: str, form: str) -> list[Number] | None:
         """The numbers that `carries` of a packet names."""

@@ -19,25 +19,22 @@ def _comment(text: str) -> str:
     return text.replace("*/", "* /").replace("/*", "/ *").replace("\n", " ").strip()
 
 
-def _header(board: Board) -> str:
+def _constants(board: Board) -> list[tuple[str, int, str]]:
+    """(name, value, meaning) of the addresses, sizes and fields."""
     upper = board.name.upper()
-    headers = {"registers/clock.h", "registers/field.h", "registers/message.h"}
-    headers |= {s.header for s in board.snorkels if s.header}
     rows = [(f"{upper}_BASE", board.base, "where flight's processor finds the board"),
             (f"{upper}_SIZE", board.size, "[bytes]")]
     if board.clock is not None:
         rows.append((f"{upper}_CLOCK", board.clock, "from the base, as all below"))
     if board.slave:
         rows.append((f"{upper}_SLAVE_CLOCK", board.slave.address, "registers/clock.h"))
-    rows += [(f"{upper}_INTERRUPT_{line.upper()}", i, "line")
-             for i, line in enumerate(board.lines)]
+    rows += [(f"{upper}_INTERRUPT_{line.upper()}", i, "line") for i, line in enumerate(board.lines)]
     for snorkel in board.snorkels:
         for lane in snorkel.lanes:
             name = f"{upper}_{lane.name.upper()}"
             rows.append((f"{name}_ADDRESS", lane.address, snorkel.doc))
             if lane.descriptor.address is not None:
-                rows.append((f"{name}_DESCRIPTORS", lane.descriptor.address,
-                             f"{lane.depth} words"))
+                rows.append((f"{name}_DESCRIPTORS", lane.descriptor.address, f"{lane.depth} words"))
             if lane.form != "word":
                 rows.append((f"{name}_CAPACITY", lane.capacity, "[bytes]"))
             if lane.count > 1:
@@ -47,6 +44,13 @@ def _header(board: Board) -> str:
             scale = f"{f.scale!r} per count, from {f.offset!r}"
             rows += [(f"{name}_AT", f.at, f"[{f.unit}] {f.doc}"), (f"{name}_COUNT", f.count, f"{f.type}, {scale}")] \
                 if f.type else [(f"{name}_LSB", f.lsb, f"[{f.unit}] {f.doc}"), (f"{name}_BITS", f.bits, scale)]
+    return rows
+
+
+def _header(board: Board) -> str:
+    upper, rows = board.name.upper(), _constants(board)
+    headers = {"registers/clock.h", "registers/field.h", "registers/message.h",
+               *(s.header for s in board.snorkels if s.header)}
     width = max(len(name) for name, _, _ in rows)
     defines = "".join(f"#define {name:{width}} {value:#x}u"
                       f"{comment and f' /* {_comment(comment)} */'}\n"
