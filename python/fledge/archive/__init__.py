@@ -3,6 +3,7 @@
 
     reader.py   Archive: topics, fields and times by name; as pandas, CSV, HDF5
     mcap.py     the container: where the messages are, and what is damaged
+    append.py   a file with more topics
     rosmsg.py   the message definitions
     compare.py  where two archives differ
 

@@ -24,7 +24,8 @@ import json
 import mmap
 import os
 import re
-from collections.abc import Iterable
+import struct as packing
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -34,9 +35,11 @@ from fledge.errors import cell, listed, printable
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
 from fledge.records.series import (
-    HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)
+    HEAD, Parts, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)
 
 if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
     from numpy.typing import NDArray
 
     from fledge.archive import rosmsg
@@ -86,12 +89,17 @@ class Channel:
         return self._raw.struct
 
     @property
+    def offsets(self) -> Sequence[int]:
+        """[bytes] where the messages' records begin in the file, in its order."""
+        return self._raw.offsets
+
+    @property
     def names(self) -> list[str]:
         """The names of the fields, and of the nested messages that hold them."""
         return nested_names(f.name for f in self._raw.struct.fields()) if self._raw.struct else []
 
     @property
-    def parts(self) -> dict[str, tuple]:
+    def parts(self) -> dict[str, Parts]:
         """The names and shapes of the parts of each field's name."""
         return {f.name: f.parts for f in self._struct().fields()}
 
@@ -99,7 +107,7 @@ class Channel:
         return f"<Channel {self.topic}: {self.count} x {self.schema}>"
 
 
-class Archive(Records):
+class Archive(Records[Channel]):
     """A run, read from the file at `path`. Raises ArchiveError if it is no MCAP file at all.
 
     topics: topic -> Channel, in the order of their declaration
@@ -139,7 +147,7 @@ class Archive(Records):
             # Two channels may share a topic in files of other writers.
             raw.topic += f"#{id}" if raw.topic in self.topics else ""
             self.topics[raw.topic] = Channel(raw, self.path)
-        self._decoded: dict[str, Any] = {}
+        self._decoded: dict[str, NDArray[Any]] = {}
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -183,10 +191,10 @@ class Archive(Records):
     def _ports(self) -> list[Channel]:
         return list(self.topics.values())
 
-    def _time(self, port: Channel) -> Any:
+    def _time(self, port: Channel) -> NDArray[np.float64]:
         return self.time(port.topic)
 
-    def _find(self, key: str) -> tuple[Channel, str | None, tuple[Any, ...]]:
+    def _find(self, key: str) -> tuple[Channel, str | None, tuple[int | slice, ...]]:
         return (self.topics[key], None, ()) if key in self.topics else super()._find(key)
 
     def _channel(self, key: str) -> Channel:
@@ -227,11 +235,17 @@ class Archive(Records):
 
     # ---- data ----
 
-    def time_ns(self, topic: str) -> Any:
+    def time_ns(self, topic: str) -> NDArray[np.int64]:
         """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]."""
         return self._gather(self._channel(topic), mcap.TIME_AT, "<i8").astype("=i8")
 
-    def time(self, topic: str) -> Any:
+    def contents(self, topic: str) -> Iterator[bytes]:
+        """The messages of a topic, of any schema, as CDR behind its 4 bytes that state the order."""
+        for at in self._channel(topic).offsets:
+            length, = packing.unpack_from("<Q", self._data, at + 1)
+            yield self._data[at + mcap.PAYLOAD_AT:at + mcap.CONTENT_AT + length]
+
+    def time(self, topic: str) -> NDArray[np.float64]:
         """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
         return self.time_ns(topic) / 1e9
 
@@ -272,7 +286,7 @@ class Archive(Records):
         self._decoded[channel.topic] = values
         return values
 
-    def frame(self, topics: str | Iterable[str] | None = None, head: bool = True) -> Any:
+    def frame(self, topics: str | Iterable[str] | None = None, head: bool = True) -> pd.DataFrame:
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
@@ -283,7 +297,7 @@ class Archive(Records):
         Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
         `attrs["units"]` and `attrs["meanings"]` map them to text.
         """
-        tables: list[tuple[Any, dict[str, Any]]] = []
+        tables: list[tuple[NDArray[np.int64], dict[str, Any]]] = []
         units: dict[str, str] = {}
         meanings: dict[str, str] = {}
         if topics is None:

@@ -110,9 +110,9 @@ def _recorded(path: str | os.PathLike[str], skip: int) -> Iterator[Piece]:
     rows: list[tuple] = []
     for topic, channel in record.topics.items():
         if channel.schema == "fledge/msg/GroundPacket":
-            rows += (_archived(record._data, at) for at in channel._raw.offsets)
+            rows += map(_archived, channel.offsets, record.contents(topic))
         elif channel.problem is None and {"n", "bytes"} <= set(channel.fields):
-            rows += zip(record.time_ns(topic).tolist(), channel._raw.offsets, record[topic])
+            rows += zip(record.time_ns(topic).tolist(), channel.offsets, record[topic])
     for time, at, message in sorted(rows, key=lambda row: row[:2]):
         if isinstance(message, bytes):
             yield Piece(at, message, time, "" if message else "a message whose packet has another size than it states")
@@ -122,12 +122,11 @@ def _recorded(path: str | os.PathLike[str], skip: int) -> Iterator[Piece]:
         yield Piece(0, b"", None, record.problem or "a record without packets: fledge convert writes its values")
 
 
-def _archived(data: Any, at: int) -> tuple[int, int, bytes]:
-    """(time, place, packet) of a message of the control room's archive; b"": its sizes do not agree."""
-    size = struct.unpack_from("<Q", data, at + 1)[0] - 46   # behind two heads, t and received, and the packet's size
-    at += 35
-    time, _, n = struct.unpack_from("<qqI", data, at) if size >= 0 else (0, 0, 0)
-    return time, at + 20, data[at + 20:at + 20 + n] if n == size else b""
+def _archived(at: int, content: bytes) -> tuple[int, int, bytes]:
+    """(time, place, packet) of a message of the control room's archive: t, received, the packet's size, the packet; b"":
+    its sizes do not agree."""
+    time, _, n = struct.unpack_from("<qqI", content) if len(content) >= 20 else (0, 0, 0)
+    return time, at + 35 + 20, content[20:] if len(content) == 20 + n else b""
 
 
 def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:

@@ -13,14 +13,18 @@ Names may be as short as they are unique; see fledge.records.series.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, listed, suggesting
-from fledge.records.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
+from fledge.records.series import (
+    HEAD, Records, Series, element_names, frame_of, head_column, head_columns, nested_names, part)
 
 if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from fledge import _core
@@ -74,7 +78,7 @@ class _Samples:
         self.names = nested_names(self.fields)
         self._state: Any = None
 
-    def decoded(self) -> tuple[NDArray[Any], NDArray[Any]]:
+    def decoded(self) -> tuple[NDArray[np.int64], NDArray[Any]]:
         """(times in ns, structured array), read-only copies of the present samples."""
         state = len(self.core), self.core.rewinds
         if self._state != state:
@@ -86,10 +90,10 @@ class _Samples:
 
 
 @suggesting()
-class Log(Records):
+class Log(Records[_Samples]):
     """The records of some ports. Fills while the simulation runs; reset() empties it."""
 
-    def __init__(self, simulation: Simulation, logs: Iterable[Any]) -> None:
+    def __init__(self, simulation: Simulation, logs: Iterable[_core.Log]) -> None:
         self._simulation = simulation
         self._samples = {samples.name: samples for samples in map(_Samples, logs)}
 
@@ -99,7 +103,7 @@ class Log(Records):
     def _values(self, port: _Samples) -> NDArray[Any]:
         return port.decoded()[1]
 
-    def _time(self, port: _Samples) -> NDArray[Any]:
+    def _time(self, port: _Samples) -> NDArray[np.float64]:
         return port.decoded()[0] / 1e9
 
     @property
@@ -107,7 +111,7 @@ class Log(Records):
         """The full names of all fields but the heads'."""
         return [f"{path}.{name}" for path, s in self._samples.items() for name in s.fields if not name.startswith(HEAD)]
 
-    def executives(self) -> list[Any]:
+    def executives(self) -> list[_Samples]:
         """Those of its simulation."""
         return [_Samples(samples) for samples in self._simulation._core.followed]
 
@@ -121,12 +125,12 @@ class Log(Records):
         """The collector of this log's figures: that of its simulation. False: draw nothing."""
         return self._simulation.plots
 
-    def time_of(self, key: str) -> Any:
+    def time_of(self, key: str) -> NDArray[np.float64]:
         """The times of a field's or message's samples [s]."""
         return self._time(self._find(key)[0])
 
     @property
-    def time(self) -> Any:
+    def time(self) -> NDArray[np.float64]:
         """The times of the samples [s]; for records at one rate."""
         times = [self._time(s) for s in self._ports()]
         if any(len(t) != len(times[0]) or (t != times[0]).any() for t in times[1:]):
@@ -145,7 +149,7 @@ class Log(Records):
     def __len__(self) -> int:
         return max(len(s.core) for s in self._samples.values())
 
-    def frame(self, *keys: str, head: bool = True) -> Any:
+    def frame(self, *keys: str, head: bool = True) -> pd.DataFrame:
         """A pandas DataFrame by time [s], one column per number: "error.sigma_BR[0]".
 
         keys: names of fields or messages; none: all. head: with two columns for the head of each whole message:
@@ -156,7 +160,7 @@ class Log(Records):
         """
         import numpy as np
 
-        tables: list[tuple[Any, dict[str, Any]]] = []
+        tables: list[tuple[NDArray[np.int64], dict[str, Any]]] = []
         units, meanings = {}, {}
         found = [self._find(key)[:2] for key in keys] or [(samples, None) for samples in self._ports()]
         for samples in dict.fromkeys(port for port, _ in found):
@@ -179,7 +183,7 @@ class Log(Records):
             tables.append((samples.decoded()[0], columns))
         return frame_of(tables, units, meanings)
 
-    def plot(self, *panels: Any, **options: Any) -> Any:
+    def plot(self, *panels: str | Series | Sequence[str | Series], **options: Any) -> Figure | None:
         """Plot fields against time, one panel each; see fledge.plot.plot for the options.
 
         Returns the matplotlib Figure. In `fledge run` it is saved beside the record.

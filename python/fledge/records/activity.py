@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge.commands import Code, Reason
-from fledge.records.series import ACTIVITY, MODE, Records
+from fledge.records.series import MODE, P, Records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +42,7 @@ def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
             for port in records.executives() if port.type == MODE and len(records._time(port))}
 
 
-def _of_port(records: Records, port: Any) -> Iterator[Happening]:
+def _of_port(records: Records[P], port: P) -> Iterator[Happening]:
     process = port.name.rpartition(".")[0]
     last = None
     for row in records._values(port):

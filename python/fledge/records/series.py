@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from fledge.display import table, unit_text
 from fledge.elements import short_names
@@ -23,6 +23,8 @@ from fledge.errors import SetupError, listed, nearest
 if TYPE_CHECKING:
     from typing import Self
 
+    import numpy as np
+    import pandas as pd
     from numpy.typing import NDArray
 
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
@@ -46,24 +48,49 @@ class Series:
     key: str
     name: str
     port: str
-    time: Any
-    values: Any
+    time: NDArray[np.float64]
+    values: NDArray[Any]
     unit: str
     meaning: str
     words: dict[int, str]
-    quality: Any = None
+    quality: NDArray[Any] | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
         return tuple(self.values.shape[1:])
 
 
-class Records:
-    """Messages by the names of their ports, and fields by their own.
+Parts = Sequence[tuple[str, Sequence[int]]]     # the names and shapes of the parts of a field's name
 
-    A port has `name`, "flight.tracking.error", `type`, "AttError", `fields`, name -> field, `parts`, name -> the names
-    and shapes of its parts, and `names`, of its fields and of the nested messages that hold them. A field of an array
-    of structs has the dimensions of both.
+
+class Port(Protocol):
+    """Where messages of one type pass.
+
+    name: "flight.tracking.error"; type: "AttError"; fields: name -> field, those of an array of structs with the
+    dimensions of both; parts: of their names; names: of the fields, and of the nested messages that hold them
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def type(self) -> str: ...
+
+    @property
+    def fields(self) -> Mapping[str, Any]: ...
+
+    @property
+    def parts(self) -> Mapping[str, Parts]: ...
+
+    @property
+    def names(self) -> Sequence[str]: ...
+
+
+P = TypeVar("P", bound=Port)
+
+
+class Records(Generic[P]):
+    """Messages by the names of their ports, and fields by their own.
 
     A message that was never written has no values: they are NaN, also those of whole numbers, which then become
     floating-point numbers. `raw` has the bytes as they were recorded.
@@ -73,22 +100,22 @@ class Records:
     _error: type[Exception] = SetupError
     _label: str = "the log"     # begins the text of an error
 
-    def _ports(self) -> Sequence[Any]:
+    def _ports(self) -> Sequence[P]:
         raise NotImplementedError
 
-    def _values(self, port: Any) -> NDArray[Any]:
+    def _values(self, port: P) -> NDArray[Any]:
         """The messages as a structured array."""
         raise NotImplementedError
 
-    def _time(self, port: Any) -> Any:
+    def _time(self, port: P) -> NDArray[np.float64]:
         """[s]"""
         raise NotImplementedError
 
-    def executives(self) -> list[Any]:
+    def executives(self) -> list[P]:
         """The ports with the messages of processes' executives: ProcessMode and Activity."""
         return [port for port in self._ports() if port.type in (MODE, ACTIVITY)]
 
-    def _find(self, key: str) -> tuple[Any, str | None, tuple[Any, ...]]:
+    def _find(self, key: str) -> tuple[P, str | None, tuple[int | slice, ...]]:
         """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
         tokens = re.findall(r"[^.\[\]]+(?:\[[\d, ]+\])*", key.replace("/", ".").strip("."))
         given = [tuple(int(i) for i in re.findall(r"\d+", token.partition("[")[2])) for token in tokens]
@@ -99,7 +126,7 @@ class Records:
                 return full == dotted if exact else full.endswith(tail) and not key.startswith("/")
 
             # Every message has a head: a key means a field of the head only if it names the head.
-            matches = [(p, None) for p in ports if fits(p.name)] or [
+            matches: list[tuple[P, str | None]] = [(p, None) for p in ports if fits(p.name)] or [
                 (p, n) for p in ports for n in p.names if fits(f"{p.name}.{n}")
                 and (exact or not n.startswith(HEAD) or f".{HEAD}" in tail)]
             if len(matches) == 1:
@@ -127,13 +154,14 @@ class Records:
                           + (f"did you mean {listed(near, most=12)}?" if near else
                              f"there are {listed([p.name for p in ports], most=12)}"))
 
-    def _index(self, key: str, port: Any, name: str | None, given: list[tuple[int, ...]]) -> tuple[Any, ...]:
+    def _index(self, key: str, port: P, name: str | None,
+               given: list[tuple[int, ...]]) -> tuple[int | slice, ...]:
         """The index into a sample, from the indices of each part of a key: () without any; slices where only an inner
         part is indexed, as in "parts.steps[2]"."""
         parts = self._parts(port, name)
         missing = len(parts) - len(given)
         at = [()] * missing + given if missing > 0 else given[-len(parts):] if parts else []
-        index: list[Any] = []
+        index: list[int | slice] = []
         for (_, shape), own in zip(parts, at):
             if len(own) > len(shape) or any(i >= n for i, n in zip(own, shape)):
                 break
@@ -144,14 +172,14 @@ class Records:
         raise self._error(f"{self._label}: '{key}' is out of range: {full_name(port, name)} has the shape "
                           f"{tuple(n for _, shape in parts for n in shape)}")
 
-    def _parts(self, port: Any, name: str | None) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    def _parts(self, port: P, name: str | None) -> Parts:
         """((name, shape), ...) of the parts of a field's name, or of a nested message's."""
         if not name:
             return ()
         parts = next(parts for field, parts in port.parts.items() if f"{field}.".startswith(f"{name}."))
         return parts[:name.count(".") + 1]
 
-    def __getitem__(self, key: str) -> Any:
+    def __getitem__(self, key: str) -> NDArray[Any]:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
 
         The arrays are read-only. NaN where the message was never written; a whole message has its bytes, and its head
@@ -167,18 +195,18 @@ class Records:
         records._raw = True
         return records
 
-    def _quality(self, port: Any) -> NDArray[Any] | None:
+    def _quality(self, port: P) -> NDArray[Any] | None:
         """(n,) the quality of each message; None if they have no head."""
         values = self._values(port)
         head = values.dtype["head"] if "head" in (values.dtype.names or ()) else None
         return values["head"]["quality"] if head is not None and "quality" in (head.names or ()) else None
 
-    def _missing(self, port: Any) -> Sequence[int] | NDArray[Any]:
+    def _missing(self, port: P) -> Sequence[int] | NDArray[Any]:
         """The indices of the messages that were never written."""
         quality = self._quality(port)
         return [] if self._raw or quality is None else (quality == NONE).nonzero()[0]
 
-    def _field(self, port: Any, name: str | None) -> NDArray[Any]:
+    def _field(self, port: P, name: str | None) -> NDArray[Any]:
         """The values of a field; NaN where its message was never written. Heads and whole messages have their bytes."""
         values = part(self._values(port), name)
         missing = self._missing(port)
@@ -208,7 +236,7 @@ class Records:
     def field(self, key: str) -> Any:
         """The declaration of a field: its unit, shape and meaning."""
         port, name, _ = self._find(key)
-        if name not in port.fields:
+        if name is None or name not in port.fields:
             raise SetupError(f"'{key}' is a whole message; name one of its fields: "
                              + listed([n for n in port.fields if not n.startswith(HEAD)
                                        and (not name or n.startswith(f"{name}."))]))
@@ -232,7 +260,7 @@ class Records:
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
                       _meaning(field), words, self._quality(port))
 
-    def _short_name(self, port: Any) -> str:
+    def _short_name(self, port: P) -> str:
         """The shortest ending of a port's name that is unique here: "error"."""
         parts = port.name.split(".")
         tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
@@ -246,7 +274,7 @@ def stale_after(period: float) -> float:
     return max(STALE_S, STALE_UPDATES * period)
 
 
-def full_name(port: Any, name: str | None) -> str:
+def full_name(port: Port, name: str | None) -> str:
     """ "flight.tracking.error.sigma_BR", or the port's name"""
     return f"{port.name}.{name}" if name else port.name
 
@@ -257,7 +285,7 @@ def nested_names(fields: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(".".join(p[:i]) for p in parts for i in range(1, len(p) + 1)))
 
 
-def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
+def element_names(parts: Parts) -> list[str]:
     """The names of a field's elements in memory order: "sigma_BR[0]", "wheels[2].axis_B[0]"."""
     names = [""]
     for part_name, shape in parts:
@@ -274,14 +302,14 @@ def _meaning(field: Any) -> str:
     return field.meaning if hasattr(field, "meaning") else field.doc
 
 
-def decoded(values: Any) -> Any:
+def decoded(values: NDArray[np.bytes_]) -> NDArray[np.str_]:
     """The texts of an array of char arrays."""
     import numpy as np
 
     return np.char.decode(values, "utf-8", "replace")
 
 
-def part(values: Any, name: str | None) -> Any:
+def part(values: NDArray[Any], name: str | None) -> NDArray[Any]:
     """A field of a structured array by its name with dots; None: the whole."""
     for word in name.split(".") if name else ():
         values = values[word]
@@ -300,13 +328,13 @@ def words_of(field: Any) -> dict[int, str]:
     return {named[name]: short.lower().replace("_", " ") for name, short in short_names(named).items()}
 
 
-def in_words(values: Any, field: Any) -> list[str]:
+def in_words(values: NDArray[Any], field: Any) -> list[str]:
     """The values of an enumeration by their names; a number without a name stays a number."""
     words = words_of(field)
     return [words.get(value, str(value)) for value in values.tolist()]
 
 
-def head_column(values: Any, field: Any, source: str) -> tuple[Any, str]:
+def head_column(values: NDArray[Any], field: Any, source: str) -> tuple[NDArray[Any] | pd.Categorical, str]:
     """(the values for a DataFrame, their unit) of a column for the head: seconds, or ordered categories."""
     if source == "head.t":
         return values / 1e9, "s"
@@ -316,7 +344,8 @@ def head_column(values: Any, field: Any, source: str) -> tuple[Any, str]:
     return pd.Categorical(words, categories=list(dict.fromkeys([*words_of(field).values(), *words])), ordered=True), ""
 
 
-def frame_of(tables: Iterable[tuple[Any, dict[str, Any]]], units: dict[str, str], meanings: dict[str, str]) -> Any:
+def frame_of(tables: Iterable[tuple[NDArray[np.int64], dict[str, Any]]], units: dict[str, str],
+             meanings: dict[str, str]) -> pd.DataFrame:
     """A pandas DataFrame by time [s] of tables, each (times [ns], column -> values). NaN where one has no value."""
     import numpy as np
     import pandas as pd

@@ -16,12 +16,12 @@ SceneUpdate.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.archive import Archive, mcap
+from fledge.archive import Archive
+from fledge.archive.append import append
 from fledge.errors import SetupError
 from fledge.files import Part as PartFile
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from fledge.scene.scene import Craft, Part, Pose, Scene
 
 MOST = 50_000           # transforms of a frame; of a longer record, each n-th sample
-CHUNK = 4_000_000       # [bytes]
 
 DEFINITIONS = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -377,102 +376,8 @@ def write(scene: Scene, record: str | PathLike[str], path: str | PathLike[str]) 
             raise SetupError(archive.problem)
         if TOPICS.keys() & archive.topics.keys():
             raise SetupError(f"{record}: it has a scene already")
-    with open(record, "rb") as file:
-        data = file.read()
+    topics = {topic: (name.replace("/", "/msg/"), definition(name)) for topic, name in TOPICS.items()}
     with PartFile(path) as part, open(part, "wb") as out:
-        _Appendix(data).write(scene, out)
+        append(Path(record).read_bytes(), topics, ((round(t * 1e9), topic, encoded(TOPICS[topic], message))
+                                                   for t, topic, message in messages(scene)), out)
     return Path(path)
-
-
-def _record(op: int, *fields: bytes) -> bytes:
-    content = b"".join(fields)
-    return struct.pack("<BQ", op, len(content)) + content
-
-
-def _text(text: str | bytes) -> bytes:
-    data = text.encode() if isinstance(text, str) else text
-    return struct.pack("<I", len(data)) + data
-
-
-class _Appendix:
-    """The records that follow the data of a whole file, and its new summary."""
-
-    def __init__(self, data: bytes) -> None:
-        footer = len(data) - len(mcap.MAGIC) - 20
-        summary, = struct.unpack_from("<Q", data, footer)
-        self.old: dict[int, list[bytes]] = {op: [] for op in (mcap.SCHEMA, mcap.CHANNEL, mcap.STATISTICS,
-                                                              mcap.CHUNK_INDEX, mcap.METADATA_INDEX)}
-        at = summary or footer - 9
-        self.end = at - 13      # of the data: DataEnd has 13 bytes
-        while at < footer - 9:
-            op, length = struct.unpack_from("<BQ", data, at)
-            if op in self.old:
-                self.old[op].append(data[at:at + 9 + length])
-            at += 9 + length
-        if not self.old[mcap.STATISTICS] or data[self.end] != mcap.DATA_END:
-            raise SetupError("the record has no summary")
-        self.data = data
-
-    def write(self, scene: Scene, out: Any) -> None:
-        ids = [struct.unpack_from("<H", record, 9)[0] for record in self.old[mcap.SCHEMA] + self.old[mcap.CHANNEL]]
-        start = max(ids, default=0) + 1
-        channels = {topic: start + k for k, topic in enumerate(TOPICS)}
-        heads = b"".join(
-            _record(mcap.SCHEMA, struct.pack("<H", channels[topic]), _text(name.replace("/", "/msg/")),
-                    _text("ros2msg"),
-                    _text(definition(name)))
-            + _record(mcap.CHANNEL, struct.pack("<HH", channels[topic], channels[topic]), _text(topic), _text("cdr"),
-                      struct.pack("<I", 0)) for topic, name in TOPICS.items())
-        out.write(self.data[:self.end])
-        position, counts, chunks = self.end, dict.fromkeys(channels.values(), 0), []
-        first, last = None, 0
-        for content, index, begin, end in _chunks(scene, heads, channels):
-            packed = _record(mcap.CHUNK, struct.pack("<QQQI", begin, end, len(content), zlib.crc32(content)), _text(""),
-                             struct.pack("<Q", len(content)), content)
-            places, indices = [], b""
-            for channel, entries in index.items():
-                places.append(struct.pack("<HQ", channel, position + len(packed) + len(indices)))
-                listed = b"".join(struct.pack("<QQ", *entry) for entry in entries)
-                indices += _record(mcap.MESSAGE_INDEX, struct.pack("<H", channel), _text(listed))
-                counts[channel] += len(entries)
-            chunks.append(_record(mcap.CHUNK_INDEX, struct.pack("<QQQQ", begin, end, position, len(packed)),
-                                  _text(b"".join(places)), struct.pack("<Q", len(indices)), _text(""),
-                                  struct.pack("<QQ", len(content), len(content))))
-            out.write(packed + indices)
-            position += len(packed) + len(indices)
-            first, last = begin if first is None else first, end
-        out.write(_record(mcap.DATA_END, struct.pack("<I", 0)))
-        position += 13
-        total, schemas, n, attachments, metadata, n_chunks, t0, t1 = struct.unpack_from(
-            "<QHIIIIQQ", self.old[mcap.STATISTICS][0], 9)
-        old = self.old[mcap.STATISTICS][0][9 + 42 + 4:]
-        t0 = min(t0, first) if total else first
-        statistics = _record(mcap.STATISTICS, struct.pack(
-            "<QHIIIIQQ", total + sum(counts.values()), schemas + 2, n +
-            2, attachments, metadata, n_chunks + len(chunks),
-            t0, max(t1, last)), _text(old + b"".join(struct.pack("<HQ", *item) for item in counts.items())))
-        # Without an index of the record's own chunks, an index of the new ones would hide those.
-        indexed = self.old[mcap.CHUNK_INDEX] + chunks if self.old[mcap.CHUNK_INDEX] or not n_chunks else []
-        summary = b"".join([*self.old[mcap.SCHEMA], *self.old[mcap.CHANNEL], heads, statistics, *indexed,
-                            *self.old[mcap.METADATA_INDEX]])
-        footer = struct.pack("<BQQQ", mcap.FOOTER, 20, position, 0)
-        out.write(summary + footer + struct.pack("<I", zlib.crc32(summary + footer)) + mcap.MAGIC)
-
-
-def _chunks(scene: Scene, heads: bytes,
-            channels: dict[str, int]) -> Iterator[tuple[bytes, dict[int, list[tuple[int, int]]], int, int]]:
-    """(records, index, first time, last time [ns]) of each chunk; the index: channel -> [(time, place), ...]"""
-    index: dict[int, list[tuple[int, int]]] = {}
-    content, times, sequence = bytearray(heads), [], dict.fromkeys(channels.values(), 0)
-    for t, topic, message in messages(scene):
-        channel, ns = channels[topic], round(t * 1e9)
-        index.setdefault(channel, []).append((ns, len(content)))
-        times.append(ns)
-        content += _record(mcap.MESSAGE, struct.pack("<HIQQ", channel, sequence[channel], ns, ns),
-                           encoded(TOPICS[topic], message))
-        sequence[channel] += 1
-        if len(content) > CHUNK:
-            yield bytes(content), index, times[0], times[-1]
-            content, index, times = bytearray(), {}, []
-    if times:
-        yield bytes(content), index, times[0], times[-1]
