@@ -16,8 +16,8 @@ Example:
 """
 
 from fledge.plot.fields import (
-    STYLE, TITLE, axis_label, component_labels, deliver, file_name, label_time, plot, save, silent, symbol, time_unit,
-    unit_label, used)
+    STYLE, TITLE, axis_label, component_labels, deliver, drawn, file_name, label_time, plot, save, silent, symbol,
+    time_unit, unit_label, used)
 
-__all__ = ["STYLE", "TITLE", "axis_label", "component_labels", "deliver", "file_name", "label_time", "plot", "save",
-           "silent", "symbol", "time_unit", "unit_label", "used"]
+__all__ = ["STYLE", "TITLE", "axis_label", "component_labels", "deliver", "drawn", "file_name", "label_time", "plot",
+           "save", "silent", "symbol", "time_unit", "unit_label", "used"]

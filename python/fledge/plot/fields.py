@@ -9,7 +9,8 @@ from __future__ import annotations
 import itertools
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,8 +118,6 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
     title, name: of the figure, and of its file; size: (width, height) in inches
     Raises SetupError for unknown names, and for units of another dimension.
     """
-    import matplotlib.style
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
     from fledge.records.activity import modes
@@ -129,9 +128,8 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
                for series in ([p] if isinstance(p, (str, Series)) else p)] for p in panels]
     chosen = _chosen_units([series for group in groups for series in group], units or {})
     rows = -(-len(groups) // columns)
-    with matplotlib.style.context(STYLE):
-        figure = Figure(figsize=size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows),
-                        layout="constrained")
+    size = size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows)
+    with drawn(size, name or _file_name(groups), title) as figure:
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).flatten()
         times = [series.time for group in groups for series in group if len(series.time)]
         first, last = min((t[0] for t in times), default=0.0), max((t[-1] for t in times), default=1.0)
@@ -145,10 +143,21 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
         for i, (axis, group) in enumerate(zip(axes, groups)):
             _mode_band(axis, group, began, last / factor, factor, named=i < columns)
         label_time(axes, len(groups), columns, unit)
+    return figure
+
+
+@contextmanager
+def drawn(size: tuple[float, float], name: str, title: str | None = None) -> Iterator[Figure]:
+    """A figure to draw in, in the style of all figures. size: (width, height) in inches; name: of its file."""
+    import matplotlib.style
+    from matplotlib.figure import Figure
+
+    with matplotlib.style.context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        figure.fledge_name = name
+        yield figure
         if title:
             figure.suptitle(title, **TITLE)
-    figure.fledge_name = name or _file_name(groups)
-    return figure
 
 
 def label_time(axes: Sequence[Axes], count: int, columns: int, unit: str) -> None:

@@ -22,11 +22,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
-from fledge.plot import STYLE, TITLE, deliver, silent
+from fledge.plot import deliver, drawn, silent
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -156,10 +154,8 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
     groups = _groups(paths)
     everything = np.degrees(np.concatenate([p.angles(centre) for group in groups.values() for p in group]))
     low, high = everything.min(axis=0), everything.max(axis=0)
-    middle = 0.5 * (low + high)
     pad = 0.07 * max(high - low) + 1e-9
-    with _style():
-        figure = _figure(size or _size(high - low + 2 * pad), name)
+    with drawn(size or _size(high - low + 2 * pad), name, title) as figure:
         axis = figure.add_subplot()
         for (label, group), color in zip(groups.items(), colors):
             for i, path in enumerate(group):
@@ -168,13 +164,7 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
         reach = 12.5 * (max(high - low) + 2 * pad) / (72 * 5.4)  # from a point to its label
         for number, path in enumerate(groups.get(numbered or "", ()), 1):
             color = colors[list(groups).index(numbered or "")]
-            xy = np.degrees(path.angles(centre))
-            _arrow(axis, xy, color)
-            for point, letter in ((xy[0], "a"), (xy[-1], "b")):
-                axis.plot(*point, "o", color=color, markersize=3.6, zorder=4)
-                x, y = _free(point, reach, everything, middle)
-                axis.text(x, y, f"{number}{letter}", color=color, fontsize=9, fontweight="bold",
-                          ha="center", va="center", zorder=5)
+            _numbered(axis, np.degrees(path.angles(centre)), number, color, reach, everything)
         for text, point in (marks or {}).items():
             axis.plot(*np.degrees(point), "o", color=INK, markersize=5, zorder=6, label=text)
         axis.set_xlim(low[0] - pad, high[0] + pad)
@@ -185,8 +175,18 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
         for scale in (axis.xaxis, axis.yaxis):
             scale.set_major_locator(MaxNLocator(nbins=8, steps=[1, 2, 3, 5, 10]))
         _legend(axis, len(groups) + len(marks or {}))
-        _title(figure, title)
     return deliver(figure, source)
+
+
+def _numbered(axis: Axes, xy: NDArray[Any], number: int, color: Any, reach: float, everything: NDArray[Any]) -> None:
+    """The direction of a path (n, 2), and numbers at its ends, beside all curves."""
+    middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
+    _arrow(axis, xy, color)
+    for point, letter in ((xy[0], "a"), (xy[-1], "b")):
+        axis.plot(*point, "o", color=color, markersize=3.6, zorder=4)
+        x, y = _free(point, reach, everything, middle)
+        axis.text(x, y, f"{number}{letter}", color=color, fontsize=9, fontweight="bold",
+                  ha="center", va="center", zorder=5)
 
 
 def _stroke(color: Any, colors: Iterable[Any], widths: Sequence[float] = (3.2, 1.1, 1.6)) -> dict[str, float]:
@@ -256,26 +256,13 @@ def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int 
     groups = _groups(paths)
     k, sign = _axis(centre)
     reach = max(p.off(sign * np.eye(3)[k]).max() for group in groups.values() for p in group if len(p))
-    letter = next(iter(groups.values()))[0].frame
     screen = _screen(centre, view, np.clip(reach + np.radians(22), np.radians(36), np.radians(55)))
-    with _style():
-        figure = _figure(size, name)
+    with drawn(size, name, title) as figure:
         axis = figure.add_subplot()
         axis.set_axis_off()
         axis.set_aspect("equal")
         _globe(axis, screen)
-        for i, direction in enumerate(np.eye(3)):
-            inside = screen @ direction
-            # Long enough to end beside the globe, within limits.
-            length = np.clip(1.18 / max(np.hypot(*inside[:2]), 1e-9), 1.18, 1.5)
-            tip = length * inside
-            front = inside[2] > 0
-            axis.plot([0, inside[0]], [0, inside[1]], color=SOFT, linewidth=0.8, linestyle=(0, (4, 3)),
-                      zorder=2)
-            axis.annotate("", tip[:2], xytext=inside[:2], zorder=7 if front else 0.5,
-                          arrowprops=_head(INK if front else SOFT))
-            axis.annotate(rf"$\hat {letter}_{{{i + 1}}}$", tip[:2] * (1.0 + 0.09 / length), ha="center", va="center",
-                          color=INK if front else SOFT, fontsize=11, zorder=7)
+        _axes_of(axis, screen, next(iter(groups.values()))[0].frame)
         for path in groups.get(rays or "", ()):
             for end in (path.direction[0], path.direction[-1]):
                 right, up, _ = screen @ end
@@ -296,8 +283,24 @@ def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int 
         axis.set_xlim(-1.32, 1.32)
         axis.set_ylim(-1.12, 1.32)
         _legend(axis, len(groups))
-        _title(figure, title)
     return deliver(figure, source)
+
+
+def _axes_of(axis: Axes, screen: NDArray[Any], letter: str) -> None:
+    """The axes of the base frame, which the letter names."""
+    import numpy as np
+
+    for i, inside in enumerate(screen.T):
+        # Long enough to end beside the globe, within limits.
+        length = np.clip(1.18 / max(np.hypot(*inside[:2]), 1e-9), 1.18, 1.5)
+        tip = length * inside
+        front = inside[2] > 0
+        axis.plot([0, inside[0]], [0, inside[1]], color=SOFT, linewidth=0.8, linestyle=(0, (4, 3)),
+                  zorder=2)
+        axis.annotate("", tip[:2], xytext=inside[:2], zorder=7 if front else 0.5,
+                      arrowprops=_head(INK if front else SOFT))
+        axis.annotate(rf"$\hat {letter}_{{{i + 1}}}$", tip[:2] * (1.0 + 0.09 / length), ha="center", va="center",
+                      color=INK if front else SOFT, fontsize=11, zorder=7)
 
 
 def _screen(centre: int, view: Sequence[float] | None, beside: float) -> NDArray[Any]:
@@ -365,25 +368,6 @@ def _groups(paths: Mapping[str, Path | Iterable[Path]]) -> dict[str, list[Path]]
     return groups
 
 
-def _style() -> AbstractContextManager[None]:
-    import matplotlib.style
-
-    return matplotlib.style.context(STYLE)
-
-
-def _figure(size: tuple[float, float], name: str) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    figure.fledge_name = name
-    return figure
-
-
 def _legend(axis: Axes, entries: int) -> None:
     if entries > 1:
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=entries)
-
-
-def _title(figure: Figure, title: str | None) -> None:
-    if title:
-        figure.suptitle(title, **TITLE)

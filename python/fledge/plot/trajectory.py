@@ -9,13 +9,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fledge.plot import STYLE, TITLE, deliver, silent, time_unit
+from fledge.plot import deliver, drawn, silent, time_unit
 from fledge.units import nanoseconds
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
+
+    from numpy.typing import NDArray
 
     from fledge.records.series import Records
     from fledge.world import Body
@@ -40,50 +43,58 @@ def plot(source: Records, state: str, body: Body, axes: dict[str, int], *, every
     """
     if silent(source):
         return None
-    import matplotlib.style
     import numpy as np
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    from fledge.attitude import mrp_to_dcm
-
-    r, v, sigma = (source.series(f"{state}.{field}").values for field in ("r_BN_N", "v_BN_N", "sigma_BN"))
-    time = source.series(f"{state}.r_BN_N").time
-    nearest = np.linalg.norm(r, axis=1).argmin()
-    up = r[nearest] / np.linalg.norm(r[nearest])
-    right = v[nearest] - up * (up @ v[nearest])
-    plane = np.stack([right / np.linalg.norm(right), up], axis=-1)
-    way, drawn = r @ plane / 1e6, mrp_to_dcm(sigma) @ plane
-    heading = v @ plane
-    outward = heading / np.linalg.norm(heading, axis=1, keepdims=True) @ [[0, 1], [-1, 0]]
+    past = _passage(source, state)
     every = nanoseconds(every) / 1e9
-    some = np.searchsorted(time, np.arange(time[0], time[-1] + 1e-9, every))
-    arrow = 0.04 * np.ptp(way, axis=0).max()
-
-    with matplotlib.style.context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        figure.fledge_name = name
+    some = np.searchsorted(past.time, np.arange(past.time[0], past.time[-1] + 1e-9, every))
+    arrow = 0.04 * np.ptp(past.way, axis=0).max()
+    with drawn(size, name, title) as figure:
         axis = figure.add_subplot()
         axis.add_patch(Circle((0, 0), body.radius / 1e6, facecolor=GROUND, edgecolor=SOFT))
         axis.annotate(body.name.capitalize(), (0, 0), ha="center", va="center", color="white", fontweight="bold")
-        axis.plot(*way.T, color=PALE, linewidth=2.5)
+        axis.plot(*past.way.T, color=PALE, linewidth=2.5)
         for (label, k), color in zip(axes.items(), colors):
-            axis.quiver(*way[some].T, *drawn[some, k - 1].T, color=color, label=label, angles="xy",
+            axis.quiver(*past.way[some].T, *past.axes[some, k - 1].T, color=color, label=label, angles="xy",
                         scale_units="xy", scale=1 / arrow, width=0.0032, zorder=3)
         unit, factor = time_unit(2 * every)
         for i in some[::2]:
-            since = time[i] - time[nearest]
+            since = past.time[i] - past.time[past.nearest]
             text = f"{since / factor:+.0f} {unit}" if abs(since) > every / 2 else "nearest"
-            axis.annotate(text, way[i] + 1.6 * arrow * outward[i], ha="center", va="center", fontsize=8, color=SOFT)
+            axis.annotate(text, past.way[i] + 1.6 * arrow * past.outward[i], ha="center", va="center", fontsize=8,
+                          color=SOFT)
         # matplotlib's limits ignore the arrows and texts beside the trajectory.
-        low = np.minimum(way.min(axis=0), -body.radius / 1e6) - 2.4 * arrow
-        high = np.maximum(way.max(axis=0), body.radius / 1e6) + 2.4 * arrow
+        low = np.minimum(past.way.min(axis=0), -body.radius / 1e6) - 2.4 * arrow
+        high = np.maximum(past.way.max(axis=0), body.radius / 1e6) + 2.4 * arrow
         axis.set_xlim(low[0], high[0])
         axis.set_ylim(low[1], high[1])
         axis.set_aspect("equal")
         axis.set_xlabel("along the velocity at the nearest point  [1000 km]")
         axis.set_ylabel("towards that point  [1000 km]")
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(axes))
-        if title:
-            figure.suptitle(title, **TITLE)
     return deliver(figure, source)
+
+
+class _Passage(NamedTuple):
+    """A trajectory in the plane of its orbit: to the right is the velocity at the nearest point, which is up."""
+    time: NDArray[np.float64]       # (n,) [s]
+    nearest: np.intp                # which of them
+    way: NDArray[np.float64]        # (n, 2) [1000 km]
+    axes: NDArray[np.float64]       # (n, 3, 2) of the craft
+    outward: NDArray[np.float64]    # (n, 2) to the left of the way, away from the body
+
+
+def _passage(source: Records, state: str) -> _Passage:
+    import numpy as np
+
+    from fledge.attitude import mrp_to_dcm
+
+    r, v, sigma = (source.series(f"{state}.{field}").values for field in ("r_BN_N", "v_BN_N", "sigma_BN"))
+    nearest = np.linalg.norm(r, axis=1).argmin()
+    up = r[nearest] / np.linalg.norm(r[nearest])
+    right = v[nearest] - up * (up @ v[nearest])
+    plane = np.stack([right / np.linalg.norm(right), up], axis=-1)
+    heading = v @ plane
+    outward = heading / np.linalg.norm(heading, axis=1, keepdims=True) @ [[0, 1], [-1, 0]]
+    return _Passage(source.series(f"{state}.r_BN_N").time, nearest, r @ plane / 1e6, mrp_to_dcm(sigma) @ plane, outward)
