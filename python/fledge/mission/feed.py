@@ -15,7 +15,7 @@ from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.log import dtype_of, leaves
 from fledge.objects.si import enumerator, time_ns, to_enumerators, to_si
 from fledge.objects.wires import caller
-from fledge.records.series import HEAD, HEAD_COLUMNS, Records, element_names, words_of
+from fledge.records.series import HEAD, HEAD_COLUMNS, Records, element_names, part, words_of
 from fledge.units import s
 
 if TYPE_CHECKING:
@@ -240,6 +240,41 @@ def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) ->
     behind the name of a topic, "attitude.sigma_BN[0]"."""
     import numpy as np
 
+    numbers, heads = _columns(what, struct, frame, topic)
+    known = {source for sources in (*numbers.values(), heads.values()) for source in sources if source}
+    frame = frame[sorted(known)].dropna(how="all")
+    if frame.index.dtype.kind in "mM":
+        raise SetupError(f"{what}: the frame's index must be seconds; of dates, take "
+                         "(frame.index - start).total_seconds()")
+    times = _times(what, frame.index.to_numpy())
+    messages = np.zeros(len(frame), dtype_of(struct))
+    for name, sources in numbers.items():
+        target = part(messages, name)
+        for index, source in zip(np.ndindex(target.shape[1:]), sources):
+            if source:
+                try:
+                    target[(slice(None), *index)] = frame[source].to_numpy()
+                except (TypeError, ValueError) as error:
+                    raise SetupError(f"{what}: column {source}: {error}") from None
+    head = next(f for f in struct.fields if f.name == "head").struct
+    quality = words_of(next(f for f in head.fields if f.name == "quality"))
+    grades = {word: number for number, word in quality.items()}
+    messages["head"]["t"] = _times(what, frame[heads["valid_at"]].to_numpy()) if heads["valid_at"] else times
+    words = frame[heads["quality"]] if heads["quality"] else ["good"] * len(frame)
+    if unknown := [word for word in words if word not in grades]:
+        raise SetupError(f"{what}: column {heads['quality']}: expected {listed(list(grades))}; found {unknown[0]!r}")
+    messages["head"]["quality"] = [grades[word] for word in words]
+    messages["head"]["sequence"] = np.arange(1, len(times) + 1)
+    return _last_of_each(what, times, messages)
+
+
+def _columns(what: str, struct: _core.Struct, frame: Any,
+             topic: str | None) -> tuple[dict[str, list[str | None]], dict[str, str | None]]:
+    """The columns of the elements of each field, and those of the head; None where the frame has none."""
+    prefix = f"{topic}." if topic else ""
+    columns = [str(c) for c in frame.columns if str(c).startswith(prefix)]
+    known: set[str] = set()
+
     def found(name: str) -> str | None:
         fitting = [c for c in columns if c == f"{prefix}{name}" or not prefix and c.endswith(f".{name}")]
         if len(fitting) > 1:
@@ -247,9 +282,6 @@ def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) ->
         known.update(fitting)
         return fitting[0] if fitting else None
 
-    known: set[str] = set()
-    prefix = f"{topic}." if topic else ""
-    columns = [str(c) for c in frame.columns if str(c).startswith(prefix)]
     numbers = {name: [found(element) for element in element_names(parts)]
                for name, field, parts in leaves(struct) if not name.startswith(HEAD) and field.type != "char"}
     heads = {column: found(column) for column in HEAD_COLUMNS}
@@ -265,29 +297,4 @@ def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) ->
     if not any(source for sources in numbers.values() for source in sources):
         raise SetupError(f"{what}: the frame has no column of {struct.name}" + (f" behind {prefix}" if topic else "")
                          + f": {listed(_own(struct))}")
-    frame = frame[sorted(known)].dropna(how="all")
-    if frame.index.dtype.kind in "mM":
-        raise SetupError(f"{what}: the frame's index must be seconds; of dates, take "
-                         "(frame.index - start).total_seconds()")
-    times = _times(what, frame.index.to_numpy())
-    messages = np.zeros(len(frame), dtype_of(struct))
-    for name, sources in numbers.items():
-        target = messages
-        for word in name.split("."):
-            target = target[word]
-        for index, source in zip(np.ndindex(target.shape[1:]), sources):
-            if source:
-                try:
-                    target[(slice(None), *index)] = frame[source].to_numpy()
-                except (TypeError, ValueError) as error:
-                    raise SetupError(f"{what}: column {source}: {error}") from None
-    head = next(f for f in struct.fields if f.name == "head").struct
-    quality = words_of(next(f for f in head.fields if f.name == "quality"))
-    grades: Any = {word: number for number, word in quality.items()}
-    messages["head"]["t"] = _times(what, frame[heads["valid_at"]].to_numpy()) if heads["valid_at"] else times
-    words = frame[heads["quality"]] if heads["quality"] else ["good"] * len(frame)
-    if unknown := [word for word in words if word not in grades]:
-        raise SetupError(f"{what}: column {heads['quality']}: expected {listed(list(grades))}; found {unknown[0]!r}")
-    messages["head"]["quality"] = [grades[word] for word in words]
-    messages["head"]["sequence"] = np.arange(1, len(times) + 1)
-    return _last_of_each(what, times, messages)
+    return numbers, heads

@@ -135,73 +135,85 @@ def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part:
     for number in out:
         if ".".join(number.name.split(".")[:2]) not in run:
             raise SetupError(f"linearize: {number.name} is not of the part: {listed(sorted(run))}")
-    length = _period(state, run, period)
-    for view, place, value in _from_outside(state, run):
-        state.core.override_input(view, place, value)
-    for number in into:
-        state.written(number)
-    both = [_split(state, number) for number in into]     # (what acts from now on, what an instant reads)
-    late = [a for a, _ in both if a]
-    at_once = [b for _, b in both if b]
-    state.measure([*late, *at_once])
-    for number in (*late, *at_once):
-        _hold(state, number, number.value)
-    memory = _memory(state, run)
-    state.measure(memory)
-    n, end = len(memory), max(state.core.time, state.core.now) + length
-    carried, shown = [number.places[0] for number in memory], [number.places[0] for number in out]
-    changes = _Changes(state, run)
+    loop = _Loop(state, run, _period(state, run, period), into, out)
+    memory, names = loop.memory, [number.name for number in out]
+    numbers = [*memory, *loop.late, *loop.at_once]
+    slopes = _Slopes(state, loop.evaluate, numbers, [number.name for number in memory] + 2 * names)
+    n, p, k, J = len(memory), len(out), len(loop.late), slopes.matrix
+    A, B = J[:n, :n], J[:n, n:]
+    C, D, now = J[n:n + p, :n], J[n:n + p, n:], J[n + p:, :n]
+    # What nothing changes, such as a constant in a message, is no state.
+    constant = (A == np.eye(n)).all(axis=1) & ~B.any(axis=1) & [number not in state.differential for number in memory]
+    A[:, constant] = C[:, constant] = now[:, constant] = 0
+    before = bool(loop.at_once)     # the state is that before an instant, at which inputs are read and outputs written
+    keep = _reaching(A, C if before else now) if out else np.flatnonzero((A != 0).any(axis=0))
+    A, B, C, now = A[np.ix_(keep, keep)], B[keep], C[:, keep], now[:, keep]
+    states = [memory[i] for i in keep]
+    drift = slopes.base[keep] - np.array([number.value for number in states])
+    held, reads = loop.inputs_of(0), loop.inputs_of(1)
+    if before:
+        # What acts from now on is a state: it acts until the next instant.
+        A = np.block([[A, B[:, :k]], [np.zeros((k, len(keep) + k))]])
+        B, C, D = np.vstack([B[:, k:] @ reads, held]), np.hstack([C, D[:, :k]]), D[:, k:] @ reads
+        states += [Number(f"{number.name} (held)", number.unit, value=number.value) for number in loop.late]
+        drift = np.append(drift, np.zeros(k))
+    else:
+        B, C, D = B[:, :k] @ held, now, np.zeros((p, len(into)))
+    shown = range(n, n + p) if before else range(n + p, n + 2 * p)      # rows of the outputs
+    for number, (a, b) in zip(into, loop.both):
+        number.value = (a or b or number).value
+    return Linear(A, B, C, D, loop.length / 1e9, **_about(states, into, out), y0=slopes.base[shown.start:shown.stop],
+                  drift=drift, notes=[*slopes.notes([*keep, *shown], [*keep, *range(n, len(numbers))]),
+                                      *loop.changes.notes([memory[i].name for i in keep] + [i.name for i in into])])
 
-    def evaluate(number: Number | None, value: float) -> NDArray[Any]:
-        data = state.base
+
+class _Loop:
+    """A period of the part, as a function of what it carries over and of its inputs.
+
+    length: [ns]; both: of each input, what acts from now on and what is read at an instant, either or both of
+    `late` and `at_once`; memory: the numbers that may be carried over; changes: what moves by steps
+    """
+
+    def __init__(self, state: State, run: set[str], length: int, into: Sequence[Number], out: Sequence[Number]) -> None:
+        self.state, self.length = state, length
+        for view, place, value in _from_outside(state, run):
+            state.core.override_input(view, place, value)
+        for number in into:
+            state.written(number)
+        self.both = [_split(state, number) for number in into]
+        self.late = [late for late, _ in self.both if late]
+        self.at_once = [at_once for _, at_once in self.both if at_once]
+        state.measure([*self.late, *self.at_once])
+        for number in (*self.late, *self.at_once):
+            _hold(state, number, number.value)
+        self.memory = _memory(state, run)
+        state.measure(self.memory)
+        self.end = max(state.core.time, state.core.now) + length
+        self.carried = [number.places[0] for number in self.memory]
+        self.shown = [number.places[0] for number in out]
+        self.changes = _Changes(state, run)
+
+    def inputs_of(self, half: int) -> NDArray[np.float64]:
+        """Which input each number of `late` (0) or `at_once` (1) is: (numbers, inputs), a 1 in each row."""
+        return np.eye(len(self.both))[[i for i, pair in enumerate(self.both) if pair[half]]]
+
+    def evaluate(self, number: Number | None, value: float) -> NDArray[np.float64]:
+        """The memory and the outputs after a period, and the outputs now, with this value of a number."""
+        state, data = self.state, self.state.base
         if number is not None:
             data = state.base.copy()
             _hold(state, number, value, data)
         try:
             state.take(data)
             state.core.follow(False)
-            now = state.read(state.snapshot(), shown)
-            state.core.run_until(end, 0.0, None)
+            now = state.read(state.snapshot(), self.shown)
+            state.core.run_until(self.end, 0.0, None)
         finally:
             if number is not None:
                 _hold(state, number, number.value)
         after = state.snapshot()
-        changes.compare(number, after)
-        return np.concatenate([state.read(after, carried), state.read(after, shown), now])
-
-    numbers = [*memory, *late, *at_once]
-    names = [number.name for number in out]
-    slopes = _Slopes(state, evaluate, numbers, [number.name for number in memory] + 2 * names)
-    J, p = slopes.matrix, len(out)
-    A, B = J[:n, :n], J[:n, n:]
-    C, D, now = J[n:n + p, :n], J[n:n + p, n:], J[n + p:, :n]
-    before = bool(at_once)      # the state is that before an instant, at which inputs are read and outputs written
-    # What nothing changes, such as a constant in a message, is no state.
-    constant = (A == np.eye(n)).all(axis=1) & ~B.any(axis=1) & [number not in state.differential for number in memory]
-    A[:, constant] = C[:, constant] = now[:, constant] = 0
-    keep = _reaching(A, C if before else now) if out else np.flatnonzero((A != 0).any(axis=0))
-    A, B, C, now = A[np.ix_(keep, keep)], B[keep], C[:, keep], now[:, keep]
-    states, m = [memory[i] for i in keep], len(into)
-    held, reads = np.zeros((len(late), m)), np.zeros((len(at_once), m))     # which input each of them is
-    for which, numbers_of, column in ((held, late, 0), (reads, at_once, 1)):
-        for i, pair in enumerate(p for p in enumerate(both) if p[1][column]):
-            which[i, pair[0]] = 1
-    k = len(late)
-    if before:
-        # What acts from now on is a state: it acts until the next instant.
-        A = np.block([[A, B[:, :k]], [np.zeros((k, len(keep) + k))]])
-        B, C, D = np.vstack([B[:, k:] @ reads, held]), np.hstack([C, D[:, :k]]), D[:, k:] @ reads
-        states = [*states, *(Number(f"{number.name} (held)", number.unit, value=number.value) for number in late)]
-        y0, drift = slopes.base[n:n + p], np.append(slopes.base[keep] - [memory[i].value for i in keep], np.zeros(k))
-    else:
-        B, C, D = B[:, :k] @ held, now, np.zeros((p, m))
-        y0, drift = slopes.base[n + p:], slopes.base[keep] - np.array([number.value for number in states])
-    rows = [*keep, *(range(n, n + p) if before else range(n + p, n + 2 * p))]
-    for number, (a, b) in zip(into, both):
-        number.value = (a or b or number).value
-    return Linear(A, B, C, D, length / 1e9, **_about(states, into, out), y0=y0, drift=drift,
-                  notes=[*slopes.notes(rows, [*keep, *range(n, len(numbers))]),
-                         *changes.notes([states[i].name for i in range(len(keep))] + [number.name for number in into])])
+        self.changes.compare(number, after)
+        return np.concatenate([state.read(after, self.carried), state.read(after, self.shown), now])
 
 
 def _instances(state: State, part: Any) -> set[str]:

@@ -40,8 +40,6 @@ class Trim:
 
 def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any) -> Trim:
     """See Simulation.trim()."""
-    from scipy.optimize import least_squares
-
     fresh = simulation.kernel.now < 0
     state = State(simulation, "trim", fresh)
     numbers = [number for path in _paths(free, "free") for number in _free(state, path)]
@@ -53,55 +51,22 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
     for what, names in (("free", [number.name for number in numbers]), ("wanted", [n.name for n, _ in wanted])):
         if len(set(names)) < len(names):
             raise SetupError(f"trim: {next(n for n in names if names.count(n) > 1)} is {what} twice")
-    length = time_ns(after, "trim: after")
+    lacks = _Lacks(state, numbers, wanted, time_ns(after, "trim: after"))
     if not fresh:
         state.arrive()
         for number in numbers:
             state.written(number)
     state.measure(numbers)
-    places = [number.places[0] for number, _ in wanted]
-    values = np.array([value for _, value in wanted])
-    start, sizes = (np.array(x) for x in zip(*((number.value, number.size) for number in numbers)))
-    count = 0
-
-    def data_of(x: NDArray[Any]) -> NDArray[Any]:
-        data = state.base.copy()
-        for number, value in zip(numbers, x):
-            state.put(data, number, value)
-        return data
-
-    def lacks(x: NDArray[Any]) -> NDArray[Any]:
-        nonlocal count
-        count += 1
-        state.take(data_of(x), begin=True)
-        if length:
-            state.core.run_until(max(state.core.time, state.core.now) + length, 0.0, None)
-        state.core.follow(True)
-        return state.read(state.snapshot(), places) - values
-
-    def slopes(x: NDArray[Any]) -> NDArray[Any]:
-        return np.array([(lacks(_moved(x, i, h)) - lacks(_moved(x, i, -h))) / (2 * h)
-                         for i, h in enumerate(STEP * sizes)]).T
-
     try:
-        first = lacks(start)
-        weight = abs(slopes(start) * sizes).max(axis=1)
-        if (weight == 0).any():
-            name = wanted[int(np.argmin(weight))][0].name
-            if first[int(np.argmin(weight))]:
-                raise SetupError(f"trim: {name} does not depend on {listed([n.name for n in numbers], most=6)}")
-        weight[weight == 0] = 1
-        solution = least_squares(lambda x: lacks(x) / weight, start, lambda x: slopes(x) / weight[:, None],
-                                 x_scale=sizes, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-        left = lacks(solution.x)
+        values, left, weight = _solved(lacks)
     except RunError as error:
         raise SetupError(f"trim: the run ended on the way: {error}") from None
-    result = Trim({number.name: float(x) for number, x in zip(numbers, solution.x)},
-                  {number.name: float(x) for (number, _), x in zip(wanted, left)}, count,
+    result = Trim({number.name: float(x) for number, x in zip(numbers, values)},
+                  {number.name: float(x) for (number, _), x in zip(wanted, left)}, lacks.count,
                   {number.name: number.unit or "-" for number in (*numbers, *(number for number, _ in wanted))})
     if not np.isfinite(left).all() or (abs(left) > ENOUGH * weight).any():
         raise SetupError(f"trim: no such state was found, from where the simulation stands; the nearest is\n{result}")
-    simulation.kernel.restore(data_of(solution.x).tobytes(), edited=True)
+    simulation.kernel.restore(lacks.data(values).tobytes(), edited=True)
     if fresh:
         simulation.reset()
     else:
@@ -109,7 +74,59 @@ def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any
     return result
 
 
-def _moved(x: NDArray[Any], i: int, h: float) -> NDArray[Any]:
+class _Lacks:
+    """What the wanted numbers lack (m,), as a function of the values of the free ones (n,).
+
+    length: [ns] that the simulation runs before they are read; count: of the evaluations
+    """
+
+    def __init__(self, state: State, numbers: list[Number], wanted: list[tuple[Number, float]], length: int) -> None:
+        self.state, self.numbers, self.wanted, self.length = state, numbers, wanted, length
+        self.places = [number.places[0] for number, _ in wanted]
+        self.values = np.array([value for _, value in wanted])
+        self.count = 0
+
+    def data(self, x: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """The snapshot in which the free numbers have these values."""
+        data = self.state.base.copy()
+        for number, value in zip(self.numbers, x):
+            self.state.put(data, number, value)
+        return data
+
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        self.count += 1
+        core = self.state.core
+        self.state.take(self.data(x), begin=True)
+        if self.length:
+            core.run_until(max(core.time, core.now) + self.length, 0.0, None)
+        core.follow(True)
+        return self.state.read(self.state.snapshot(), self.places) - self.values
+
+    def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m, n)"""
+        return np.array([(self(_moved(x, i, h)) - self(_moved(x, i, -h))) / (2 * h)
+                         for i, h in enumerate(STEP * np.array([number.size for number in self.numbers]))]).T
+
+
+def _solved(lacks: _Lacks) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The values of the free numbers, what the wanted ones then lack, and what these change by the sizes of those."""
+    from scipy.optimize import least_squares
+
+    start, sizes = (np.array(x) for x in zip(*((number.value, number.size) for number in lacks.numbers)))
+    first = lacks(start)
+    weight = abs(lacks.slopes(start) * sizes).max(axis=1)
+    if (weight == 0).any():
+        unmoved = int(np.argmin(weight))
+        if first[unmoved]:
+            raise SetupError(f"trim: {lacks.wanted[unmoved][0].name} does not depend on "
+                             + listed([n.name for n in lacks.numbers], most=6))
+    weight[weight == 0] = 1
+    solution = least_squares(lambda x: lacks(x) / weight, start, lambda x: lacks.slopes(x) / weight[:, None],
+                             x_scale=sizes, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+    return solution.x, lacks(solution.x), weight
+
+
+def _moved(x: NDArray[np.float64], i: int, h: float) -> NDArray[np.float64]:
     x = x.copy()
     x[i] += h
     return x
