@@ -20,7 +20,7 @@ from __future__ import annotations
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-    from typing import Any
+    from typing import Any, SupportsFloat
 
 # The order of the exponents, the same as in the tables made from the C headers.
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad")
@@ -92,22 +92,22 @@ class Quantity:
 
     # --- making new ones ---
 
-    def __mul__(self, other: Any) -> Quantity:
+    def __mul__(self, other: object) -> Quantity:
         if isinstance(other, Quantity):
             dims = [a + b for a, b in zip(self.dims, other.dims)]
             return Quantity(_zip(_multiply, self.value, other.value), dims)
         return Quantity(_zip(_multiply, self.value, other), self.dims)
 
-    def __rmul__(self, other: Any) -> Quantity:
+    def __rmul__(self, other: object) -> Quantity:
         return Quantity(_zip(_multiply, other, self.value), self.dims)
 
-    def __truediv__(self, other: Any) -> Quantity:
+    def __truediv__(self, other: object) -> Quantity:
         if not isinstance(other, Quantity):
             other = Quantity(other, _NONE)
         dims = [a - b for a, b in zip(self.dims, other.dims)]
         return Quantity(_zip(lambda a, b: a / b, self.value, other.value), dims)
 
-    def __rtruediv__(self, other: Any) -> Quantity:
+    def __rtruediv__(self, other: object) -> Quantity:
         return Quantity(other, _NONE) / self
 
     def __pow__(self, n: float) -> Quantity:
@@ -126,16 +126,16 @@ class Quantity:
     def __abs__(self) -> Quantity:
         return Quantity(_map(abs, self.value), self.dims)
 
-    def __add__(self, other: Any) -> Quantity:
+    def __add__(self, other: object) -> Quantity:
         return Quantity(_zip(lambda a, b: a + b, self.value, self._like(other, "add")), self.dims)
 
-    def __radd__(self, other: Any) -> Quantity:
+    def __radd__(self, other: object) -> Quantity:
         return self + other
 
-    def __sub__(self, other: Any) -> Quantity:
+    def __sub__(self, other: object) -> Quantity:
         return Quantity(_zip(lambda a, b: a - b, self.value, self._like(other, "subtract")), self.dims)
 
-    def __rsub__(self, other: Any) -> Quantity:
+    def __rsub__(self, other: object) -> Quantity:
         return -self + other
 
     # --- comparing: unlike dimensions are never equal, and have no order ---
@@ -146,16 +146,16 @@ class Quantity:
         except UnitError:
             return False
 
-    def __lt__(self, other: Any) -> bool:
+    def __lt__(self, other: object) -> bool:
         return self.value < self._like(other, "compare")
 
-    def __le__(self, other: Any) -> bool:
+    def __le__(self, other: object) -> bool:
         return self.value <= self._like(other, "compare")
 
-    def __gt__(self, other: Any) -> bool:
+    def __gt__(self, other: object) -> bool:
         return self.value > self._like(other, "compare")
 
-    def __ge__(self, other: Any) -> bool:
+    def __ge__(self, other: object) -> bool:
         return self.value >= self._like(other, "compare")
 
     # --- reading ---
@@ -176,7 +176,7 @@ class Quantity:
     def __len__(self) -> int:
         return len(self.value)
 
-    def __getitem__(self, index: Any) -> Quantity:
+    def __getitem__(self, index: int | slice | tuple) -> Quantity:
         return Quantity(self.value[index], self.dims)
 
     def __iter__(self) -> Iterator[Quantity]:
@@ -197,7 +197,7 @@ class Quantity:
             raise UnitError("%s is not a plain number; write x.to(unit) or x.value" % (self,))
         return self.value
 
-    def _like(self, other: Any, verb: str) -> Any:
+    def _like(self, other: object, verb: str) -> Any:
         """The other's value if its dimensions are like these; rad is ignored."""
         if isinstance(other, Quantity):
             if self.dims[:7] == other.dims[:7]:
@@ -315,7 +315,7 @@ def unit_of(text: str) -> Quantity:
     return result
 
 
-def nanoseconds(t: Any) -> int:
+def nanoseconds(t: Quantity | SupportsFloat) -> int:
     """A time, a quantity or a number of seconds, as the nearest whole number of nanoseconds.
 
     Raises UnitError for what is no time, texts included, ValueError for what is not finite or beyond 292 years, which

@@ -19,22 +19,27 @@ with the attributes, and the rules of autoreset that its users expect.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge.errors import SetupError, listed
 from fledge.mission.batch import ByPath
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+    from fledge.mission.batch import Batch
     from fledge.mission.simulation import Simulation
 
 AUTORESET = ("SameStep", "NextStep", "Disabled")
 
-Reward = Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]], Any]
-Ends = Callable[[Mapping[str, Any]], Any]
+Arrays: TypeAlias = "Mapping[str, NDArray[Any]]"     # by path, (n, ...)
+Reward: TypeAlias = "Callable[[Arrays, Arrays, Arrays], ArrayLike]"
+Ends: TypeAlias = "Callable[[Arrays], ArrayLike]"
+Info: TypeAlias = "dict[str, Any]"                   # arrays; of an Env, numbers
+Begun: TypeAlias = "tuple[NDArray[Any], Info]"
+Stepped: TypeAlias = "tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], Info]"
 
 
 class Box:
@@ -43,7 +48,7 @@ class Box:
     low, high: arrays of that shape; shape; dtype
     """
 
-    def __init__(self, low: Any, high: Any, shape: tuple[int, ...], dtype: Any = float) -> None:
+    def __init__(self, low: ArrayLike, high: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike = float) -> None:
         import numpy as np
 
         self.shape, self.dtype = tuple(shape), np.dtype(dtype)
@@ -62,7 +67,7 @@ class Box:
 
         self._random = np.random.default_rng(seed)
 
-    def sample(self) -> Any:
+    def sample(self) -> NDArray[Any]:
         """Anything in the box: uniform between two bounds; exponential above or below one; normal without any."""
         import numpy as np
 
@@ -74,14 +79,14 @@ class Box:
                          np.where(below, start + far, np.where(above, end - far, random.normal(size=self.shape))))
         return np.clip(drawn.astype(self.dtype), self.low, self.high)
 
-    def contains(self, x: Any) -> bool:
+    def contains(self, x: object) -> bool:
         """Whether it is an array of this shape and type, within the bounds."""
         import numpy as np
 
         return bool(isinstance(x, np.ndarray) and x.shape == self.shape and np.can_cast(x.dtype, self.dtype)
                     and (x >= self.low).all() and (x <= self.high).all())
 
-    def __contains__(self, x: Any) -> bool:
+    def __contains__(self, x: object) -> bool:
         return self.contains(x)
 
     def __eq__(self, other: object) -> bool:
@@ -115,10 +120,11 @@ class VectorEnv:
     spec = None
 
     def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], *,
-                 every: Any, reward: Reward, terminated: Ends | None = None, limit: Any = None,
-                 low: Any = -float("inf"), high: Any = float("inf"), observation_low: Any = -float("inf"),
-                 observation_high: Any = float("inf"), failed: float = 0.0, seed: int = 0, dispersions: Any = None,
-                 threads: int | None = None, autoreset: str = "SameStep", dtype: Any = float) -> None:
+                 every: Time, reward: Reward, terminated: Ends | None = None, limit: Time | None = None,
+                 low: ArrayLike = -float("inf"), high: ArrayLike = float("inf"),
+                 observation_low: ArrayLike = -float("inf"), observation_high: ArrayLike = float("inf"),
+                 failed: float = 0.0, seed: int = 0, dispersions: Any = None, threads: int | None = None,
+                 autoreset: str = "SameStep", dtype: DTypeLike = float) -> None:
         import numpy as np
 
         if autoreset not in AUTORESET:
@@ -144,7 +150,7 @@ class VectorEnv:
     def unwrapped(self) -> VectorEnv:
         return self
 
-    def reset(self, *, seed: int | Iterable[int] | None = None, options: Mapping[str, Any] | None = None) -> Any:
+    def reset(self, *, seed: int | Iterable[int] | None = None, options: Mapping[str, Any] | None = None) -> Begun:
         """(observations, info). Begin all episodes, or those of options["reset_mask"].
 
         seed: environment i flies run i of it; a list: run 0 of its own one, as an Env does
@@ -161,7 +167,7 @@ class VectorEnv:
         self._begin(np.ones(self.num_envs, bool) if mask is None else np.asarray(mask), seed=seed, **options)
         return self._typed(self._seen), self._info()
 
-    def step(self, actions: Any) -> Any:
+    def step(self, actions: ArrayLike) -> Stepped:
         """(observations, rewards, terminated, truncated, info), arrays of n rows.
 
         info: "time" [s] and "run" of each, as the observations; "final_obs", the last observations of the episodes that
@@ -202,7 +208,7 @@ class VectorEnv:
         """End its threads."""
         self.batch = self._seen = None
 
-    def _begin(self, mask: Any, **options: Any) -> None:
+    def _begin(self, mask: NDArray[np.bool_], **options: Any) -> None:
         fresh = self.batch.reset(mask, **options)
         self._ended = self._ended & ~mask
         if self._seen is None:
@@ -213,7 +219,7 @@ class VectorEnv:
             i, text = next((i, t) for i, t in self.batch.failures.items() if mask[i])
             raise SetupError(f"run {self.batch.runs[i]} of seed {self.batch.seeds[i]} cannot begin: {text}")
 
-    def _checked(self, values: Any, kind: Any, what: str) -> NDArray[Any]:
+    def _checked(self, values: ArrayLike, kind: type, what: str) -> NDArray[Any]:
         import numpy as np
 
         values_ = np.asarray(values)
@@ -224,10 +230,10 @@ class VectorEnv:
     def _typed(self, rows: NDArray[Any]) -> NDArray[Any]:
         return rows.astype(self.observation_space.dtype)
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> Info:
         return {"time": self.batch.time, "run": self.batch.runs}
 
-    def _failures(self, failed: NDArray[Any]) -> dict[str, Any]:
+    def _failures(self, failed: NDArray[np.bool_]) -> Info:
         if not failed.any():
             return {}
         return _masked("failure", {i: t for i, t in self.batch.failures.items() if failed[i]}, self.num_envs)
@@ -251,19 +257,19 @@ class Env:
         self.metadata: dict[str, Any] = {"render_modes": []}
 
     @property
-    def batch(self) -> Any:
+    def batch(self) -> Batch:
         return self._vector.batch
 
     @property
     def unwrapped(self) -> Env:
         return self
 
-    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Begun:
         """(observation, info). With a seed: its run 0; without one: the next run."""
         seen, info = self._vector.reset(seed=seed, options=options)
         return seen[0], _first(info)
 
-    def step(self, action: Any) -> Any:
+    def step(self, action: ArrayLike) -> tuple[NDArray[Any], float, bool, bool, Info]:
         """(observation, reward, terminated, truncated, info); reset() must follow the end of an episode."""
         import numpy as np
 
@@ -275,12 +281,12 @@ class Env:
         self._vector.close()
 
 
-def _first(info: dict[str, Any]) -> dict[str, Any]:
+def _first(info: Info) -> Info:
     return {key: values[0].item() if hasattr(values[0], "item") else values[0] for key, values in info.items()
             if key[0] != "_"}
 
 
-def _masked(name: str, values: dict[int, Any], n: int) -> dict[str, Any]:
+def _masked(name: str, values: Mapping[int, object], n: int) -> Info:
     """What some of n environments have, as an object array and its mask."""
     import numpy as np
 

@@ -17,7 +17,14 @@ from fledge.columns import columns
 from fledge.errors import SetupError, did_you_mean, listed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.signal import StateSpace
+
+    from fledge.objects.si import Time
+
+    Real = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
 
 
 class Mode(NamedTuple):
@@ -49,7 +56,7 @@ class Stable:
     def __init__(self, modes: Sequence[Mode]) -> None:
         self._times = [-mode.time for mode in modes if mode.damping < 0]
 
-    def __call__(self, slower_than: Any = None) -> bool:
+    def __call__(self, slower_than: Time | None = None) -> bool:
         """Whether no mode grows by the factor e within a time. Raises SetupError unless that is a time > 0."""
         if slower_than is None:
             return bool(self)
@@ -123,27 +130,27 @@ class Linear(tuple[Any, ...]):
     x0, u0, y0: the point of operation; drift: there, dx/dt, or x(k+1) - x(k)
     notes: what a user should know, such as directions in which a slope depends on the sign
     """
-    A: Any
-    B: Any
-    C: Any
-    D: Any
+    A: Real
+    B: Real
+    C: Real
+    D: Real
     dt: float | None
     states: list[str]
     inputs: list[str]
     outputs: list[str]
     units: dict[str, str]
-    x0: Any
-    u0: Any
-    y0: Any
-    drift: Any
+    x0: Real
+    u0: Real
+    y0: Real
+    drift: Real
     notes: list[str]
 
-    def __new__(cls, A: Any, B: Any, C: Any, D: Any, dt: float | None = None, *, states: Sequence[str],
-                inputs: Sequence[str], outputs: Sequence[str], units: dict[str, str] | None = None, x0: Any = None,
-                u0: Any = None, y0: Any = None, drift: Any = None, notes: Sequence[str] = ()) -> Linear:
-        matrices: list[Any] = [np.asarray(matrix, float) for matrix in (A, B, C, D)]
-        step: list[Any] = [] if dt is None else [dt]
-        self = super().__new__(cls, matrices + step)    # type: ignore[arg-type]
+    def __new__(cls, A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, dt: float | None = None, *,
+                states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str],
+                units: dict[str, str] | None = None, x0: Real | None = None, u0: Real | None = None,
+                y0: Real | None = None, drift: Real | None = None, notes: Sequence[str] = ()) -> Linear:
+        matrices = [np.asarray(matrix, float) for matrix in (A, B, C, D)]
+        self = super().__new__(cls, [*matrices, *([] if dt is None else [dt])])     # type: ignore[list-item]
         self.A, self.B, self.C, self.D = matrices
         self.dt, self.states, self.inputs, self.outputs = dt, list(states), list(inputs), list(outputs)
         self.units, self.notes = dict(units or {}), list(notes)
@@ -157,7 +164,7 @@ class Linear(tuple[Any, ...]):
 
     # --- parts ---
 
-    def ss(self) -> Any:
+    def ss(self) -> StateSpace:
         """The same as a scipy.signal.StateSpace."""
         from scipy import signal
 
@@ -173,7 +180,7 @@ class Linear(tuple[Any, ...]):
 
     # --- what it does ---
 
-    def poles(self) -> Any:
+    def poles(self) -> Complex:
         """The eigenvalues of A, by magnitude: [1/s], or of the step of a discrete system."""
         found = np.linalg.eigvals(self.A)
         return found[np.lexsort((found.imag, abs(found)))]
@@ -187,13 +194,13 @@ class Linear(tuple[Any, ...]):
         """Whether no mode grows; stable(slower_than=10 * hour): whether none grows by the factor e within that time."""
         return Stable(self.modes())
 
-    def frequency(self, omega: Any) -> Any:
+    def frequency(self, omega: ArrayLike) -> Complex:
         """The response (k, p, m) at frequencies (k,) [rad/s], of a discrete system up to pi / dt."""
-        omega = np.atleast_1d(np.asarray(omega, float))
-        points = 1j * omega if self.dt is None else np.exp(1j * omega * self.dt)
+        at = np.atleast_1d(np.asarray(omega, float))
+        points = 1j * at if self.dt is None else np.exp(1j * at * self.dt)
         n = len(self.states)
         if not n:
-            return np.broadcast_to(self.D.astype(complex), (len(omega), *self.D.shape))
+            return np.broadcast_to(self.D.astype(complex), (len(at), *self.D.shape))
         # In units in which the elements of A are alike: positions [m] stand beside attitudes.
         from scipy.linalg import matrix_balance
 
@@ -202,7 +209,7 @@ class Linear(tuple[Any, ...]):
         return np.concatenate([C @ np.linalg.solve(some[:, None, None] * np.eye(n) - A, B[None]) + self.D
                                for some in np.array_split(points, len(points) // 256 + 1)])
 
-    def step(self, duration: Any, n: int = 500) -> tuple[Any, Any]:
+    def step(self, duration: Time, n: int = 500) -> tuple[Real, Real]:
         """(times [s], outputs (times, p, m)) after a step of 1 of each input by itself. duration: a time.
 
         Of a continuous system, n + 1 times; of a discrete one, its own. The values are exact at these times.
@@ -245,7 +252,7 @@ class Linear(tuple[Any, ...]):
         grid = _grid(lin, [mode.pole for mode in modes])
         return _margins(lambda w: -sign * lin.frequency(w)[:, 0, 0], grid, ends, modes)
 
-    def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Any:
+    def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Figure:
         """A Bode plot of one channel as a matplotlib Figure: magnitude and phase by frequency.
 
         margins: show those of the loop; not given: where the loop was cut, the same path at both ends.
@@ -309,7 +316,7 @@ def _place(names: Sequence[str], which: str | int, word: str) -> int:
     raise SetupError(f"there is no {word} {which!r}{near} there are {listed(names)}")
 
 
-def _modes(A: NDArray[Any], dt: float | None, states: Sequence[str]) -> tuple[Mode, ...]:
+def _modes(A: Real, dt: float | None, states: Sequence[str]) -> tuple[Mode, ...]:
     """The modes of a matrix; of one that is not finite, that of a loop that has no solution."""
     from scipy.linalg import eig, matrix_balance
 
@@ -346,7 +353,7 @@ def _duration(t: float) -> str:
     return f"{t / size:.3g} {unit}"
 
 
-def _grid(lin: Linear, more: Any) -> NDArray[Any]:
+def _grid(lin: Linear, more: ArrayLike) -> Real:
     """Frequencies [rad/s] from well below all that happens to well above, denser about lightly damped poles."""
     poles = np.concatenate([lin.poles(), np.atleast_1d(more)])
     top = inf
@@ -366,13 +373,13 @@ def _grid(lin: Linear, more: Any) -> NDArray[Any]:
     return whole[(whole >= low) & (whole <= high)]
 
 
-def _margins(loop: Callable[[Any], NDArray[Any]], grid: NDArray[Any], ends: Iterable[float],
+def _margins(loop: Callable[[ArrayLike], Complex], grid: Real, ends: Iterable[float],
              modes: tuple[Mode, ...]) -> Margins:
     from scipy.optimize import brentq, minimize_scalar
 
     values = loop(grid)
 
-    def crossings(of: Callable[[Any], NDArray[Any]]) -> list[float]:
+    def crossings(of: Callable[[Complex], NDArray[Any]]) -> list[float]:
         """Where a real function of L changes its sign."""
         crossings_ = of(values)
         at = [brentq(lambda w: float(of(loop(w))[0]), grid[i], grid[i + 1], rtol=1e-13)

@@ -16,7 +16,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isfinite, prod
 from struct import iter_unpack
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from fledge import _core
 from fledge.elements import ELEMENTS
@@ -24,12 +24,23 @@ from fledge.errors import SetupError, did_you_mean, listed, suggesting
 from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
-from fledge.objects.si import enumerator_names, time_ns
+from fledge.objects.si import Time, enumerator_names, time_ns
 from fledge.objects.wires import Wire, as_shown, caller
 from fledge.objects.words import first_sentence
 
 if TYPE_CHECKING:
     from fledge.mission.commands import Commands
+
+T = TypeVar("T")
+Instance: TypeAlias = "_core.Module | _core.Model"
+Predicate: TypeAlias = "_core.Condition | _At | Callable[[], object]"
+Modes: TypeAlias = "Mode | str | Sequence[Mode | str]"
+Events: TypeAlias = "Event | str | Sequence[Event | str]"
+
+
+def _weakly(x: T) -> Callable[[], T]:
+    """What gives an object that still lives, and does not keep it alive."""
+    return weakref.ref(x)       # type: ignore[return-value]
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -41,7 +52,7 @@ class Watch(Measured):
     `&`, `|` and `~` join conditions.
     """
 
-    def __init__(self, obj: _core.Module | _core.Model | _core.Message, field: _core.Field | None = None) -> None:
+    def __init__(self, obj: Instance | _core.Message, field: _core.Field | None = None) -> None:
         self._object, self._field = obj, field
         self._path = _core.path(obj) + (f".{field.name}" if field else "")
         self._shape = field.shape if field else ()
@@ -59,7 +70,7 @@ class Watch(Measured):
             raise AttributeError(f"{self!r} is an array of {self._field.struct.name}; pick one, as in {self!r}[0]")
         raise AttributeError(f"{self!r} is a number or array; it has norm(), max_abs() and [index]")
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: int | tuple[int, ...]) -> Watch:
         if self._field is None or self._field.type != "struct":
             return super().__getitem__(index)
         if not isinstance(index, int) or not 0 <= index < self._shape[0]:
@@ -80,7 +91,7 @@ class Watch(Measured):
             return flat_index(self._measure, self._shape), "element"
         return 0, self._measure or "element"
 
-    def _compare(self, comparison: str, constant: Any) -> _core.Condition:
+    def _compare(self, comparison: str, constant: object) -> _core.Condition:
         left = _core.Operand(self._object, self._field, *self._number("compare"))
         if isinstance(constant, Watch):
             right, text = self._other(constant, comparison), repr(constant)
@@ -108,7 +119,7 @@ class Watch(Measured):
             raise SetupError(f"{self!r} {comparison} {other!r}: the first is {next(kinds)}, the second {next(kinds)}")
         return _core.Operand(other._object, other._field, index, measure)
 
-    def _setting(self, value: Any) -> list[tuple[Any, ...]]:
+    def _setting(self, value: object) -> list[tuple[Instance | None, int, bytes]]:
         """(instance, offset, bytes) of what an assignment to this field or element writes."""
         indices: Any = self._measure
         index, measure = self._number("set")
@@ -127,17 +138,17 @@ class Watch(Measured):
         width = field.size // prod(self._shape)
         return [(root, offset + index * width, raw[index * width:(index + 1) * width])]
 
-    def _encoded(self, value: Any) -> list[tuple[int, bytes]]:
+    def _encoded(self, value: object) -> list[tuple[int, bytes]]:
         encoded = _core.encode(self._object, self._field.name, value)
         element = ELEMENTS[self._field.type]
         if element.is_float and not all(isfinite(x) for x, in iter_unpack(element.code, encoded[0][1])):
             raise SetupError(f"{self!r}: an event sets numbers that are finite; found {value!r}")
         return encoded
 
-    def __eq__(self, constant: Any) -> Any:
+    def __eq__(self, constant: object) -> _core.Condition:  # type: ignore[override]
         return self._compare("==", constant)
 
-    def __ne__(self, constant: Any) -> Any:
+    def __ne__(self, constant: object) -> _core.Condition:  # type: ignore[override]
         return self._compare("!=", constant)
 
     __hash__ = None  # type: ignore[assignment]
@@ -189,7 +200,7 @@ class Mode:
     """A mode that was declared, for events."""
 
     def __init__(self, process: Process, name: str) -> None:
-        self._process: Callable[[], Any] = weakref.ref(process)
+        self._process = _weakly(process)
         self.name = name
 
     def enter(self) -> None:
@@ -205,7 +216,7 @@ class Guard(NamedTuple):
     or None; after: the modes in which alone it may be requested; none: in all"""
 
     text: str
-    condition: Any
+    condition: _core.Condition | None
     after: list[str]
 
 
@@ -217,12 +228,12 @@ def _task_name(task: Task | str) -> str:
     return task.name if isinstance(task, Task) else task
 
 
-def _several(value: Any) -> list[Any]:
+def _several(value: object) -> list[Any]:
     """A list of handles or names, of which one may stand alone."""
     return list(value) if isinstance(value, (list, tuple)) else [] if value is None else [value]
 
 
-def _value_text(value: Any) -> str:
+def _value_text(value: object) -> str:
     """A value that an event sets, in one line."""
     return " ".join(str(value).split())
 
@@ -237,18 +248,18 @@ class Event:
     """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
 
     name: str
-    when: Any
-    do: Callable[[], Any] | None
+    when: Any       # a Predicate
+    do: Any         # a function, or None
     set_text: list[str]
     declared_at: tuple[str, int]
 
-    def __init__(self, process: Process, name: str, when: Any, do: Callable[[], Any] | None,
+    def __init__(self, process: Process, name: str, when: Predicate, do: Callable[[], object] | None,
                  set_text: Sequence[str] = ()) -> None:
         vars(self).update(name=name, when=when, do=do, set_text=list(set_text), declared_at=caller())
-        self._process: Callable[[], Any] = weakref.ref(process)
-        self._core: Any = None
+        self._process = _weakly(process)
+        self._core: _core.Event = None     # type: ignore[assignment]    # until the kernel has it
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name != "armed" and not name.startswith("_"):
             raise SetupError(f"event {self._process().name}.{self.name}: '{name}' cannot be set, only 'armed'; the "
                              "rest is given where the event is declared")
@@ -287,7 +298,7 @@ class Event:
         return self._core.condition
 
     @property
-    def until(self) -> Any:
+    def until(self) -> _core.Condition | None:
         """The condition that arms it again after it has fired; None: that its condition no longer holds."""
         return self._core.until
 
@@ -332,7 +343,7 @@ class Event:
         return self._core.set
 
     @property
-    def functions(self) -> list[Callable[[], Any]]:
+    def functions(self) -> list[Callable[[], object]]:
         """The Python functions that it calls: for its condition, and when it fires."""
         return [f for f in (self.when, self.do) if callable(f) and not isinstance(f, _core.Condition)]
 
@@ -343,13 +354,13 @@ class Event:
     # The kernel holds these two, which hold the event weakly: a callable that refers to its own
     # simulation would otherwise keep it alive for ever.
     def _predicate(self) -> Callable[[], bool]:
-        me: Callable[[], Any] = weakref.ref(self)
+        me = _weakly(self)
         if isinstance(self.when, _At):
             return lambda: me()._process()._core_simulation.now >= me().when.ns
         return lambda: bool(me().when())
 
-    def _action(self) -> Callable[[], Any]:
-        me: Callable[[], Any] = weakref.ref(self)
+    def _action(self) -> Callable[[], object]:
+        me = _weakly(self)
         return lambda: me().do()
 
     def __repr__(self) -> str:
@@ -385,7 +396,7 @@ class Process:
 
     # --- attributes are instances ---
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name in dir(type(self)):
             attribute = getattr(type(self), name)
             if isinstance(attribute, property) and attribute.fset:
@@ -405,7 +416,7 @@ class Process:
         self._declared_at[name] = at
         _core.set_context(value, weakref.ref(self))
 
-    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
+    def _accept(self, name: str, value: Instance) -> None:
         """Refuse a value that does not belong into this process."""
 
     def __getattr__(self, name: str) -> Any:
@@ -550,13 +561,13 @@ class Process:
         craft.parts = part
         return part.external
 
-    def feed(self, port: Any, record: Any = None, /, **options: Any) -> None:
+    def feed(self, port: _core.Message, record: object = None, /, **options: Any) -> None:
         """Feed an input by hand, in place of a wire, as Simulation.feed() does."""
         from fledge.mission.feed import feed
 
         feed(self._core_simulation, port, record, **options)
 
-    def task(self, name: str, *, every: Any, run: Sequence[Any], offset: Any = 0, priority: int = 0) -> Task:
+    def task(self, name: str, *, every: Time, run: Sequence[Instance], offset: Time = 0, priority: int = 0) -> Task:
         """Run modules or models in order, at one rate. Returns a handle for mode().
 
         every, offset: times. At equal times, tasks of higher priority run first, then those declared
@@ -577,7 +588,8 @@ class Process:
         schedule(self)
         return self._tasks[name]
 
-    def mode(self, name: str, tasks: Iterable[Task | str], *, when: Any = None, after: Any = None) -> Mode:
+    def mode(self, name: str, tasks: Iterable[Task | str], *, when: _core.Condition | None = None,
+             after: Modes | None = None) -> Mode:
         """A named set of tasks that are active in it. Tasks that no mode names are always active.
 
         The first mode declared is the one to begin with. Returns a handle, also found as an attribute.
@@ -618,15 +630,16 @@ class Process:
                              f"packet)), with a time in ns and a packet of {self.name}.commands.packets")
 
     @staticmethod
-    def watch(port: Any) -> Watch:
+    def watch(port: Instance | _core.Message) -> Watch:
         """A symbolic reference to a message, for conditions: `watch(f.tracking.error).sigma_BR.norm()`."""
         if not isinstance(port, (_core.Message, _core.Module, _core.Model)):
             raise SetupError(f"watch: expected a port or module; found {port!r}")
         return Watch(port)
 
-    def event(self, name: str, *, when: Any, until: Any = None, hold: Any = 0, count: int = 1, once: bool = False,
-              armed: bool = True, modes: Any = None, enter: Mode | str | None = None, arm: Any = None,
-              disarm: Any = None, set: Sequence[tuple[Any, Any]] = (), do: Callable[[], Any] | None = None) -> Event:
+    def event(self, name: str, *, when: Predicate, until: _core.Condition | None = None, hold: Time = 0,
+              count: int = 1, once: bool = False, armed: bool = True, modes: Modes | None = None,
+              enter: Mode | str | None = None, arm: Events | None = None, disarm: Events | None = None,
+              set: Sequence[tuple[Watch, object]] = (), do: Callable[[], object] | None = None) -> Event:
         """Something that happens when a condition has held long enough. Returns a handle, also found as an attribute.
 
         when: a condition made with watch(), such as (watch(a).x > 1) & ~(watch(b).mode == "SAFE").
@@ -667,7 +680,7 @@ class Process:
         self._handles[name] = event
         return event
 
-    def _accept_event(self, what: str, when: Any, do: Any) -> None:
+    def _accept_event(self, what: str, when: Predicate, do: Callable[[], object] | None) -> None:
         """Refuse a condition or a function that events of this process must not have."""
 
     def _new_name(self, name: str, what: str) -> None:
@@ -738,7 +751,7 @@ class Process:
 class Flight(Process):
     """Flight software. Its events are data: conditions, and what they do."""
 
-    def reset_by(self, message: Any, *, down: Any = 0) -> None:
+    def reset_by(self, message: _core.Message, *, down: Time = 0) -> None:
         """The computer of this process is reset by each new count of a ComputerReset, an input of one of its modules.
         For the time `down` it runs nothing, and its outputs stay; then it begins anew, with the parameters that it had
         at the start of the run."""
@@ -764,12 +777,12 @@ class Flight(Process):
             object.__setattr__(self, "_commands", Commands(self, self._core_process))
         return self._commands
 
-    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
+    def _accept(self, name: str, value: Instance) -> None:
         if isinstance(value, _core.Model):
             raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a model of the world and cannot "
                              "fly; assign it in world.py")
 
-    def _accept_event(self, what: str, when: Any, do: Any) -> None:
+    def _accept_event(self, what: str, when: Predicate, do: Callable[[], object] | None) -> None:
         if do is not None:
             raise SetupError(f"{what}: flight's events are data, so that they can be exported: they have enter, arm, "
                              "disarm or set; do, a function in Python, belongs into the world's events")
@@ -782,23 +795,23 @@ class Flight(Process):
 class World(Process):
     """The truth. Its events may call Python."""
 
-    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
+    def _accept(self, name: str, value: Instance) -> None:
         if isinstance(value, _core.Module):
             raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a flight module, and this process "
                              "is a world; assign it to a flight process, in flight.py")
 
     @property
-    def integrator(self) -> Any:
+    def integrator(self) -> _core.Integrator:
         """The method for the world's differential equations: world.RK4() or world.Adaptive(...)."""
         return self._core_process.integrator
 
     @integrator.setter
-    def integrator(self, method: Any) -> None:
+    def integrator(self, method: _core.Integrator) -> None:
         if not isinstance(method, _core.Integrator):
             raise SetupError(f"{self.name}.integrator: expected world.RK4() or world.Adaptive(...); found {method!r}")
         self._core_process.set_integrator(method)
 
-    def at(self, t: Any, do: Callable[[], Any], name: str | None = None) -> Event:
+    def at(self, t: Time, do: Callable[[], object], name: str | None = None) -> Event:
         """Call `do()` once, at the first instant at or after the time t. From within an event: after this instant."""
         ns = time_ns(t, f"{self.name}.at")
         name = name or f"at_{ns}_ns" + (f"_{len(self._handles)}" if f"at_{ns}_ns" in self._handles else "")

@@ -6,11 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from enum import Enum, IntEnum
 from functools import cache
-from typing import Any
+from typing import Any, SupportsFloat
 
 from fledge.elements import short_names
 from fledge.errors import SetupError, nearest
 from fledge.units import Quantity, UnitError, nanoseconds
+
+Number = Quantity | SupportsFloat   # pint's and numpy's, too; without a unit in SI
+Time = Number                       # [s]
 
 
 def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
@@ -77,7 +80,7 @@ def _from_pint(x: Any) -> Quantity:
     return Quantity(magnitude.tolist() if hasattr(magnitude, "tolist") else magnitude, (*exponents, 0))
 
 
-def to_number(value: Any, path: str, unit: str, dims: Any) -> float:
+def to_number(value: object, path: str, unit: str, dims: Any) -> float:
     """One plain number in `unit`, "-" for none, as to_si() converts it. Raises SetupError for anything else."""
     number = to_si(value, path, unit, dims, f"a number in {unit}" if unit != "-" else "a number")
     if not isinstance(number, (int, float)):
@@ -85,7 +88,7 @@ def to_number(value: Any, path: str, unit: str, dims: Any) -> float:
     return float(number)
 
 
-def to_vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
+def to_vector(value: object, path: str, unit: str, dims: Any) -> list[float]:
     """Three plain numbers in `unit`, as to_si() converts them. Raises SetupError for anything else."""
     numbers = to_si(value, path, unit, dims, f"3 numbers in {unit}")
     if not isinstance(numbers, list) or len(numbers) != 3 or not all(isinstance(x, (int, float)) for x in numbers):
@@ -93,7 +96,7 @@ def to_vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
     return [float(x) for x in numbers]
 
 
-def time_ns(value: Any, path: str) -> int:
+def time_ns(value: Time, path: str) -> int:
     """A time, a quantity or a number of seconds, in whole nanoseconds. Raises SetupError for anything else.
 
     path: the beginning of the error text, "task flight.gnc: every"

@@ -10,13 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge.errors import SetupError, suggesting
 from fledge.mission.field_path import FieldPath
 from fledge.objects.measured import flat_index, unit_after
-from fledge.objects.si import enumerator, enumerator_names, time_ns, to_si, to_vector
+from fledge.objects.si import Number, Time, enumerator, enumerator_names, time_ns, to_si, to_vector
 from fledge.world.bodies import ANGLE
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+Limit: TypeAlias = "Number | str | Signal"      # a text names an enumerator
 
 _NUMBER = (0,) * 8
 SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}     # what people read: (unit, factor)
@@ -45,7 +50,7 @@ class Signal:
         return cls("source", text=field.path, shape=field.shape, unit=field.unit, dims=field.field.dims, field=field)
 
     @property
-    def key(self) -> tuple[Any, ...]:
+    def key(self) -> tuple[object, ...]:
         """The same of signals that are the same."""
         return (self.operation, self.field.path if self.field else self.event, self.number, self.place,
                 self.numbers, *(operand.key for operand in self.operands))
@@ -98,13 +103,13 @@ class Signal:
     def __abs__(self) -> Signal:
         return self._made("abs", self, text=f"|{self.text}|")
 
-    def __add__(self, other: Any) -> Signal:
+    def __add__(self, other: Signal | Number) -> Signal:
         return self._joined("+", other)
 
-    def __sub__(self, other: Any) -> Signal:
+    def __sub__(self, other: Signal | Number) -> Signal:
         return self._joined("-", other)
 
-    def __mul__(self, factor: Any) -> Signal:
+    def __mul__(self, factor: float) -> Signal:
         if not isinstance(factor, (int, float)):
             raise SetupError(f"{self.text} * {factor!r}: expected a number without unit")
         return self._made("scaled", self, text=f"{factor:g} {self.text}", number=float(factor))
@@ -115,7 +120,7 @@ class Signal:
         own: dict[str, Any] = {"shape": self.shape, "unit": self.unit, "dims": self.dims}
         return Signal(operation, operands, **{**own, **changes})
 
-    def _joined(self, sign: str, other: Any) -> Signal:
+    def _joined(self, sign: str, other: Signal | Number) -> Signal:
         if not isinstance(other, Signal):
             value = to_si(other, f"{self.text} {sign} {other!r}", self.unit or "-", self.dims, "a number")
             if self.shape or not isinstance(value, (int, float)):
@@ -129,27 +134,27 @@ class Signal:
 
     # --- comparisons ---
 
-    def __lt__(self, limit: Any) -> Comparison:
+    def __lt__(self, limit: Limit) -> Comparison:
         return self._compare("<", limit)
 
-    def __le__(self, limit: Any) -> Comparison:
+    def __le__(self, limit: Limit) -> Comparison:
         return self._compare("<=", limit)
 
-    def __gt__(self, limit: Any) -> Comparison:
+    def __gt__(self, limit: Limit) -> Comparison:
         return self._compare(">", limit)
 
-    def __ge__(self, limit: Any) -> Comparison:
+    def __ge__(self, limit: Limit) -> Comparison:
         return self._compare(">=", limit)
 
-    def __eq__(self, limit: Any) -> Any:
+    def __eq__(self, limit: Limit) -> Comparison:  # type: ignore[override]
         return self._compare("==", limit)
 
-    def __ne__(self, limit: Any) -> Any:
+    def __ne__(self, limit: Limit) -> Comparison:  # type: ignore[override]
         return self._compare("!=", limit)
 
     __hash__ = object.__hash__
 
-    def _compare(self, relation: str, limit: Any) -> Comparison:
+    def _compare(self, relation: str, limit: Limit) -> Comparison:
         if self.shape:
             raise SetupError(f"{self.text} has shape {self.shape}: compare an element, norm() or max_abs()")
         if isinstance(limit, Signal):
@@ -172,20 +177,20 @@ class Signal:
         return self.text
 
 
-def angle(a: Any, b: Any) -> Signal:
+def angle(a: Signal | ArrayLike, b: Signal | ArrayLike) -> Signal:
     """[rad] Between two vectors, signals or 3 numbers: `angle(turned(sigma_BN, s_N), [0, 0, 1])`."""
     first, second = _vector("angle", a), _vector("angle", b)
     return Signal("angle", (first, second), text=f"angle({first.text}, {second.text})", unit="rad", dims=ANGLE)
 
 
-def turned(sigma: Any, v: Any) -> Signal:
+def turned(sigma: Signal | ArrayLike, v: Signal | ArrayLike) -> Signal:
     """A vector in the frame that an attitude (MRP sigma_BN) turns to: v_N becomes v_B. Signals or 3 numbers."""
     attitude, vector = _vector("turned", sigma), _vector("turned", v)
     return Signal("turned", (attitude, vector), text=f"turned({attitude.text}, {vector.text})", shape=(3,),
                   unit=vector.unit, dims=vector.dims)
 
 
-def _vector(what: str, signal: Any) -> Signal:
+def _vector(what: str, signal: Signal | ArrayLike) -> Signal:
     if not isinstance(signal, Signal):
         numbers = to_vector(signal, what, "-", _NUMBER)
         return Signal("constant", text=f"[{', '.join(f'{x:g}' for x in numbers)}]", shape=(3,), numbers=numbers)
@@ -242,7 +247,7 @@ class Formula:
     @property
     def comparisons(self) -> list[Comparison]:
         """Those in it, each once."""
-        by_key: dict[Any, Comparison] = {}
+        by_key: dict[tuple[object, ...], Comparison] = {}
         for part in self.walk():
             if isinstance(part, Comparison):
                 by_key.setdefault(part.key, part)
@@ -275,7 +280,7 @@ class Comparison(Formula):
         self.mathematics = text
 
     @property
-    def key(self) -> tuple[Any, ...]:
+    def key(self) -> tuple[object, ...]:
         return (self.signal.key, self.relation, self.limit)
 
     @property
@@ -314,13 +319,13 @@ def _symbols(formula: Formula) -> str:
     return f"({formula.mathematics})" if joins or isinstance(formula, Comparison) else formula.mathematics
 
 
-def _formula(x: Any, what: str) -> Formula:
+def _formula(x: object, what: str) -> Formula:
     if not isinstance(x, Formula):
         raise SetupError(f"{what}({x!r}): expected a formula, such as a signal that is compared with a limit")
     return x
 
 
-def _window(begin: Any, end: Any, what: str) -> tuple[int, int | None, str, str]:
+def _window(begin: Time, end: Time | None, what: str) -> tuple[int, int | None, str, str]:
     first = time_ns(begin, what)
     last = None if end is None else time_ns(end, what)
     if first < 0 or (last is not None and last < first):
@@ -333,7 +338,7 @@ def _window(begin: Any, end: Any, what: str) -> tuple[int, int | None, str, str]
 
 
 @suggesting()
-def always(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
+def always(x: Formula, begin: Time = 0, end: Time | None = None) -> Formula:
     """At all samples of a window from each sample on, `begin` to `end` later (times); None: until the end."""
     first, last, words, span = _window(begin, end, "always")
     return Node("always", [_formula(x, "always")], f"always {words + ' ' if words else ''}{_inner(x)}",
@@ -341,7 +346,7 @@ def always(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
 
 
 @suggesting()
-def eventually(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
+def eventually(x: Formula, begin: Time = 0, end: Time | None = None) -> Formula:
     """At one sample at least of such a window."""
     first, last, words, span = _window(begin, end, "eventually")
     words = words.replace("for ", "within ") if not first else words
@@ -349,7 +354,7 @@ def eventually(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
                 f"at some time {words + ' ' if words else ''}{_inner(x)}", f"◇{span}{_symbols(x)}", first, last)
 
 
-def within(duration: Any, x: Formula) -> Formula:
+def within(duration: Time, x: Formula) -> Formula:
     """At one sample at least of the next `duration`, a time."""
     last = time_ns(duration, "within")
     if last <= 0:
@@ -365,7 +370,7 @@ def never(x: Formula) -> Formula:
 
 
 @suggesting()
-def until(a: Formula, b: Formula, within: Any = None) -> Formula:
+def until(a: Formula, b: Formula, within: Time | None = None) -> Formula:
     """b holds at a sample of the next `within` (a time; None: until the end), and a at all samples before that."""
     _, last, _, span = _window(0, within, "until")
     limit = f" within {time_text(last)}" if last is not None else ""
@@ -379,7 +384,7 @@ def implies(a: Formula, b: Formula) -> Formula:
                 f"{_symbols(a)} → {_symbols(b)}", joins=True)
 
 
-def after(x: Any) -> Formula:
+def after(x: Formula | Time) -> Formula:
     """Of a formula: it has held at this sample or one before. Of a time: the run has lasted so long."""
     if isinstance(x, Formula):
         return Node("once", [x], f"{_inner(x)} has held", f"◆{_symbols(x)}")
@@ -387,7 +392,7 @@ def after(x: Any) -> Formula:
     return Node("clock", [], f"after {time_text(ns)}", f"t ≥ {ns / 1e9:g}", ns, None, joins=True)
 
 
-def before(t: Any) -> Formula:
+def before(t: Time) -> Formula:
     """The run has not lasted so long, a time."""
     ns = time_ns(t, "before")
     clock = Node("clock", [], f"after {time_text(ns)}", f"t ≥ {ns / 1e9:g}", ns)
@@ -400,7 +405,7 @@ def begins(x: Formula) -> Formula:
 
 
 @suggesting()
-def settles(x: Formula, within: Any, lasting: Any = None) -> Formula:
+def settles(x: Formula, within: Time, lasting: Time | None = None) -> Formula:
     """It begins to hold within a time, and keeps on for `lasting`, a time; None: until the end of the run."""
     first = time_ns(within, "settles: within")
     last = None if lasting is None else time_ns(lasting, "settles: lasting")
