@@ -15,9 +15,14 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from fledge.ground.server.scene import Feed
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from fledge.mission.simulation import Simulation
+    from fledge.world import GroundStation, Radio, Sky, Spacecraft
+    from fledge.world.bodies import Body
+
+    Array = NDArray[np.float64]
 
 DAY = 86400.0           # [s] ahead
 STEP = 10.0             # [s] between the times at which passes are looked for; shorter ones may be missed
@@ -40,7 +45,7 @@ class Pass(TypedDict):
 class Station:
     """A ground station of the world: where it stands in the frame P of its body, and how that turns."""
 
-    def __init__(self, path: str, station: Any, craft: Any) -> None:
+    def __init__(self, path: str, station: GroundStation, craft: Spacecraft) -> None:
         from fledge.scene.derive import FLATTENING, place_on
         from fledge.world.bodies import equator
 
@@ -50,7 +55,7 @@ class Station:
         self.place, self.up = place_on(self._body.radius, FLATTENING.get(self._body.name, 0.0), station.latitude,
                                        station.longitude, station.altitude)
 
-    def direction(self, times: NDArray[Any], r: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    def direction(self, times: Array, r: Array) -> tuple[Array, Array]:
         """(elevation [rad], range [m]) of places r [m] (n, 3) in N at times [s] (n,)."""
         import numpy as np
 
@@ -63,7 +68,7 @@ class Station:
         distance = np.linalg.norm(way, axis=1)
         return np.arcsin(way @ self.up / distance), distance
 
-    def passes(self, t: float, r: NDArray[Any], v: NDArray[Any]) -> list[Pass]:
+    def passes(self, t: float, r: Array, v: Array) -> list[Pass]:
         """The passes from t [s] on for a day of a spacecraft at r [m], v [m/s] in N."""
         import numpy as np
         from scipy.optimize import brentq, minimize_scalar
@@ -74,7 +79,7 @@ class Station:
         flight = orbit(body, pole, r - at, v - speed)
         times = np.append(np.arange(0.0, DAY, STEP), DAY)
 
-        def over(after: Any) -> NDArray[Any]:
+        def over(after: float | Array) -> Array:
             after = np.atleast_1d(after)
             place = flight(after)[:3].T + origin(body, sky, t + after)[0]
             return self.direction(t + after, place)[0] - self.mask
@@ -96,7 +101,7 @@ class Station:
         return predicted
 
 
-def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def origin(body: Body, sky: Sky | None, times: Array) -> tuple[Array, Array]:
     """(r [m], v [m/s]), each (n, 3): of a body in N."""
     import numpy as np
 
@@ -109,7 +114,7 @@ def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDAr
             np.tile(np.array(body.v_PN_N, dtype=float), (len(times), 1)))
 
 
-def orbit(body: Any, pole: NDArray[Any], r: NDArray[Any], v: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
+def orbit(body: Body, pole: Array, r: Array, v: Array) -> Callable[[Array], Array]:
     """The motion (r, v) about a body in the coming day, as a function of the time from now [s]: by its mass, and by its
     J2 if the mission has more than its mass."""
     import numpy as np
@@ -120,7 +125,7 @@ def orbit(body: Any, pole: NDArray[Any], r: NDArray[Any], v: NDArray[Any]) -> Ca
     oblate = body.J[0] or (BODIES[body.name].zonal(2).J[0] if body.field is not None and body.name in BODIES else 0.0)
     factor = 1.5 * oblate * body.radius**2
 
-    def rate(_: float, y: NDArray[Any]) -> NDArray[Any]:
+    def rate(_: float, y: Array) -> Array:
         place = y[:3]
         square = float(place @ place)
         z = float(place @ pole)
@@ -141,9 +146,9 @@ class Contacts:
         self._lock = Lock()
         self._predicted: tuple[float, list[Pass]] = (-math.inf, [])
         self.state: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
-        self._states: dict[str, tuple[float, NDArray[Any], NDArray[Any]]] = {}      # station -> t [s], r [m], v [m/s]
+        self._states: dict[str, tuple[float, Array, Array]] = {}      # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
-        self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
+        self._radios: dict[str, tuple[str, Radio]] = {}             # radio -> its station, itself
         if simulation is None:
             return
         models: dict[str, Any] = {f"{process.name}.{name}": model for process in simulation.processes

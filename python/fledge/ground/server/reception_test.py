@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from urllib.request import Request, urlopen
 
-import numpy as np
 import pytest
 
 from fledge.archive import Archive

@@ -24,8 +24,10 @@ from fledge.scene import add_of_mission, facts_of_simulation, page
 from fledge.scene.derive import Derivation, Facts
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
+    from fledge import _core
     from fledge.ground.database import Monitor
     from fledge.ground.scripts.links import Link
     from fledge.mission.simulation import Simulation
@@ -45,7 +47,7 @@ class Observing(Protocol):
     """A link that has other messages of a co-simulation besides packets."""
 
     @property
-    def topics(self) -> Any:
+    def topics(self) -> Mapping[str, object]:
         """All that the run shows to observers."""
 
     def watch(self, topics: Iterable[str], receive: Callable[[Any], None], /) -> None:
@@ -55,7 +57,7 @@ class Observing(Protocol):
 class Port:
     """An output of the mission, of which messages come."""
 
-    def __init__(self, name: str, struct: Any) -> None:
+    def __init__(self, name: str, struct: _core.Struct) -> None:
         self.name, self.type, self.dtype = name, struct.name, dtype_of(struct)
         rows = list(leaves(struct))
         self.fields = {name: field for name, field, _ in rows}
@@ -80,7 +82,7 @@ class Port:
         return row.tobytes()
 
 
-class Window(Records):
+class Window(Records[Port]):
     """The messages of some samples. What telemetry has not brought anew when it became stale stands in a sample with
     the sample's time, too.
 
@@ -95,7 +97,7 @@ class Window(Records):
         self._all = list(ports.values())
         self._messages = {}
         self.single = len(samples) == 1
-        ends = [max(t for t, _ in sample.values()) for sample in samples]
+        ends = list(map(end_of, samples))
         for port in self._all:
             old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in OF_FLIGHT else inf
             rows: list[tuple[float, bytes]] = []
@@ -116,7 +118,7 @@ class Window(Records):
     def _values(self, port: Port) -> NDArray[Any]:
         return self._messages[port.name][1]
 
-    def executives(self) -> list[Any]:
+    def executives(self) -> list[Port]:
         return []
 
 
@@ -138,7 +140,7 @@ class Feed:
         self._recent: deque[tuple[int, Sample]] = deque(maxlen=RECENT)
         self._texts: dict[int, dict[str, Any]] = {}      # number -> message
         self._number = 0
-        self._sources: list[Any] = []                   # of the tracks, by their numbers; [] before the first scene
+        self._sources: list[Callable[[Derivation], Any]] = []   # of the tracks; [] before the first scene
         self._used: set[str] | None = None
         self._next = 0.0
         self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
@@ -179,11 +181,11 @@ class Feed:
         self._watch()
         sample = self._true() | self._from_telemetry()
         self._note_modes()
-        t = max((at for at, _ in sample.values()), default=None)
-        if t is None:
+        if not sample:
             return
+        t = end_of(sample)
         with self._lock:
-            last = max((at for at, _ in self._samples[-1].values()), default=t) if self._samples else None
+            last = end_of(self._samples[-1]) if self._samples else None
             if last is not None and t < last:       # it was reset, or another session began
                 self._samples.clear()
                 self._recent.clear()
@@ -290,7 +292,7 @@ class Feed:
 
     def _thin(self) -> None:
         """Give all but the newest quarter of the samples an even spacing, of half as many."""
-        times = [max(t for t, _ in sample.values()) for sample in self._samples]
+        times = list(map(end_of, self._samples))
         newest = len(times) - MOST // 4
         gap, last, samples = (times[newest] - times[0]) / (MOST // 2), float("-inf"), []
         for i, (t, sample) in enumerate(zip(times, self._samples)):
@@ -299,7 +301,7 @@ class Feed:
                 last = t
         self._samples = samples
 
-    def newest(self, *types: str) -> dict[str, tuple[float, Any]]:
+    def newest(self, *types: str) -> dict[str, tuple[float, np.void]]:
         """Output -> (t [s], message, a record of NumPy): the newest ones of some types, of the world and in telemetry;
         for the thread that has the link."""
         import numpy as np
@@ -364,7 +366,7 @@ class Feed:
         derivation.add_plots()
         scene = derivation.scene
         scene.modes = {process: list(began) for process, began in self._modes.items()}
-        scene.end = max(t for sample in samples for t, _ in sample.values())
+        scene.end = max(map(end_of, samples))
         self._explain(scene)
         if self.facts.folder is not None:
             add_of_mission(scene, self.facts.folder)
@@ -413,7 +415,7 @@ class Feed:
                 columns += [] if new.written is None else [new.written[:, None]]
                 numbers = np.hstack(columns).ravel()
                 tracks[number] = [new.time.tolist(), [x if abs(x) < np.inf else None for x in numbers.tolist()]]
-        return {"kind": "truth", "craft": self.craft, "end": max(t for t, _ in sample.values()), "tracks": tracks,
+        return {"kind": "truth", "craft": self.craft, "end": end_of(sample), "tracks": tracks,
                 "modes": {process: began[-1] for process, began in self._modes.items()}}
 
 
@@ -426,6 +428,11 @@ def periods_of(simulation: Simulation) -> dict[str, float]:
                 path = f"{process.name}.{name}"
                 periods[path] = min(periods.get(path, inf), task.period / 1e9)
     return periods
+
+
+def end_of(sample: Sample) -> float:
+    """[s] The time of its newest message."""
+    return max(t for t, _ in sample.values())
 
 
 def topic_of(name: str) -> str:

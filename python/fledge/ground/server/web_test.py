@@ -16,9 +16,11 @@ import pytest
 from aiohttp import ClientSession, WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 
+from fledge.commands import Dictionary
 from fledge.ground.server.commanding import Commanding
 from fledge.ground.server.handlers import common
 from fledge.ground.server.room import Room
+from fledge.ground.server.run_control import Pace
 from fledge.ground.server.settings import read
 from fledge.ground.server.past import number_of
 from fledge.ground.server.telemetry import Telemetry
@@ -178,13 +180,16 @@ async def test_what_reads_the_database_for_a_request_is_not_done_by_the_loop(tmp
 
         return patch.object(of, name, recorded)
 
-    with watched(Commanding, "hazard"), watched(Commanding, "preview"), watched(Telemetry, "inspect"):
+    with watched(Commanding, "hazard"), watched(Commanding, "preview"), watched(Telemetry, "inspect"), \
+            watched(Dictionary, "text"), watched(Pace, "faults"):
         async with console(tmp_path, NADIR) as c:
             craft = "crafts/nadir_spin"
+            for what in ("dictionary", "run"):
+                await c.get(f"{craft}/{what}")
             packet = {"hex": (await c.post(f"{craft}/preview", {"name": "flight.noop"}))["hex"]}
             await c.post(f"{craft}/inspect", packet)
             await c.post(f"{craft}/raw", packet)
-    assert len(threads) == 3 and get_ident() not in threads.values()
+    assert len(threads) == 5 and get_ident() not in threads.values()
 
 
 @flown

@@ -70,10 +70,10 @@ async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.St
 
 
 @route("GET", "/api/crafts/{c}/dictionary", "view")
-async def dictionary(_: Server, _request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+async def dictionary(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if craft.mission is None:
         raise Refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
-    return web.Response(text=craft.mission.dictionary.text(), content_type="application/json")
+    return web.Response(text=await server.aside(craft.mission.dictionary.text), content_type="application/json")
 
 
 @route("GET", "/api/crafts/{c}/sent", "view")

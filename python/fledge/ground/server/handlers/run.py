@@ -23,8 +23,8 @@ def _control(craft: Spacecraft) -> RunControl:
 
 
 @route("GET", "/api/crafts/{c}/run", "view")
-async def run(_: Server, _request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    faults = _control(craft).faults()
+async def run(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    faults = await server.aside(_control(craft).faults)
     return answer((craft.describe_run() or {}) | {"faults": faults})
 
 
