@@ -22,7 +22,7 @@ from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import report, Campaign, Sweep, drivers, plots, report, store
 from fledge.montecarlo.counts import BOUND, Counts
 from fledge.montecarlo.result import Result
-from fledge.montecarlo.shares import fly_share
+from fledge.montecarlo.shares import Share, fly_share
 from fledge.report import campaign as pages
 from fledge.report.report_test import Page
 from fledge.requirements import after, always, implies, within
@@ -440,6 +440,13 @@ def test_a_page_is_whole_and_has_no_links_outside(campaign, result, tmp_path):
 
 def shares_of(campaign, cuts, seed=5):
     return [fly_share(campaign, seed, first, end)[0] for first, end in cuts]
+
+
+def test_errors_have_the_order_of_the_runs_not_of_their_ends(campaign):
+    kept = store.Store(campaign, 3, 5)
+    for run in (2, 0, 1):
+        kept.add(Share.failed(campaign, run, f"of run {run}"))
+    assert list(Result(campaign, 5, kept).errors.items()) == [(run, f"of run {run}") for run in range(3)]
 
 
 @pytest.mark.long("many random shares")

@@ -34,6 +34,7 @@ from fledge.objects.si import enumerator_names
 if TYPE_CHECKING:
     import numpy as np
 
+    from fledge.montecarlo.requirements import Requirement, Variable
     from fledge.montecarlo.result import Result
 
 FAILURES_MAX = 1000     # in a summary
@@ -52,71 +53,33 @@ def confidence(passed: int, n: int) -> tuple[float, float]:
 
 # --- text ------------------------------------------------------------------------------------------
 
-def summary(result: Result, command: Callable[[int], str]) -> dict:
+def summary(result: Result, command: Callable[[int], str]) -> dict[str, Any]:
     """The figures of a campaign as plain data. command: of a run's index, repeats that run."""
     import numpy as np
 
     campaign, d = result.campaign, result.campaign.dispersions
-    flown, passed = int(result.flown.sum()), int(result.passed.sum())
-    complete = result.complete
+    flown, passed, complete = int(result.flown.sum()), int(result.passed.sum()), result.complete
     low, high = confidence(passed, flown)
-
-    def describe(values: np.ndarray, names: Container[float] = ()) -> dict[str, float]:
-        values = values[complete & ~np.isnan(values)]
-        shown = percentiles(len(values))
-        if not shown:
-            return {}
-        quantiles = (np.percentile(values, shown, method="inverted_cdf") if names else  # none between two names
-                     np.percentile(values, shown))
-        return {str(p): float(x) for p, x in zip(shown, quantiles)}
-
-    depends = []
-    for variable, when, reached, _ in judged(result):
-        depends.append({"measure": variable.measure_text, "when": when,
-                        "drivers": [driver._asdict() for driver in drivers(result, reached)]})
-    requirements = []
-    for requirement in d.requirements:
-        values, times, holds = result.reached(requirement)
-        row = {"requirement": repr(requirement), "message": requirement.message, "unit": requirement.variable.unit,
-               "limit": requirement.limit, "held": int(holds[complete].sum()), "of": int(complete.sum())}
-        if (n := int(np.isnan(values[complete]).sum())):
-            row.update(not_judged=n)
-        if len(known := np.flatnonzero(complete & ~np.isnan(values))):
-            i = int(known[np.argmax(values[known] if requirement.comparison in ("<", "<=") else -values[known])])
-            shown, time = requirement._shown(values[i], ".4g"), float(times[i])
-            row.update(worst=float(values[i]) if shown else None, shown=shown, worst_run=i,
-                       worst_time=None if math.isnan(time) else time)     # JSON has no infinity
-        requirements.append(row)
-    draws, nominal = [], campaign.drawn(campaign.nominal)
-    for path, values in result.draws.items():
-        values = values[np.isfinite(values)]
-        row = {"path": path, "unit": d.columns[path], "nominal": nominal[path]}
-        if names := campaign.enumerators(path):     # which have no mean
-            row.update(nominal=names.get(nominal[path], nominal[path]),
-                       counts={name: int((values == number).sum()) for number, name in names.items()})
-        elif len(values):
-            row.update(min=float(values.min()), mean=float(values.mean()), max=float(values.max()),
-                       deviation=float(values.std(ddof=1)) if len(values) > 1 else 0.0)
-        draws.append(row)
     return {
         "mission": campaign.nominal.name, "campaign": campaign.name, "about": campaign.summary, "seed": result.seed,
         "runs": len(result), "flown": flown, "passed": passed, "failed": len(result.failures),
         "interrupted": result.interrupted, "pass_rate_95_percent": [low, high],
         "duration": d.duration, "every": d.every,
-        "requirements": requirements,
-        "final": [{"measure": measure.measure_text, "unit": measure.unit, "percentiles": (
-            found := describe(result.final(measure), words := enumerator_names(measure.field_path.field))),
-            "names": {p: words[int(x)] for p, x in found.items() if x in words}}
-            for measure in d.measures()],
+        "requirements": [_requirement(result, requirement) for requirement in d.requirements],
+        "final": [_final(result, measure) for measure in d.measures()],
         "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
-                   "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
-        "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
+                   "of": int(complete.sum()), "first": _percentiles(result, result.entered(name))} for name in d.modes],
+        "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"},
+        "draws": _draws(result),
         "health": [{"kind": finding.kind, "path": finding.path, "runs": n, "run": first, "text": finding.text}
                    for finding, n, first in result.unhealthy()],
         "axes": {path: {"values": [text_of(value) for value in values], "unit": campaign.unit(path)}
                  for path, values in campaign.axes.items()} if isinstance(campaign, Sweep) else {},
         "points": getattr(campaign, "points", 1),
-        "drivers": depends, "significance": SIGNIFICANCE,
+        "drivers": [{"measure": variable.measure_text, "when": when,
+                     "drivers": [driver._asdict() for driver in drivers(result, reached)]}
+                    for variable, when, reached, _ in judged(result)],
+        "significance": SIGNIFICANCE,
         "failures": [{"run": i, "text": result.failures[i], "command": command(i)}
                      for i in itertools.islice(result.failures, FAILURES_MAX)],
         "percentile_bound": 0.0 if result.exact else BOUND,
@@ -124,12 +87,76 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     }
 
 
-def text(data: dict, failures: int | None = None) -> str:
+def _percentiles(result: Result, values: np.ndarray, names: Container[float] = ()) -> dict[str, float]:
+    """Percentile -> number, over the complete runs that have (runs,) values. names: of enumerators"""
+    import numpy as np
+
+    values = values[result.complete & ~np.isnan(values)]
+    shown = percentiles(len(values))
+    if not shown:
+        return {}
+    quantiles = (np.percentile(values, shown, method="inverted_cdf") if names else  # none between two names
+                 np.percentile(values, shown))
+    return {str(p): float(x) for p, x in zip(shown, quantiles)}
+
+
+def _requirement(result: Result, requirement: Requirement) -> dict[str, Any]:
+    """How many runs fulfil it, and the worst of them."""
+    import numpy as np
+
+    complete = result.complete
+    values, times, holds = result.reached(requirement)
+    row = {"requirement": repr(requirement), "message": requirement.message, "unit": requirement.variable.unit,
+           "limit": requirement.limit, "held": int(holds[complete].sum()), "of": int(complete.sum())}
+    if (n := int(np.isnan(values[complete]).sum())):
+        row.update(not_judged=n)
+    if len(known := np.flatnonzero(complete & ~np.isnan(values))):
+        i = int(known[np.argmax(values[known] if requirement.comparison in ("<", "<=") else -values[known])])
+        shown, time = requirement._shown(values[i], ".4g"), float(times[i])
+        row.update(worst=float(values[i]) if shown else None, shown=shown, worst_run=i,
+                   worst_time=None if math.isnan(time) else time)     # JSON has no infinity
+    return row
+
+
+def _final(result: Result, measure: Variable) -> dict[str, Any]:
+    """A measure at the end of the runs."""
+    words = enumerator_names(measure.field_path.field)
+    found = _percentiles(result, result.final(measure), words)
+    return {"measure": measure.measure_text, "unit": measure.unit, "percentiles": found,
+            "names": {p: words[int(x)] for p, x in found.items() if x in words}}
+
+
+def _draws(result: Result) -> list[dict[str, Any]]:
+    """What was drawn for each dispersed number."""
+    import numpy as np
+
+    campaign = result.campaign
+    nominal = campaign.drawn(campaign.nominal)
+    draws = []
+    for path, values in result.draws.items():
+        values = values[np.isfinite(values)]
+        row = {"path": path, "unit": campaign.dispersions.columns[path], "nominal": nominal[path]}
+        if names := campaign.enumerators(path):     # which have no mean
+            row.update(nominal=names.get(nominal[path], nominal[path]),
+                       counts={name: int((values == number).sum()) for number, name in names.items()})
+        elif len(values):
+            row.update(min=float(values.min()), mean=float(values.mean()), max=float(values.max()),
+                       deviation=float(values.std(ddof=1)) if len(values) > 1 else 0.0)
+        draws.append(row)
+    return draws
+
+
+def text(data: dict[str, Any], failures: int | None = None) -> str:
     """A summary in words. failures: how many to show; None: all."""
-    lines = [f"{data['mission']}, {data['campaign']}" + (f": {data['about']}" if data["about"] else "")]
+    return "\n".join([*_runs_text(data), *_requirements_text(data), *_ends_text(data), *_draws_text(data),
+                      *_health_text(data), *_failures_text(data, failures)])
+
+
+def _runs_text(data: dict[str, Any]) -> list[str]:
     flown, passed = data["flown"], data["passed"]
-    lines.append(f"  runs     {flown} of {data['duration']:g} s, seed {data['seed']}"
-                 + (f"; stopped before {data['runs'] - flown} more" if flown < data["runs"] else ""))
+    lines = [f"{data['mission']}, {data['campaign']}" + (f": {data['about']}" if data["about"] else ""),
+             f"  runs     {flown} of {data['duration']:g} s, seed {data['seed']}"
+             + (f"; stopped before {data['runs'] - flown} more" if flown < data["runs"] else "")]
     if not data["requirements"]:
         lines.append(f"  ended    {passed} of {flown} without an error; nothing is required of them")
     elif data["axes"]:
@@ -138,6 +165,11 @@ def text(data: dict, failures: int | None = None) -> str:
         low, high = data["pass_rate_95_percent"]
         lines.append(f"  passed   {passed} of {flown}, {100 * passed / flown:.4g} %; "
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
+    return lines
+
+
+def _requirements_text(data: dict[str, Any]) -> list[str]:
+    lines = []
     if data["requirements"]:
         rows = [(requirement["requirement"], f"{requirement['held']} of {requirement['of']}",
                  ", ".join([*([f"worst {requirement['shown']} in run {requirement['worst_run']}"]
@@ -151,37 +183,49 @@ def text(data: dict, failures: int | None = None) -> str:
                  "first at " + ", ".join(f"{t:.4g} s ({p} %)" for p, t in mode["first"].items())
                  if mode["first"] else "") for mode in data["modes"]]
         lines += ["", "modes", *columns(rows, indent="  ")]
-    if any(measure["percentiles"] for measure in data["final"]):
-        shown = list(next(measure["percentiles"] for measure in data["final"] if measure["percentiles"]))
-        ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
-        ends += [(measure["measure"], measure["unit"], *(
-            measure["names"].get(p) or f"{measure['percentiles'][p]:.3g}" if p in measure["percentiles"] else "-"
-            for p in shown)) for measure in data["final"]]
-        left = [p for p in PERCENTILES if str(p) not in shown]
-        table = columns(ends, range(2, 2 + len(shown)), "  ")
-        lines += ["", table[0][2:], *table[1:]]
-        if left:
-            lines.append(f"  too few runs for the percentiles {', '.join(map(str, left))}")
+    return lines
+
+
+def _ends_text(data: dict[str, Any]) -> list[str]:
+    shown: list[str] = next((list(measure["percentiles"]) for measure in data["final"] if measure["percentiles"]), [])
+    if not shown:
+        return []
+    ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
+    ends += [(measure["measure"], measure["unit"], *(
+        measure["names"].get(p) or f"{measure['percentiles'][p]:.3g}" if p in measure["percentiles"] else "-"
+        for p in shown)) for measure in data["final"]]
+    left = [str(p) for p in PERCENTILES if str(p) not in shown]
+    table = columns(ends, range(2, 2 + len(shown)), "  ")
+    return ["", table[0][2:], *table[1:],
+            *([f"  too few runs for the percentiles {', '.join(left)}"] if left else [])]
+
+
+def _draws_text(data: dict[str, Any]) -> list[str]:
+    lines = []
     if data["axes"]:
         lines += ["", "swept", *columns([(path, "= " + ", ".join(axis["values"]), axis["unit"])
                                          for path, axis in data["axes"].items()], indent="  ")]
-    drawn = [(path, "= " + how) for path, how in data["declared"].items()]
-    if drawn:
-        lines += ["", "dispersed", *columns(drawn, indent="  ")]
-    if data["health"]:
-        lines += ["", "health"]
-        lines += [f"  in {finding['runs']} of {flown} runs, as in run {finding['run']}: {finding['text']}"
-                  for finding in data["health"]]
-    if data["failures"]:
-        shown = data["failures"][:failures]
-        lines += ["", "failed"]
-        for failure in shown:
-            first, *more = failure["text"].split("\n")
-            lines += [f"  run {failure['run']}: {first}", *(f"    {line}" for line in more),
-                      f"    {failure['command']}"]
-        if len(shown) < data["failed"]:
-            lines.append(f"  and {data['failed'] - len(shown)} more")
-    return "\n".join(lines)
+    if data["declared"]:
+        lines += ["", "dispersed", *columns([(path, "= " + how) for path, how in data["declared"].items()],
+                                            indent="  ")]
+    return lines
+
+
+def _health_text(data: dict[str, Any]) -> list[str]:
+    return ["", "health", *(f"  in {finding['runs']} of {data['flown']} runs, as in run {finding['run']}: "
+                            f"{finding['text']}" for finding in data["health"])] if data["health"] else []
+
+
+def _failures_text(data: dict[str, Any], most: int | None) -> list[str]:
+    """At most so many failures, each with the command that repeats its run."""
+    lines = ["", "failed"] if data["failures"] else []
+    shown = data["failures"][:most]
+    for failure in shown:
+        first, *more = failure["text"].split("\n")
+        lines += [f"  run {failure['run']}: {first}", *(f"    {line}" for line in more), f"    {failure['command']}"]
+    if data["failures"] and len(shown) < data["failed"]:
+        lines.append(f"  and {data['failed'] - len(shown)} more")
+    return lines
 
 
 # --- files -----------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ class Result:
         self.campaign, self.seed, self.interrupted, self.store = campaign, seed, interrupted, store
         self.ns = d.ns
         self.time = self.ns / 1e9
-        self.flown, self.errors = store.done, store.errors
+        self.flown, self.errors = store.done, dict(sorted(store.errors.items()))   # which come in any order
         self.complete = self.flown.copy()
         self.complete[list(self.errors)] = False
         self.draws = _Lazy(d.columns, store.column, d.columns.__contains__)
