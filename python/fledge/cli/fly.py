@@ -70,12 +70,7 @@ def add(command: Callable) -> None:
                      "target, as run does")
     line.add_argument("--ssh", metavar="COMMAND", default="", help="with ssh:HOST: how ssh is called, as in 'ssh -p "
                       "2222'; default: ssh")
-    tools = sub.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md); --gdb on "
-                                   "cortex-m7 and riscv64, too")
-    tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
-    for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
-                       "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
-        tools.add_argument(f"--{name}", metavar="FILE", help=f"write {what}")
+    _add_tools(sub)
     sub.add_argument("--build", action="store_true", help="only build, and print the path and the size")
     sub.add_argument("--join", nargs="?", const="", metavar="ADDRESS", help="fly as a node, called as "
                      "the process, of a run whose controller is elsewhere, one process on one target; default: "
@@ -84,6 +79,15 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
     add_parameters(sub)
     sub.set_defaults(needs=_needed)
+
+
+def _add_tools(sub: argparse.ArgumentParser) -> None:
+    tools = sub.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md); --gdb on "
+                                   "cortex-m7 and riscv64, too")
+    tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
+    for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
+                       "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
+        tools.add_argument(f"--{name}", metavar="FILE", help=f"write {what}")
 
 
 def _needed(options: argparse.Namespace) -> list[str]:
@@ -95,37 +99,16 @@ def _needed(options: argparse.Namespace) -> list[str]:
 
 
 def fly(options: argparse.Namespace) -> int:
-    from fledge.cli.arguments import flight_time, parse_duration
     from fledge.cli.runs import alone
-    from fledge.errors import Failure
-    from fledge.targets import Job
 
     names, apart = _chosen(options.on)
     lines = _at_lines(options, names, apart)
     names = [serial_line.name_of(name) for name in names]
     apart = {process: serial_line.name_of(name) for process, name in apart.items()}
-    chosen = [*names, *apart.values()]
-    if options.rtems:
-        from fledge.targets.leon3_rtems import NAMED_BY
-
-        if "leon3-rtems" not in chosen:
-            raise Failure("fly: --rtems is for --on leon3-rtems")
-        os.environ[NAMED_BY] = options.rtems
-    ours = [name for name in chosen if name not in lines]
-    targets, lacking = _ready(["desktop", *ours])
-    targets |= lines | _with_tools(options, ours)
-    targets |= _in_tree(options.cfs, targets) if options.cfs else {}
-    duration = flight_time(options)
-    settled = parse_duration(options.settled, "--settled") if options.settled else 0.0
-    if options.clock and not duration:
-        raise Failure("--clock: give a duration with --for; each second takes one")
-    part = options.build or options.join is not None       # then the duration does not matter
-    if lacking and (part or options.clock):
-        raise Failure(next(iter(lacking.values())))
-    if options.free and (options.scenario or not (duration or part)):
-        raise Failure("fly: --free is without a scenario, and needs --for")
+    targets, lacking = _targets(options, [*names, *apart.values()], lines)
+    duration, settled = _times(options, lacking)
     others: list[tuple[Part, Target]] = []
-    bounds: list[tuple[str, float, float, str]] = []
+    bounds: list[Bound] = []
 
     def check(job: Job) -> None:
         for process in [*apart, *filter(None, _by_process(options.elf))]:
@@ -133,26 +116,12 @@ def fly(options: argparse.Namespace) -> int:
         others.extend((part, targets[name]) for name in names if name != "desktop" for part in job.parts)
         others.extend((job.part(process), targets[name]) for process, name in apart.items() if name != "desktop")
         bounds.extend(_checked(options, job, others, settled))
-        if not (part or options.clock):     # these build at once
+        if not (_is_part(options) or options.clock):    # these build at once
             _refuse(lambda target, part: target.check(part), others, lacking)
 
     for name, why in lacking.items():
         print(f"  {name}: {why}", file=sys.stderr)
-    try:
-        job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
-                  _by_process(options.board), options.out, options.free, given_parameters(options), before=check,
-                  judged=True)
-    except Failure as error:
-        if error.code == 1:     # the scenario fails on the desktop
-            _verdict({"desktop": ["the scenario's checks do not hold"], **{name: ["did not fly"] for name in chosen}})
-        raise
-    if options.settled and settled > job.duration:
-        raise Failure(f"--settled {settled:g} s is after the end of the flight, {job.duration:g} s")
-    if options.report and not job.whole:
-        raise Failure("--report is about a whole scenario; leave out --for" + (" and --free" if options.free else ""))
-    if options.gdb:
-        address = options.gdb if ":" in options.gdb else f":{options.gdb}"
-        print(f"fledge: the board waits for gdb-multiarch: target remote {address}", file=sys.stderr)
+    job = _job(options, duration, settled, check, [*names, *apart.values()])
     with alone(job.folder):
         if options.build:
             return _build(job, others)
@@ -165,6 +134,70 @@ def fly(options: argparse.Namespace) -> int:
         if apart:
             runs["apart"] = {part.process: targets[apart.get(part.process, "desktop")] for part in job.parts}
         return _fly(options, job, runs, bounds, lacking)
+
+
+def _is_part(options: argparse.Namespace) -> bool:
+    """Whether this only builds, or flies a part of a run elsewhere: then the duration does not matter."""
+    return options.build or options.join is not None
+
+
+def _targets(options: argparse.Namespace, chosen: list[str], lines: dict[str, Any]
+             ) -> tuple[dict[str, Any], dict[str, str]]:
+    """(the targets by name, as the options want them; why some of them cannot fly). lines: of _at_lines()"""
+    from fledge.errors import Failure
+
+    if options.rtems:
+        from fledge.targets.leon3_rtems import NAMED_BY
+
+        if "leon3-rtems" not in chosen:
+            raise Failure("fly: --rtems is for --on leon3-rtems")
+        os.environ[NAMED_BY] = options.rtems
+    ours = [name for name in chosen if name not in lines]
+    targets, lacking = _ready(["desktop", *ours])
+    targets |= lines | _with_tools(options, ours)
+    targets |= _in_tree(options.cfs, targets) if options.cfs else {}
+    return targets, lacking
+
+
+def _times(options: argparse.Namespace, lacking: dict[str, str]) -> tuple[float | None, float]:
+    """([s] to fly, None: to the end of the scenario; [s] from which --within holds). Raises Failure where no flight of
+    any length is possible."""
+    from fledge.cli.arguments import flight_time, parse_duration
+    from fledge.errors import Failure
+
+    duration = flight_time(options)
+    settled = parse_duration(options.settled, "--settled") if options.settled else 0.0
+    part = _is_part(options)
+    if options.clock and not duration:
+        raise Failure("--clock: give a duration with --for; each second takes one")
+    if lacking and (part or options.clock):
+        raise Failure(next(iter(lacking.values())))
+    if options.free and (options.scenario or not (duration or part)):
+        raise Failure("fly: --free is without a scenario, and needs --for")
+    return duration or (1.0 if part else None), settled
+
+
+def _job(options: argparse.Namespace, duration: float | None, settled: float, check: Callable[[Job], None],
+         chosen: list[str]) -> Job:
+    """The flight of the desktop, with which the chosen targets are compared. Prints the verdict if its checks fail."""
+    from fledge.errors import Failure
+    from fledge.targets import Job
+
+    try:
+        job = Job(options.mission, options.scenario, duration, options.seed, _by_process(options.board), options.out,
+                  options.free, given_parameters(options), before=check, judged=True)
+    except Failure as error:
+        if error.code == 1:     # the scenario fails on the desktop
+            _verdict({"desktop": ["the scenario's checks do not hold"], **{name: ["did not fly"] for name in chosen}})
+        raise
+    if options.settled and settled > job.duration:
+        raise Failure(f"--settled {settled:g} s is after the end of the flight, {job.duration:g} s")
+    if options.report and not job.whole:
+        raise Failure("--report is about a whole scenario; leave out --for" + (" and --free" if options.free else ""))
+    if options.gdb:
+        address = options.gdb if ":" in options.gdb else f":{options.gdb}"
+        print(f"fledge: the board waits for gdb-multiarch: target remote {address}", file=sys.stderr)
+    return job
 
 
 def _refuse(prepare: Callable[[Target, Part], object], others: list[tuple[Part, Target]],
@@ -312,118 +345,168 @@ def _by_process(words: Iterable[str]) -> dict[str, list[str]]:
     return files
 
 
-def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
-         lacking: dict[str, str]) -> int:
-    """runs: name -> the target of each process. lacking: why a target, by its name, cannot fly."""
-    from fledge.cli.console import say
-    from fledge.cli.judge import show_required
-    from fledge.errors import Failure, RunError, SetupError
-    from fledge.requirements.judge import VIOLATED, problem_of
-    from fledge.archive import Archive, ArchiveError
-    from fledge.archive.compare import compare, digest
-    from fledge.targets import fly, table
+class _Comparison:
+    """A job on several targets, each compared with the desktop.
 
-    whole = f"{job.title}, {job.scenario}, {job.duration:g} s"
-    boards = [path.name for path in job.boards]
-    say(whole + (f", through {', '.join(boards)}" if boards else ""))
+    runs: name -> the target of each process; lacking: why a target, by its name, cannot fly
+    """
 
-    rows: list[tuple[str, Flown | None, str, str]] = []
-    wrong: dict[str, list[str]] = {name: [] for name in ("desktop", *runs)}     # of each run of the command
-    notes: list[str] = []
-    first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
-    archives: dict[Path, Archive] = {}
-    records: dict[str, dict[str, Archive]] = {}
-    bits: dict[tuple[str, Part], str] = {}          # (run, process) -> a hash of its outputs
-    code = 1
-    flights: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
+    def __init__(self, options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
+                 lacking: dict[str, str]) -> None:
+        self.options, self.job, self.bounds, self.lacking = options, job, bounds, lacking
+        self.runs: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
+        self.code = 1                                   # the exit code where something is wrong
+        self.wrong: dict[str, list[str]] = {name: [] for name in self.runs}
+        self._rows: list[tuple[str, Flown | None, str, str]] = []
+        self._notes: list[str] = []
+        self._archives: dict[Path, Archive] = {}
+        self._records: dict[str, dict[str, Archive]] = {}       # run -> process -> its record
+        self._first: dict[str, tuple[str, Archive]] = {}        # process -> the first run through boards, its record
+        self._bits: dict[tuple[str, Part], str] = {}            # (run, process) -> a hash of its outputs
+        boards = [path.name for path in job.boards]
+        self.title = f"{job.title}, {job.scenario}, {job.duration:g} s"
+        self.through = f", through {', '.join(boards)}" if boards else ""
 
-    def absent(name: str) -> None:
-        rows.append((name, None, "", "did not fly"))
-        wrong[name].append("did not fly")
+    def fly(self) -> None:
+        """All runs, one after the other, until Ctrl-C."""
+        from fledge.archive import ArchiveError
+        from fledge.errors import Failure, RunError, SetupError
 
-    for name, on in flights.items():
-        if any(target.name in lacking for target in on.values()):     # whose reason was printed
-            absent(name)
-            continue
-        try:
-            if on and "desktop" not in records:
-                raise Failure("there is no flight of the desktop to compare with")
-            desktop_target: Any = TARGETS["desktop"]
-            timeout = PATIENCE if options.gdb else 60.0
-            flown = fly(job, on, name, timeout, options.pace) if on else desktop_target.fly(job)
-            records[name] = {}
-            for part in job.parts:
-                path = flown[part.process].record
-                if path not in archives:
-                    archives[path] = Archive(path)
-                records[name][part.process] = archives[path]
-        except (Failure, SetupError, RunError, ArchiveError, OSError, KeyboardInterrupt) as error:
-            code = 130 if isinstance(error, KeyboardInterrupt) else code
-            print(f"  {name}: {'interrupted' if code == 130 else error}", file=sys.stderr)
-            absent(name)
-            if code == 130:
-                for later in list(wrong)[list(wrong).index(name) + 1:]:
-                    wrong[later].append("did not fly")
+        for name, on in self.runs.items():
+            if any(target.name in self.lacking for target in on.values()):     # whose reason was printed
+                self._absent(name)
+                continue
+            try:
+                flown = self._flown(name, on)
+            except (Failure, SetupError, RunError, ArchiveError, OSError) as error:
+                print(f"  {name}: {error}", file=sys.stderr)
+                self._absent(name)
+                continue
+            except KeyboardInterrupt:
+                print(f"  {name}: interrupted", file=sys.stderr)
+                self._absent(name)
+                self.code = 130
+                for later in list(self.wrong)[list(self.wrong).index(name) + 1:]:
+                    self.wrong[later].append("did not fly")
                 break
-            continue
-        for part in job.parts:
-            flight, archive = flown[part.process], records[name][part.process]
-            text, problem = "", ""
-            place = on[part.process].name if on else "desktop"
-            title = f"{part.process} on {place}" if len(job.parts) > 1 else place
-            if not on:
-                desktop = archive
-            elif job.rounds:
-                text, problem = _rounded(desktop, archive, part, flight, bounds)
-                before = first.setdefault(part.process, (name, archive))
-                if before[0] != name:
-                    others = compare(before[1], archive, part.outputs)
-                    problem = problem or (f"differs from {before[0]}" if others else "")
-                    text = f"from {before[0]}: {others[0]}" if others else f"none from {before[0]}; {text}"
-            else:
-                differences = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
-                text, problem = (str(differences[0]), "differs from the desktop") if differences else ("none", "")
-            bits[name, part] = digest(archive, part.outputs, part.is_instant)
-            if on and bits[name, part] == bits["desktop", part] and (other := part.unequal_telemetry(place)):
-                text, problem = f"{text}; {other}", problem or "telemetry differs from the desktop's"
-            refusals = part.refusals(flight.reports or (part.reports(place) if on else ()))
-            notes += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
-            if on:
-                notes += [f"script   {place}: {failure}" for failure in part.failures(place)]
-            if not all(expected for _, expected in refusals):
-                problem = problem or "a command was refused"
-            if problem:
-                wrong[name].append(f"{part.process} {problem}" if len(job.parts) > 1 else problem)
-            rows.append((title, flight, bits[name, part], text))
-    for line in [*table.lines(rows), *table.scripts(rows), *table.serial_lines(rows)]:
-        say("  " + line)
-    if archives:
-        say(f"  records  {', '.join(map(str, archives))}")
-    for name, flight, *_ in rows if options.pace else ():
-        if flight and flight.line:
-            say(f"  plot     {_plot_late(flight, f'{whole}, by the clock, on {name}')}")
-    for line in notes:
-        say(f"  {line}")
-    if not job.whole and job.scenario != "free":
-        say(f"  checks   none: the flight ends before the scenario {job.scenario}")
-    elif job.whole:
+            for part in self.job.parts:
+                self._compare(name, part, flown[part.process])
+
+    def _absent(self, name: str) -> None:
+        self._rows.append((name, None, "", "did not fly"))
+        self.wrong[name].append("did not fly")
+
+    def _flown(self, name: str, on: dict[str, Target]) -> dict[str, Flown]:
+        """Fly a run, and open its records."""
+        from fledge.archive import Archive
+        from fledge.errors import Failure
+        from fledge.targets import fly
+
+        if on and "desktop" not in self._records:
+            raise Failure("there is no flight of the desktop to compare with")
+        desktop: Any = TARGETS["desktop"]
+        flown: dict[str, Flown] = fly(self.job, on, name, PATIENCE if self.options.gdb else 60.0, self.options.pace
+                                      ) if on else desktop.fly(self.job)
+        records = self._records[name] = {}
+        for part in self.job.parts:
+            path = flown[part.process].record
+            if path not in self._archives:
+                self._archives[path] = Archive(path)
+            records[part.process] = self._archives[path]
+        return flown
+
+    def _compare(self, name: str, part: Part, flight: Flown) -> None:
+        """Compare one process of a run with the desktop's, and add its row."""
+        from fledge.archive.compare import digest
+
+        on, several = self.runs[name], len(self.job.parts) > 1
+        place = on[part.process].name if on else "desktop"
+        title = f"{part.process} on {place}" if several else place
+        text, problem = self._differences(name, part, flight) if on else ("", "")
+        bits = self._bits[name, part] = digest(self._records[name][part.process], part.outputs, part.is_instant)
+        if on and bits == self._bits["desktop", part] and (other := part.unequal_telemetry(place)):
+            text, problem = f"{text}; {other}", problem or "telemetry differs from the desktop's"
+        refusals = part.refusals(flight.reports or (part.reports(place) if on else ()))
+        self._notes += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
+        if on:
+            self._notes += [f"script   {place}: {failure}" for failure in part.failures(place)]
+        if not all(expected for _, expected in refusals):
+            problem = problem or "a command was refused"
+        if problem:
+            self.wrong[name].append(f"{part.process} {problem}" if several else problem)
+        self._rows.append((title, flight, bits, text))
+
+    def _differences(self, name: str, part: Part, flight: Flown) -> tuple[str, str]:
+        """(how a process differs from the desktop's, for the table; what is wrong or "")"""
+        from fledge.archive.compare import compare
+
+        desktop, archive = (self._records[run][part.process] for run in ("desktop", name))
+        if not self.job.rounds:
+            found = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
+            return (str(found[0]), "differs from the desktop") if found else ("none", "")
+        text, problem = _rounded(desktop, archive, part, flight, self.bounds)
+        first, its = self._first.setdefault(part.process, (name, archive))
+        if first != name:
+            others = compare(its, archive, part.outputs)
+            problem = problem or (f"differs from {first}" if others else "")
+            text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
+        return text, problem
+
+    def tell(self) -> None:
+        """Print the table of all, and what else there is to know of a flight."""
+        from fledge.cli.console import say
+        from fledge.targets import table
+
+        for line in [*table.lines(self._rows), *table.scripts(self._rows), *table.serial_lines(self._rows)]:
+            say("  " + line)
+        if self._archives:
+            say(f"  records  {', '.join(map(str, self._archives))}")
+        for name, flight, *_ in self._rows if self.options.pace else ():
+            if flight and flight.line:
+                say(f"  plot     {_plot_late(flight, f'{self.title}, by the clock, on {name}')}")
+        for note in self._notes:
+            say(f"  {note}")
+
+    def judge(self) -> None:
+        """Judge what each target put out by the scenario's checks and the requirements that it shows."""
+        from fledge.cli.console import say
+        from fledge.cli.judge import show_required
+        from fledge.requirements.judge import VIOLATED, problem_of
+
+        job = self.job
+        if not job.whole:
+            if job.scenario != "free":
+                say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+            return
         if not job.checked:
             say("  checks   none: the scenario has no check, and the mission no requirement for it")
         same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
-        for name, record in records.items():
+        for name, record in self._records.items():
             raised, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
-                options, job, name, record)
+                self.options, job, name, record)
             violated = [outcome.requirement.id for outcome in outcomes if outcome.verdict == VIOLATED]
             if violated:
-                wrong[name].append(f"violates {', '.join(violated)}")
+                self.wrong[name].append(f"violates {', '.join(violated)}")
             if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
-                wrong[name].append("the scenario's checks "
-                                   + ("do not hold" if failed == 1 else "cannot be judged by its record"))
+                self.wrong[name].append("the scenario's checks "
+                                        + ("do not hold" if failed == 1 else "cannot be judged by its record"))
                 print(f"fledge: {job.title}, {job.scenario} on {name}: {raised}", file=sys.stderr)
-            same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, runs))
+            same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, self.runs))
         for names, outcomes in same.values():
             show_required(outcomes, ", ".join(names))
-    return _verdict({_title(name, runs): problems for name, problems in wrong.items()}, code)
+
+
+def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
+         lacking: dict[str, str]) -> int:
+    """Fly all, compare and judge; the arguments are those of _Comparison."""
+    from fledge.cli.console import say
+
+    flights = _Comparison(options, job, runs, bounds, lacking)
+    say(flights.title + flights.through)
+    flights.fly()
+    flights.tell()
+    flights.judge()
+    return _verdict({_title(name, runs): problems for name, problems in flights.wrong.items()}, flights.code)
 
 
 def _plot_late(flown: Flown, title: str) -> Path:

@@ -24,6 +24,8 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from typing import Any
 
+    from fledge.mission.log import Log
+    from fledge.mission.simulation import Simulation
     from fledge.montecarlo import Campaign
 
 FAILURES_SHOWN = 8
@@ -204,47 +206,23 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
 
     from fledge.cli import health
 
-    index, d = options.only, campaign.dispersions
-    sim = campaign.simulation(index, options.seed)
-    title = f"{sim.name}, {campaign.name}, run {index} of seed {options.seed}"
+    d = campaign.dispersions
+    sim = campaign.simulation(options.only, options.seed)
+    title = f"{sim.name}, {campaign.name}, run {options.only} of seed {options.seed}"
     say(title)
     sim.plots = Plots(folder)
-    sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed, run=index,
-                fledge=fledge.__version__)
+    sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed,
+                run=options.only, fledge=fledge.__version__)
     everything = [instance for process in sim.processes for instance in process]
     log = sim.record(*everything, *(series.port(sim) for series in d.retained.values()), every=d.every)
-    problem, code = "", 0
-    try:
-        sim.run(d.duration)
-    except KeyboardInterrupt:
-        problem, code = "interrupted", 130
-    except fledge.CompositionError:
-        raise
-    except (fledge.SetupError, fledge.RunError) as error:
-        problem, code = str(error), 1
-    except Exception as error:  # of the mission's Python
-        from fledge import mission as missions
-
-        problem, code = missions.explain(error, campaign.folder), 1
+    problem, code = _attempt(campaign, sim)
     if problem and sim.time_ns < 0:
         raise Failure(f"{title}: {problem}", code)
     say(f"  flown    {sim.time:g} s")
-    drawn = campaign.drawn(sim)
-    width = max(map(len, drawn))
-    for path, value in drawn.items():
-        swept = path in getattr(campaign, "parameters", ())     # of the mission, whose own value no run has
-        nominal = "" if swept else f", nominal {campaign.shown(path, campaign.drawn(campaign.nominal)[path])}"
-        say(f"  drawn    {path.ljust(width)}  {campaign.shown(path, value)}{nominal}")
+    _tell_drawn(campaign, sim)
     if not problem:
-        result = campaign.judge(log, options.seed)
-        for requirement in d.requirements:
-            values, times, holds = result.reached(requirement)
-            at = "" if math.isnan(times[0]) else f"at {times[0]:g} s"
-            reached = requirement.failure(values[0], times[0]) if math.isnan(values[0]) else \
-                " ".join(filter(None, [requirement._shown(values[0], ".4g"), at]))
-            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}" + (f": {reached}" if reached else ""))
-        if result.failures:
-            problem, code = next(iter(result.failures.values())), 1
+        problem = _judged(campaign, log, options.seed)
+        code = int(problem != "")
     findings = health.show(sim.health)
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
@@ -261,3 +239,44 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
         raise Failure(f"{title}: {problem}", code)
     say("  passed" if d.requirements else "  ended    without an error; nothing is required of it")
     return 0
+
+
+def _attempt(campaign: Campaign, sim: Simulation) -> tuple[str, int]:
+    """Fly a run; returns (what went wrong or "", the exit code)."""
+    import fledge
+
+    try:
+        sim.run(campaign.dispersions.duration)
+    except KeyboardInterrupt:
+        return "interrupted", 130
+    except fledge.CompositionError:
+        raise
+    except (fledge.SetupError, fledge.RunError) as error:
+        return str(error), 1
+    except Exception as error:  # of the mission's Python
+        from fledge import mission as missions
+
+        return missions.explain(error, campaign.folder), 1
+    return "", 0
+
+
+def _tell_drawn(campaign: Campaign, sim: Simulation) -> None:
+    """Print what was drawn for a run."""
+    drawn, nominal = campaign.drawn(sim), campaign.drawn(campaign.nominal)
+    width = max(map(len, drawn))
+    for path, value in drawn.items():
+        swept = path in getattr(campaign, "parameters", ())     # of the mission, whose own value no run has
+        say(f"  drawn    {path.ljust(width)}  {campaign.shown(path, value)}"
+            + ("" if swept else f", nominal {campaign.shown(path, nominal[path])}"))
+
+
+def _judged(campaign: Campaign, log: Log, seed: int) -> str:
+    """Print what a run reached of each requirement; returns why it failed or ""."""
+    result = campaign.judge(log, seed)
+    for requirement in campaign.dispersions.requirements:
+        values, times, holds = result.reached(requirement)
+        at = "" if math.isnan(times[0]) else f"at {times[0]:g} s"
+        reached = requirement.failure(values[0], times[0]) if math.isnan(values[0]) else \
+            " ".join(filter(None, [requirement._shown(values[0], ".4g"), at]))
+        say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}" + (f": {reached}" if reached else ""))
+    return next(iter(result.failures.values()), "")

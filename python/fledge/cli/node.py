@@ -100,14 +100,41 @@ def _single(sim: Simulation, scenario: str, process: str, options: argparse.Name
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
-    from fledge.archive.mcap import metadata
-    from fledge.archive.reader import missing_of
-    from fledge.interruption import handled
-
     from fledge.cli import health
 
-    assert sim.mission
     part = cosim.split(sim, process, crossing)
+    name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
+    _prepare(sim, scenario, process, options, name)
+    if not quiet:
+        say(f"{sim.name}, {scenario}: {process} as the node {name}")
+    problem, reason, code = None, None, 1
+    try:
+        problem = reason = part.serve(address or options.address, simulation=options.simulation, name=name,
+                                      keys=options.keys, timeout=options.patience, delay=options.delay)
+    except KeyboardInterrupt:
+        problem, code = "interrupted", 130
+    except Exception as error:
+        problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
+    if not quiet and (not problem or sim.time_ns >= 0):     # it took part
+        say(f"  flown    {sim.time:g} s")
+    findings = sim.health
+    if not quiet or findings and not problem:
+        health.show(findings, process)
+    _close_record(sim, process, options, problem, quiet)
+    over = f"the controller refuses {name}: the run is over"  # to a program that comes late
+    if quiet and options.until is not None and problem and (
+            problem in (reason, "interrupted") or problem.startswith(over)):
+        return code  # the controller, which runs here too, reports the reason
+    if problem:
+        raise Failure(f"{sim.name}, {process}: {problem}", code)
+    return 0
+
+
+def _prepare(sim: Simulation, scenario: str, process: str, options: argparse.Namespace, name: str) -> None:
+    """Let a process fly its script of commands, and record what is wanted. name: of the node"""
+    import fledge
+
+    assert sim.mission
     if options.outputs:
         sim.record(*sim.process(process))
     if options.script:
@@ -121,44 +148,27 @@ def _single(sim: Simulation, scenario: str, process: str, options: argparse.Name
         sim.process(process).commands.script(packets)
     for log in sim.records:
         log.keep = False    # it goes into the file; this program may run for weeks
-    name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
     if options.record or options.outputs:
         sim.archive(options.outputs or Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
                     fledge=fledge.__version__, process=process, **sim.mission.metadata())
 
-    def show(text: str) -> None:
-        if not quiet:
-            say(text)
 
-    show(f"{sim.name}, {scenario}: {process} as the node {name}")
-    problem, reason, code = None, None, 1
-    try:
-        problem = reason = part.serve(address or options.address, simulation=options.simulation, name=name,
-                                      keys=options.keys, timeout=options.patience, delay=options.delay)
-    except KeyboardInterrupt:
-        problem, code = "interrupted", 130
-    except Exception as error:
-        problem, code = str(error), 2 if isinstance(error, fledge.SetupError) else 1
-    if not problem or sim.time_ns >= 0:  # it took part
-        show(f"  flown    {sim.time:g} s")
-    findings = sim.health
-    if not quiet or findings and not problem:
-        health.show(findings, process)
+def _close_record(sim: Simulation, process: str, options: argparse.Namespace, problem: str | None, quiet: bool) -> None:
+    """Close the record of a run that has ended, and print what it is. problem: why the run ended early"""
+    from fledge.archive.mcap import metadata
+    from fledge.archive.reader import missing_of
+    from fledge.interruption import handled
+
     with handled(ENDS, signal.SIG_IGN):
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
+    if quiet:
+        return
     if path:
-        show(f"  record   {path} ({size_of(path)})")
+        say(f"  record   {path} ({size_of(path)})")
         if missing := missing_of(metadata(path)):
-            show(f"  missing  {missing}")
+            say(f"  missing  {missing}")
     elif options.record:
-        show("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
-    over = f"the controller refuses {name}: the run is over"  # to a program that comes late
-    if quiet and options.until is not None and problem and (
-            problem in (reason, "interrupted") or problem.startswith(over)):
-        return code  # the controller, which runs here too, reports the reason
-    if problem:
-        raise Failure(f"{sim.name}, {process}: {problem}", code)
-    return 0
+        say("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
 
 
 def _several(sim: Simulation, scenario: str, names: list[str], options: argparse.Namespace,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
     from fledge.requirements import Requirements
     from fledge.verify.evidence import Row
-    from fledge.verify.flight import Flown
+    from fledge.verify.flight import Flight, Flown
 
 OUT = Path("verification")
 
@@ -88,33 +88,52 @@ def verify(options: argparse.Namespace) -> int:
 
 def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, requirements: Requirements,
             given: list[dict[str, str]], folder: Path) -> int:
-    """Fly, judge, and write the report."""
+    """Fly, judge, and write the report. given: the rows of --requirements"""
     from fledge.cli.console import counted, say
     from fledge.columns import columns
-    from fledge.errors import Failure
-    from fledge.progress import Bar
-    from fledge.requirements.judge import UNKNOWN, VIOLATED
-    from fledge.verify import evidence, flights, tables
+    from fledge.verify import tables
     from fledge.verify.flight import Flight
 
     assert sim.mission
     scenarios = {name: [requirement.id for requirement in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
-
-    def rows(flown: list[Flown]) -> tuple[list[Row], list[Row], set[str]]:
-        """All of the requirements, of the CSV too; those of --only; whether a requirement is among these."""
-        own = evidence.rows(requirements, scenarios, flown)
-        all_rows = own + tables.only_there(given, own)
-        evidence.adopt(all_rows)
-        wanted = evidence.with_children([row for row in all_rows if row.id in (options.only or [row.id])])
-        return own, [row for row in all_rows if row.id in wanted], wanted
-
-    _, all_rows, wanted = rows([])
+    _, rows = _rows(options, requirements, scenarios, given, [])
+    wanted = {row.id for row in rows}
     chosen = [Flight(options.mission, name, target, options.seed, given_parameters(options),
                      options.coverage and TARGETS[target].takes_tools, folder / "flights" / name / target)
               for name, ids in scenarios.items() if set(ids) & wanted for target in targets]
-    say(f"{sim.name}: {counted(len(all_rows), 'requirement')}, {counted(len(chosen), 'flight')} on "
-        + ", ".join(targets))
+    say(f"{sim.name}: {counted(len(rows), 'requirement')}, {counted(len(chosen), 'flight')} on {', '.join(targets)}")
+    flown = _fly(options, sim, chosen)
+    own, rows = _rows(options, requirements, scenarios, given, flown)
+    for line in columns([("requirement", "verdict", "margin", "where"), *map(_line, rows)]):
+        say(f"  {line}")
+    csv = {"file": Path(options.requirements).name, "differences": tables.differences(
+        given, [row for row in own if row in rows], not options.only)} if given else None
+    for id, what in csv["differences"] if csv else ():
+        say(f"  differs  {id} {what}")
+    for path in _write(options, sim, rows, flown, scenarios, csv, folder):
+        say(f"  wrote    {path}")
+    _refuse(options, sim, rows, flown)
+    return 0
+
+
+def _rows(options: argparse.Namespace, requirements: Requirements, scenarios: Mapping[str, Sequence[str]],
+          given: list[dict[str, str]], flown: list[Flown]) -> tuple[list[Row], list[Row]]:
+    """(rows of the mission's own requirements, of all that are reported: with those of the CSV alone, of --only)"""
+    from fledge.verify import evidence, tables
+
+    own = evidence.rows(requirements, scenarios, flown)
+    rows = own + tables.only_there(given, own)
+    evidence.adopt(rows)
+    wanted = evidence.with_children([row for row in rows if row.id in (options.only or [row.id])])
+    return own, [row for row in rows if row.id in wanted]
+
+
+def _fly(options: argparse.Namespace, sim: Simulation, chosen: list[Flight]) -> list[Flown]:
+    """The results of the flights; the paths of their records are those that the report has."""
+    from fledge.cli.console import say
+    from fledge.progress import Bar
+    from fledge.verify import flights
 
     def tell(flight: Flown) -> None:
         words = [shown.verdict for shown in flight.shown]
@@ -123,6 +142,7 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
             f"{flight.time:g} s in {flight.wall:.3g} s, {flight.speed:,.0f} times real time; {verdicts}"
         say(f"  {'before ' if flight.before else 'flown  '}  {flight.title}: {how}")
 
+    assert sim.mission
     with Bar(sim.name) as bar:
         flown = flights.fly(chosen, sim.mission.folder, options.jobs, options.again, tell,
                             lambda done, all_: bar.at(done / max(all_, 1), f"{done} of {all_} flights"),
@@ -130,24 +150,23 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
     for flight in flown:
         if flight.record:
             flight.record = f"flights/{flight.scenario}/{flight.target}/{flight.record}"
-    own, all_rows, _ = rows(flown)
-    for line in columns([("requirement", "verdict", "margin", "where"), *map(_line, all_rows)]):
-        say(f"  {line}")
-    csv = {"file": Path(options.requirements).name, "differences": tables.differences(
-        given, [row for row in own if row in all_rows], not options.only)} if given else None
-    for id, what in csv["differences"] if csv else ():
-        say(f"  differs  {id} {what}")
-    for path in _write(options, sim, all_rows, flown, scenarios, csv, folder):
-        say(f"  wrote    {path}")
-    violated = [row.id for row in all_rows if row.verdict == VIOLATED]
-    problems = [f"violated: {', '.join(violated)}"] if violated else []
-    problems += [f"failed: {flight.title}" for flight in flown if flight.error]
-    if options.strict:
-        problems += [f"{word}: {', '.join(ids)}" for word in (UNKNOWN, evidence.NOT_SHOWN)
-                     if (ids := [row.id for row in all_rows if row.verdict == word])]
+    return flown
+
+
+def _refuse(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown]) -> None:
+    """Raise Failure if a requirement is violated, or a flight has failed; with --strict, also of what is not shown."""
+    from fledge.errors import Failure
+    from fledge.requirements.judge import UNKNOWN, VIOLATED
+    from fledge.verify.evidence import NOT_SHOWN
+
+    def of(verdict: str) -> list[str]:
+        ids = [row.id for row in rows if row.verdict == verdict]
+        return [f"{verdict}: {', '.join(ids)}"] if ids else []
+
+    problems = [*of(VIOLATED), *(f"failed: {flight.title}" for flight in flown if flight.error),
+                *(text for verdict in (UNKNOWN, NOT_SHOWN) * options.strict for text in of(verdict))]
     if problems:
         raise Failure(f"{sim.name}: {'; '.join(problems)}", 1)
-    return 0
 
 
 def _line(row: Row) -> tuple[str, str, str, str]:

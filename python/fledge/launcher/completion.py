@@ -9,7 +9,8 @@ import argparse
 import os
 from collections.abc import Iterable
 
-from fledge import cli, folders
+from fledge import folders
+from fledge.cli.bench import benches
 from fledge.cli.runs import KEPT, RUNS, SCENE
 from fledge.launcher.context import PRESETS
 from fledge.launcher.parser import OPTIONS, leading_options, parser
@@ -75,7 +76,7 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
         from fledge.targets import boards
 
         return boards()
-    return cli.benches() if name == "bench" else ()
+    return benches() if name == "bench" else ()
 
 
 def _targets(word: str) -> list[str]:

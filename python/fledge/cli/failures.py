@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors and warnings in the words that a user reads."""
+from __future__ import annotations
+
+import os
+import sys
+
+from fledge.cli.console import cannot_fly
+from fledge.errors import printable
+
+
+def say_warning(message: object, category: type, file: str, line: int, *_: object) -> None:
+    from fledge.files import shown
+
+    print(f"fledge: {shown(file)}, line {line}: {printable(str(message))}", file=sys.stderr)
+
+
+def expected(error: BaseException) -> bool:
+    """Whether an error is about the input of the user or a missing package, and no defect of this program."""
+    if isinstance(error, (OSError, ImportError)):
+        return True
+    from fledge import RunError, SetupError
+    from fledge.archive import ArchiveError
+
+    return isinstance(error, (SetupError, RunError, ArchiveError))
+
+
+def in_words(error: BaseException) -> str:
+    """The text of an error; of an error of the operating system the file and the reason, without the number."""
+    if type(error).__name__ == "CompositionError":
+        return cannot_fly(str(error).splitlines())
+    if isinstance(error, PermissionError) and isinstance(error.filename, str):
+        return f"this user may not write or read {os.path.abspath(error.filename)}"
+    if isinstance(error, ModuleNotFoundError) and (package := _package_of(str(error.name))):
+        return f"{error.name} is not installed; as root, run: apt-get install {package}"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+def _package_of(module: str) -> str:
+    """The package of Debian, among those that Fledge names, which has a module of Python; "" if there is none."""
+    from fledge.files import ROOT
+
+    package = f"python3-{module.partition('.')[0].lower()}"
+    listed = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").split()
+    return package if package in listed else ""

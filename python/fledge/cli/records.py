@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge plot RUN`, `fledge view RUN`, `fledge convert RUN`: a record as figures, in 3-D, as CSV or HDF5."""
+from __future__ import annotations
+
+import argparse
+import sys
+
+from fledge.cli.arguments import parse_duration
+from fledge.cli.console import say, size_of
+from fledge.cli.runs import SCENE, WHAT, open_run
+from fledge.errors import Failure, printable
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from fledge.archive import Archive
+
+
+def add(command: Callable) -> None:
+    """Add the subcommands, by the function of cli.parser() that adds one."""
+    sub = command("plot", plot, "plot nadir_spin error.sigma_BR command.u")
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    sub.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
+    sub.add_argument("--out", metavar="DIR", help="default: beside the record")
+
+    sub = command("view", view, "view earth_imager")
+    sub.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film)])
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    kind = sub.add_mutually_exclusive_group()
+    kind.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
+                      "Foxglove's 3-D panel, in place of a page")
+    kind.add_argument("--film", metavar="FILE.webp", help="write a film in place of a page")
+    sub.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
+    sub.add_argument("--look", default="", metavar="TEXT", help="of a film: what follows # in the page's address")
+    sub.add_argument("--from", dest="begin", metavar="TIME", help="of a film: its first frame (90s, 1h23m)")
+    sub.add_argument("--to", dest="end", metavar="TIME", help="of a film: its last frame")
+    sub.add_argument("--frames", type=int, default=180, metavar="N",
+                     help="of a film, 12.5 a second; default: %(default)s")
+
+    sub = command("convert", convert, "convert nadir_spin --csv --out tables")
+    sub.add_argument("run", metavar="RUN", help=WHAT)
+    kind = sub.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--csv", action="store_true", help="a file per topic")
+    kind.add_argument("--hdf5", action="store_true", help="one file")
+    kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
+                      "parameters of the run, its topics, and a hash of its messages")
+    sub.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
+
+
+def plot(options: argparse.Namespace) -> int:
+    from fledge.plot import plot as draw, save
+
+    archive = open_run(options.run)
+    folder = options.out or archive.path.parent
+    if options.fields:
+        figures = [draw(archive, *options.fields)]
+    else:  # a figure per topic, a panel per field
+        figures = []
+        for channel in _decodable(archive):
+            fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items() if not n.startswith("head.")}
+            if channel.count and fields:
+                figures.append(draw(archive, *fields, name=channel.name, title=channel.name,
+                                    titles=[f.meaning or f.name for f in fields.values()]))
+    if not figures:
+        raise Failure(f"{archive.path}: there is nothing to plot", 1)
+    for figure in figures:
+        say(str(save(figure, folder)))
+    return 0
+
+
+def view(options: argparse.Namespace) -> int:
+    from fledge import scene
+    import fledge.scene.film
+    import fledge.scene.foxglove
+
+    archive = open_run(options.run)
+    if options.film:
+        begin, end = (parse_duration(text, name) if text else None for text, name in
+                      ((options.begin, "--from"), (options.end, "--to")))
+        path = scene.film.write(scene.of(archive), options.film, options.look, begin, end, options.frames)
+    elif options.foxglove:
+        path = scene.foxglove.write(scene.of(archive), archive.path,
+                                    options.out or archive.path.with_suffix(SCENE))
+    else:
+        path = scene.view(archive, options.out)
+    say(f"{path} ({size_of(path)})")
+    return 0
+
+
+def convert(options: argparse.Namespace) -> int:
+    archive = open_run(options.run)
+    if options.about:
+        return _about(archive)
+    topics = [channel.topic for channel in _decodable(archive)]
+    if not topics:
+        raise Failure(f"{archive.path}: there is nothing to convert", 1)
+    if options.hdf5:
+        say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"), topics)))
+    else:
+        for path in archive.to_csv(options.out or archive.path.parent, topics):
+            say(str(path))
+    return 0
+
+
+def _decodable(archive: Archive) -> list[Any]:
+    """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
+    for channel in archive.topics.values():
+        if channel.problem:
+            print(f"fledge: without {printable(channel.topic)} ({printable(channel.schema)}), whose messages are "
+                  "no plain structs", file=sys.stderr)
+    return [channel for channel in archive.topics.values() if not channel.problem]
+
+
+def _about(archive: Archive) -> int:
+    """Print a record's facts about its run."""
+    from fledge.archive.compare import digest
+    from fledge.columns import columns
+
+    about = dict(archive.metadata)
+    facts = {**about.pop("run", {}), **{f"revision of {k}": v for k, v in about.pop("revisions", {}).items()},
+             **about.pop("end", {})}
+    parameters = about.pop("parameters", {})
+    say(str(archive.path))
+    for line in columns([("" if i else key, value) for key, text in facts.items()
+                         for i, value in enumerate(text.split("\n"))], indent="  "):
+        say(line)
+    say(f"topics, hash {digest(archive, archive.topics)}")
+    rows = [(c.name, str(c.count), c.schema.rpartition("/")[2]) for c in archive.topics.values()]
+    for line in columns(rows, right={1}, indent="  "):
+        say(line)
+    for title, pairs in (("parameters, as the run began", parameters), *about.items()):
+        if pairs:
+            say(title)
+            for line in columns(list(pairs.items()), indent="  "):
+                say(line)
+    return 0
