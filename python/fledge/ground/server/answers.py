@@ -35,11 +35,6 @@ def _finite(content: object) -> object:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
-def owner(craft: str) -> str:
-    """The spacecraft whose roles count: a replay has those of its source."""
-    return craft.partition("@")[0]
-
-
 def _texts(kind: str, exact: list[Any]) -> list[str | None]:
     """Values as texts with all digits: a label's word, bytes in hex, times in seconds."""
     if kind == "time":

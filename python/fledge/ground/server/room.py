@@ -23,6 +23,11 @@ KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "tra
          "log": "log"}
 
 
+def owner(craft: str) -> str:
+    """The spacecraft whose roles count: a replay has those of its source."""
+    return craft.partition("@")[0]
+
+
 class Room:
     """The spacecraft of the settings, from start() to close()."""
 
@@ -169,5 +174,5 @@ class Room:
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
                "good": good}
         self.journal.save_all([*((kind, craft, content) for kind, content in also),
-                               ("log", craft.partition("@")[0], row)])
+                               ("log", owner(craft), row)])
         self.publish("log", craft, row)

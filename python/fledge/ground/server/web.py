@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from aiohttp import web
 
 from fledge.ground.server.access import ROLES
-from fledge.ground.server.answers import dumps, json_answer, owner, Refusal
+from fledge.ground.server.answers import dumps, json_answer, Refusal
 from fledge.ground.server.bounds import LoopWatch, raise_descriptors
 from fledge.ground.server.commanding import ArgumentError, Hazardous
 from fledge.ground.server.guard import Guard
@@ -26,7 +26,7 @@ from fledge.ground.server.journal import JournalError
 from fledge.ground.server.link import AGAIN
 from fledge.ground.server.live import Browser, Sender
 from fledge.ground.server.questions import Questions
-from fledge.ground.server.room import Room
+from fledge.ground.server.room import Room, owner
 from fledge.ground.server.settings import read, stamp
 from fledge.ground.server.routes import RUN, Row, add_routes, row_of, rows, whole
 from fledge.ground.server.spacecraft import Spacecraft
