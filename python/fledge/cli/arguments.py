@@ -19,6 +19,35 @@ def add_update_limit(command: argparse.ArgumentParser) -> None:
                          "none")
 
 
+def add_mission(command: argparse.ArgumentParser, more: str = "") -> None:
+    """The position of every command that loads a mission. more: what it must have"""
+    command.add_argument("mission", help=f"the name of a mission, or its folder{more}")
+
+
+def add_process(command: argparse.ArgumentParser) -> None:
+    """The option of every command that is about one flight process."""
+    command.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+
+
+def add_seed(command: argparse.ArgumentParser, of: str = "the random streams", letter: str = "N") -> None:
+    """The option of every command that draws numbers."""
+    command.add_argument("--seed", type=int, default=0, metavar=letter, help=f"of {of}; default: 0")
+
+
+def actions(command: Any, name: str) -> Callable[[str, Callable[..., int], str, str], Any]:
+    """A function that adds an action to a command which has several, by its name, handler, help and example."""
+    kinds = command.add_subparsers(metavar="ACTION", parser_class=type(command))
+
+    def action(kind: str, function: Callable[..., int], text: str, example: str) -> Any:
+        sub = kinds.add_parser(kind, help=text, description=text[0].upper() + text[1:] + ".",
+                               epilog=f"example: ./fledge {name} {example}")
+        sub.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        sub.set_defaults(function=function)
+        return sub
+
+    return action
+
+
 def add_campaign(command: argparse.ArgumentParser, when: str = "") -> None:
     """The option of every command that flies a campaign of a mission."""
     command.add_argument("--campaign", metavar="NAME", help=f"{when}a function of dispersions.py; default: the first")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from fledge.cli.console import counted, itemized, placed, say
-from fledge.cli.arguments import add_parameters, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, given_parameters
 from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("check", check, "check nadir_spin")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     add_parameters(sub)
 
 

@@ -11,7 +11,7 @@ import argparse
 import getpass
 import sys
 
-from fledge.cli.arguments import number
+from fledge.cli.arguments import actions, add_process, add_seed, number
 from fledge.cli.console import say, trace
 from fledge.errors import Failure
 
@@ -27,15 +27,7 @@ def add(command: Callable) -> None:
     sub: Any = command("ground", lambda options: sub.error("serve, run, password or token?"),
                        "ground serve ground.toml")
     sub.set_defaults(needs=lambda options: ["control_room", "build ground", *["view"] * (options.function == serve)])
-    kinds = sub.add_subparsers(metavar="ACTION", parser_class=type(sub))
-
-    def action(name: str, function: Callable[..., int], text: str, example: str) -> Any:
-        a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
-                             epilog=f"example: ./fledge ground {example}")
-        a.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-        a.set_defaults(function=function)
-        return a
-
+    action = actions(sub, "ground")
     a = action("serve", serve, "decode, archive and command spacecraft, with a console in the browser",
                "serve ground.toml")
     a.add_argument("file", metavar="FILE", help="its spacecraft and their links: docs/control-room.md")
@@ -47,9 +39,8 @@ def add(command: Callable) -> None:
     a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN, "
                    "which others do not see in the list of processes")
     a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
-    a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    a.add_argument("--seed", type=int, default=0, metavar="N", help="of a simulated mission's random streams; "
-                   "default: 0")
+    add_process(a)
+    add_seed(a, "a simulated mission's random streams")
     a.add_argument("--pace", type=number(), default=0.0, metavar="X", help="of a simulated mission: X simulated "
                    "seconds per second; default: as fast as possible")
     a.add_argument("--radio", metavar="world.RADIO", help="of a simulated mission: by which packets pass; default: "

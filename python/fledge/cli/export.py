@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -27,7 +27,7 @@ def add(command: Callable) -> None:
                      "in C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a "
                      "LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
                      "xtce: all packets and commands, of all flight processes, as a database for ground stations")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
     sub.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
     sub.add_argument("--board", nargs="*", action="extend", metavar="FILE", help="also write the boards through which "

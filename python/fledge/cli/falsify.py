@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_pool, add_update_limit
+from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit
 from fledge.cli.console import say
 from fledge.cli.runs import alone
 from fledge.errors import Failure
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     sub = command("falsify", falsify, "falsify sun_safe SUN-1 --runs 1000")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
+    add_mission(sub, "; its dispersions.py says what may differ")
     sub.add_argument("requirement", help="the id of a requirement of its requirements.py")
     add_campaign(sub)
     sub.add_argument("--scenario", metavar="NAME", help="fly this scenario with the campaign's dispersions, from what "
@@ -41,8 +41,7 @@ def add(command: Callable) -> None:
                      "campaign violates it, by importance splitting")
     sub.add_argument("--repetitions", type=int, default=8, metavar="N", help="of the estimate, whose spread gives its "
                      "interval; each has random streams of its own; default: %(default)s")
-    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
-                     "default: 0")
+    add_seed(sub, "the search, and of all random streams", "S")
     add_pool(sub)
     sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
     sub.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, add_pool, add_update_limit, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, add_pool, add_seed, add_update_limit, given_parameters
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("faults", faults, "faults sun_safe --begin 5min")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its faults.py may say more")
+    add_mission(sub, "; its faults.py may say more")
     sub.add_argument("--scenario", action="append", default=[], metavar="NAME", help="may be repeated; default: the "
                      "first")
     sub.add_argument("--unit", action="append", default=[], metavar="PATH", help="only this one, as world.gyro; may be "
@@ -31,7 +31,7 @@ def add(command: Callable) -> None:
     sub.add_argument("--for", dest="duration", metavar="DURATION", help="end each flight so long after its start (90s, "
                      "10min, 2h); default: with its scenario")
     sub.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
-    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_seed(sub)
     add_pool(sub)
     sub.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
     add_update_limit(sub)

@@ -10,17 +10,17 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fledge.cli.arguments import add_pool, parse_duration
+from fledge.cli.arguments import add_mission, add_pool, add_seed, parse_duration
 
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("flips", flips, "flips nadir_spin --count 1000")
-    sub.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
+    add_mission(sub, ", with one flight process")
     sub.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")
     sub.add_argument("--count", type=int, default=1000, metavar="N", help="how many flips, each in a flight of its own;"
                      " default: 1000")
-    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
+    add_seed(sub, "the drawn bits and times", "S")
     sub.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
     sub.add_argument("--for", dest="duration", default="60s", metavar="DURATION",
                      help="the flips come in it; default: 60s")

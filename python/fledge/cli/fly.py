@@ -13,7 +13,7 @@ import re
 import sys
 
 from fledge import serial_line
-from fledge.cli.arguments import add_parameters, given_parameters, number
+from fledge.cli.arguments import add_mission, add_parameters, add_seed, given_parameters, number
 from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("fly", fly, "fly nadir_spin --on desktop,linux,aarch64")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     sub.add_argument("--free", action="store_true", help="without a scenario; with --for")
     sub.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
@@ -51,7 +51,7 @@ def add(command: Callable) -> None:
     line.add_argument("--pace", type=number(), default=0.0, metavar="X", help="X simulated seconds per second, with a "
                       "histogram of how late flight answered; default: the world waits for the board")
     sub.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
-    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_seed(sub)
     sub.add_argument("--board", nargs="+", action="extend", default=[], metavar="FILE", help="boards that the messages "
                      "pass, as in docs/export.md: files, or folders of *.toml; default: one that carries them whole. "
                      "PROCESS=FILE: of that flight process")

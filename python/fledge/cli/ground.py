@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import re
 
-from fledge.cli.arguments import number
+from fledge.cli.arguments import add_process, number
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def add(command: Callable) -> None:
     sub.add_argument("mission", help=mission)
     sub.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
                      "or a command and its arguments, as in `mode science`, `arm EVENT off`, `noop`")
-    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    add_process(sub)
     sub.add_argument("--to", metavar="ADDRESS", help=f"send it, and wait for its execution: {address}; without, "
                      "print its packets in hexadecimal, a line each")
     sub.add_argument("--within", default="10s", metavar="DURATION", help="how long to wait; default: 10s")
@@ -44,7 +44,7 @@ def add(command: Callable) -> None:
         sub.add_argument("mission", help=mission)
         sub.add_argument("--as", dest="name", metavar="NAME", help=other)
         sub.add_argument("--to", metavar="ADDRESS", required=True, help=f"where flight is: {address}")
-        sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+        add_process(sub)
         sub.add_argument("--within", default="1h", metavar="DURATION", help="how long to wait; default: 1h")
         sub.add_argument("--rate", type=number("a rate"), metavar="BYTES_PER_S", help="of the packets that go up; "
                          "default: 4000")

@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 
+from fledge.cli.arguments import actions
 from fledge.cli.console import say
 from fledge.errors import Failure
 
@@ -26,17 +27,14 @@ def add(command: Callable) -> None:
     sub: Any = command("keys", lambda options: sub.error("new, list, allow, deny or link?"),
                        "keys new controller world flight")
     sub.set_defaults(needs=lambda _: None)
-    kinds = sub.add_subparsers(metavar="ACTION", parser_class=type(sub))
+    add_action = actions(sub, "keys")
 
     def action(name: str, function: Callable[[argparse.Namespace], None], text: str, example: str,
                folder: bool = True) -> Any:
-        a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
-                             epilog=f"example: ./fledge keys {example}")
+        a = add_action(name, _spoken(function), text, example)
         if folder:
             a.add_argument("--keys", metavar="DIR", default=os.environ.get("FLEDGE_KEYS") or "keys",
                            help="their folder; default: FLEDGE_KEYS, else keys")
-        a.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-        a.set_defaults(function=_spoken(function))
         return a
 
     a = action("new", new, "make a pair of keys each: for the controller, a node, or a machine of several nodes",

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_pool, add_update_limit
+from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
@@ -34,13 +34,12 @@ FAILURES_SHOWN = 8
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     sub = command("montecarlo", montecarlo, "montecarlo nadir_spin --runs 2000")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
+    add_mission(sub, "; its dispersions.py defines the dispersions")
     sub.add_argument("--runs", type=int, metavar="N", help="how many")
     _add_common(sub, "montecarlo")
 
     sub = command("sweep", sweep, "sweep nadir_spin --set flight.control.K=1:5:9")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
-                     "what it retains, and what must hold")
+    add_mission(sub, "; its dispersions.py says how long a run is, what it retains, and what must hold")
     sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "
                      "grid: a parameter of the mission, or the path of a number in SI. VALUES: 0.1:1:10, ten at equal "
                      "distances; 0.1:1:10:log, at equal ratios; or a list, 1,2,5")
@@ -52,7 +51,7 @@ def add(command: Callable) -> None:
 def _add_common(sub: argparse.ArgumentParser, name: str) -> None:
     """The options of campaigns and sweeps."""
     add_campaign(sub)
-    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    add_seed(sub, "all draws and random streams", "S")
     add_pool(sub)
     sub.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge.cli.arguments import add_parameters, add_update_limit, given_parameters, number, parse_duration
+from fledge.cli.arguments import add_mission, add_parameters, add_update_limit, given_parameters, number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 from fledge.files import make
@@ -33,7 +33,7 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("node", node, "node nadir_spin flight --address tcp://127.0.0.1:7000")
     sub.set_defaults(needs=lambda _: ["build cosim"])
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("process", help="what to fly here: flight, world, ...; several, as in world,flight, or all: each "
                      "in a program of its own")
     sub.add_argument("scenario", nargs="?", help="whose set-up to take, up to its run: what it changes and records; "

@@ -10,7 +10,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_parameters, add_pool, given_parameters
+from fledge.cli.arguments import (add_campaign, add_mission, add_parameters, add_pool, add_process, add_seed,
+                                  given_parameters)
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -21,14 +22,14 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("profile", profile, "profile nadir_spin --on linux,leon3,desktop --for 10min")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     sub.add_argument("--free", action="store_true", help="without a scenario; with --for")
     sub.add_argument("--on", default="linux", metavar="TARGETS", help="as of fledge fly, where something "
                      "measures it; desktop is CPython, to compare with; default: linux")
     sub.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
-    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_process(sub)
+    add_seed(sub)
     sub.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
                      "flights with the mission's dispersions; SCENARIO may be several, A,B")
     add_campaign(sub, "with --longest: ")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, add_process, given_parameters
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ Ctrl-D ends."""
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("console", console, "console nadir_spin")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
-    sub.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    add_mission(sub)
+    add_process(sub)
     sub.add_argument("--turns", type=int, default=10_000, metavar="N", help="of loops and returns of functions that a "
                      "line or a procedure may take in one instant; default: 10000")
     sub.add_argument("--out", metavar="DIR", help="for the programs; default: runs/MISSION/console")

@@ -10,7 +10,8 @@ import argparse
 import os
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, add_update_limit, flight_time, given_parameters, number
+from fledge.cli.arguments import (add_mission, add_parameters, add_seed, add_update_limit, flight_time,
+                                  given_parameters, number)
 from fledge.cli.console import Plots, cannot_fly, placed, say, size_of
 from fledge.cli.failures import in_words
 from fledge.cli.runs import RUNS, alone, folder_of
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("run", run, "run nadir_spin --pace 10")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("scenario", nargs="?", help="default: the mission's first")
     sub.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
     sub.add_argument("--as", dest="name", metavar="NAME", help="keep the run under this name, in runs/kept/NAME: plot, "
                      "compare and convert find it by NAME")
     sub.add_argument("--replace", action="store_true", help="with --as: in place of the run that has the name")
-    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_seed(sub)
     sub.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     sub.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")

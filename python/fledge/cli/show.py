@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, given_parameters
 from fledge.cli.console import itemized, placed, say
 from fledge.cli.runs import kept_runs
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommands, by the function of cli.parser() that adds one."""
     sub = command("show", show, "show nadir_spin --out nadir_spin.png")
-    sub.add_argument("mission", help="the name of a mission, or its folder")
+    add_mission(sub)
     sub.add_argument("--out", metavar="FILE", help="draw only into this .svg, .png, .pdf or .dot; "
                      "default: an outline, and runs/MISSION/wiring.svg")
     sub.add_argument("--text", action="store_true", help="only the outline")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_parameters, add_pool, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, add_pool, add_seed, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -28,7 +28,7 @@ OUT = Path("verification")
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("verify", verify, "verify nadir_spin --on desktop,leon3")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its requirements.py has the requirements")
+    add_mission(sub, "; its requirements.py has the requirements")
     sub.add_argument("--on", default="desktop", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: desktop")
     sub.add_argument("--scenario", action="append", metavar="NAME", help="fly only this one; may be given again; "
                      "default: all that show a requirement")
@@ -40,7 +40,7 @@ def add(command: Callable) -> None:
                      "ran on leon3")
     sub.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
-    sub.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    add_seed(sub)
     add_pool(sub)
     sub.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
     sub.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_jobs
+from fledge.cli.arguments import add_campaign, add_jobs, add_mission, add_seed
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("versions", versions, "versions nadir_spin --against HEAD~1 --runs 200")
-    sub.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
+    add_mission(sub, "; its dispersions.py defines the campaign")
     add_campaign(sub)
     sub.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "
                      "tree of Fledge or of the project, the mission as it was, or results of this campaign")
     sub.add_argument("--runs", type=int, default=100, metavar="N", help="default: %(default)s")
-    sub.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    add_seed(sub, "all draws and random streams", "S")
     add_jobs(sub)
     sub.add_argument("--out", metavar="DIR", help="for the results of both and versions.csv; default: "
                      "runs/MISSION/versions")
