@@ -25,15 +25,17 @@ class StoredLists:
                  reporter: Reporter) -> None:
         self.path, self._connection, self._commanding = path, connection, commanding
         self._telemetry, self._clock, self._reporter = telemetry, reporter.clock, reporter
-        self._lists: dict[int, tuple[list[Row], str | None]] = {}    # and when they were read
+        self._lists: dict[int, tuple[list[Stored], str | None]] = {}    # and when they were read
         self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
         self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
         self._held: dict[int, int] = {}
-        self._rows: dict[int, Row] = {}      # of the journal
+        self._rows: dict[int, Row] = {}         # of the journal
         if not reporter.clock.simulated:         # the lists of a simulation end with it
             for row in reporter.all("stored"):
                 number = row["list"]
-                self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])
+                self._rows[number] = row
+                self._lists[number] = [Stored(int(command["time_ns"]), command["step"], command["size"], command["crc"],
+                                              command["code"]) for command in row["commands"]], row["read_ns"]
                 self._names |= {command["crc"]: command["name"] for command in row["commands"]}
                 self._begun |= {} if row["begun"] is None else {number: row["begun"]}
                 self._held |= {} if row["held"] is None else {number: row["held"]}
@@ -42,8 +44,9 @@ class StoredLists:
         """Forget the starts of sequences that have ended: the next start may be that of others."""
         if self._begun:
             running, t = self._newest_number("running") or 0, self._newest_number("head.t") or 0
-            self._begun = {number: begun for number, begun in self._begun.items()
-                           if running & 1 << number or t <= begun}
+            for number in [number for number, begun in self._begun.items() if not running & 1 << number and t > begun]:
+                del self._begun[number]
+                self._save(number)
 
     def describe(self) -> dict[str, Any]:
         """All lists."""
@@ -56,16 +59,16 @@ class StoredLists:
         for number in range(LISTS):
             bit = 1 << number
             begun = self._begun.get(number) if running & bit and not held & bit else None
-            rows, when = self._lists.get(number, ([], None))
+            commands, when = self._lists.get(number, ([], None))
             if number == 0 and not held & bit:      # they leave the store when they are due
-                rows = [row for row in rows if int(row["time_ns"]) > now]
+                commands = [command for command in commands if command.time > now]
             due = None if held & bit or inhibited & bit else 0 if number == 0 else begun
             lists.append({
                 "list": number, "read_ns": when, "t_ns": None if begun is None else str(now - begun),
                 "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
                 else "idle",
-                "commands": [row | {"due_ns": None if due is None else str(due + ahead + int(row["time_ns"]))}
-                             for row in rows]})
+                "commands": [self._row(command) | {"due_ns": None if due is None else str(due + ahead + command.time)}
+                             for command in commands]})
         due = self._newest_number("next")
         return {"lists": lists, "text": "", "flight_ns": str(now),
                 "next_ns": None if due is None or due < 0 else str(due + ahead),
@@ -99,12 +102,13 @@ class StoredLists:
                              f"'{action}'")
 
         def then(sent: Sent) -> None:
+            known = self._lists.get(number, ([], None))[0]
             if action == "report":
                 self._keep(number, stored(sent.data), str(self._clock.now))
             elif action is None:
-                self._keep(number, [*(c for c in self._known(number) if c.step != step), *storing(sent.packets)])
+                self._keep(number, [*(c for c in known if c.step != step), *storing(sent.packets)])
             elif action == "delete":
-                self._keep(number, [c for c in self._known(number) if step not in (ALL, c.step)])
+                self._keep(number, [c for c in known if step not in (ALL, c.step)])
             elif action == "start":
                 self._begun[number] = sent.reports[-1].t
             elif action == "hold":
@@ -116,25 +120,22 @@ class StoredLists:
         given = {key: value for key, value in request.items() if key != "action"}
         return commanding.release(user, action or "store", given, packets, then)
 
-    def _known(self, number: int) -> list[Stored]:
-        return [Stored(int(command["time_ns"]), *(command[name] for name in ("step", "size", "crc", "code")))
-                for command in self._lists.get(number, ([], None))[0]]
-
     def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
         """Set the commands of a list. read: when they were reported; None: executed commands imply them."""
-        rows = [{"step": command.step, "time_ns": str(command.time), "size": command.size, "crc": command.crc,
-                 "code": command.code,
-                 "name": self._names.get(command.crc) or (Code(command.code).name.lower() if command.code in
-                                                          Code._value2member_map_ else f"code {command.code}")}
-                for command in sorted(commands)]
-        self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
+        self._lists[number] = sorted(commands), read or self._lists.get(number, ([], None))[1]
+
+    def _row(self, command: Stored) -> Row:
+        code = command.code
+        return {"step": command.step, "time_ns": str(command.time), "size": command.size, "crc": command.crc,
+                "code": code, "name": self._names.get(command.crc) or (
+                    Code(code).name.lower() if code in Code._value2member_map_ else f"code {code}")}
 
     def _save(self, number: int) -> None:
         """Into the journal, for the next server."""
         commands, read = self._lists.get(number, ([], None))
         row = self._rows.setdefault(number, {"list": number})
-        row.update(t_ns=str(self._clock.now), commands=commands, read_ns=read, begun=self._begun.get(number),
-                   held=self._held.get(number))
+        row.update(t_ns=str(self._clock.now), commands=list(map(self._row, commands)), read_ns=read,
+                   begun=self._begun.get(number), held=self._held.get(number))
         self._reporter.keep("stored", row, shown=lambda row: {"list": row["list"]})
 
     def _newest(self, name: str) -> Any:
