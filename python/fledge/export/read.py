@@ -10,7 +10,7 @@ import struct as packing
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge import objects
 from fledge.commands import leaves
@@ -21,6 +21,9 @@ from fledge.files import shown
 from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
 from fledge.objects.script import function_text, prototype, script
+
+if TYPE_CHECKING:
+    from fledge import _core
 
 
 # The files of ccsds/ of a SpaceLink.
@@ -54,6 +57,9 @@ class Module:
 
     def fields(self, group: str) -> list[Any]:
         return [f for f in self.struct.fields if f.group == group]
+
+    def field(self, name: str) -> _core.Field:
+        return next(f for f in self.struct.fields if f.name == name)
 
 
 @dataclass
@@ -297,32 +303,39 @@ class _Reader:
                 raise self.refusal(f"{source} >> {target} has a latency of one exchange: that is for wires between "
                                    "processes; within one it cannot be exported")
             end = f"{module.name}.in.{to_port}"
-            if inside:
-                producer = self.modules[from_name]
-                start = f"{producer.name}.out.{from_port}"
-                if from_name not in self.running:
-                    mission.published[producer.name].append(Wire(start, end, 0))
-                else:
-                    mission.wires[module.name].append(Wire(start, end, stale_after, choice))
-            else:
-                field = next(f for f in module.struct.fields if f.name == to_port)
+            if not inside:
                 wire = crossing.get((source, target))   # None: from the rest of this process
-                seen = wire.latency if wire else "same_instant"
-                message = order.setdefault(source, Message("", source, field.struct, "", "in", [], seen, True))
-                if message.latency != seen:
-                    raise self.refusal(f"{source} reaches {to_process} with two latencies, by {message.ends[0]} and "
-                                       f"{target}; an exported mission reads it once: give both the same")
-                message.optional &= field.optional
-                message.ends.append(target)
+                self.read_input(order, source, target, wire.latency if wire else "same_instant")
                 mission.wires[module.name].append(Wire(source, end, wire.stale_after if wire else stale_after, choice))
-        for target, source, stale_after in self.sim.feeds:
+                continue
+            producer = self.modules[from_name]
+            start = f"{producer.name}.out.{from_port}"
+            if from_name not in self.running:
+                mission.published[producer.name].append(Wire(start, end, 0))
+            else:
+                mission.wires[module.name].append(Wire(start, end, stale_after, choice))
+        for target, fed, stale_after in self.sim.feeds:
             process, name, port = target.split(".")
             if process == self.flight.name and name in self.modules:
                 module = self.modules[name]
-                field = next(f for f in module.struct.fields if f.name == port)
-                order[target] = Message("", target, field.struct, "", "in", [target], optional=field.optional,
-                                        fed=source)
+                field = module.field(port)
+                order[target] = Message("", target, field.struct, "", "in", [target], optional=field.optional, fed=fed)
                 mission.wires[module.name].append(Wire(target, f"{module.name}.in.{port}", stale_after))
+        self.name_inputs(mission, order)
+
+    def read_input(self, order: dict[str, Message], source: str, target: str, latency: str) -> None:
+        """Add the end of a wire to the message that comes from outside, with this latency."""
+        _, name, port = target.split(".")
+        field = self.modules[name].field(port)
+        message = order.setdefault(source, Message("", source, field.struct, "", "in", [], latency, True))
+        if message.latency != latency:
+            raise self.refusal(f"{source} reaches {self.flight.name} with two latencies, by {message.ends[0]} and "
+                               f"{target}; an exported mission reads it once: give both the same")
+        message.optional &= field.optional
+        message.ends.append(target)
+
+    def name_inputs(self, mission: Mission, order: dict[str, Message]) -> None:
+        """The inputs by their paths get names in C, which their wires use."""
         c = names.distinct([path.removeprefix("world.") for path in order])
         for path, message in order.items():
             message.name = c[path.removeprefix("world.")]

@@ -151,6 +151,31 @@ def commands(types: Types, command: str, tables: Sequence[Table], mission: Missi
 def sheet(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     """eds/NAME.xml"""
     types = Types()
+    interfaces = packets_of(types, mission, app, tables)
+    topics = app.topics(mission)
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<!-- SPDX-License-Identifier: Apache-2.0 -->",
+             '<PackageFile xmlns="http://www.ccsds.org/schema/sois/seds">',
+             f'  <Package name="{app.prefix}"{described(mission.about)}>', "    <DataTypeSet>", *types.lines,
+             "    </DataTypeSet>", "    <ComponentSet>", '      <Component name="Application">',
+             "        <RequiredInterfaceSet>"]
+    for name, kind, packet in interfaces:
+        lines += interface(name, f"CFE_SB/{kind}", kind, packet)
+    for table in tables:
+        lines += interface(table.name, "CFE_TBL/Table", "Table", table.name)
+    lines += ["        </RequiredInterfaceSet>", "        <Implementation>", "          <VariableSet>"]
+    for name, kind, _ in interfaces:
+        number = topics[f"{app.prefix}_MISSION_{name}_TOPICID"]
+        lines.append(f'            <Variable type="BASE_TYPES/uint16" readOnly="true" name="{names.camel(name.lower())}'
+                     f'TopicId" initialValue="${{CFE_MISSION/{kind.upper()}_BASE_TOPICID}} + {number}" />')
+    lines += ["          </VariableSet>", "          <ParameterMapSet>"]
+    lines += [f'            <ParameterMap interface="{name}" parameter="TopicId" variableRef="'
+              f'{names.camel(name.lower())}TopicId" />' for name, _, _ in interfaces]
+    return "\n".join([*lines, "          </ParameterMapSet>", "        </Implementation>", "      </Component>",
+                      "    </ComponentSet>", "  </Package>", "</PackageFile>", ""])
+
+
+def packets_of(types: Types, mission: Mission, app: App, tables: Sequence[Table]) -> list[tuple[str, str, str]]:
+    """Add the tables and packets of an app to its types. Returns (name, kind, type of the packets) of each interface."""
     for table in tables:             # first, so that a table has the name that it has in C
         types.container(table.name, [("Layout", base("u32"), ""), ("Check", base("u32"), ""), *(
             (f.name, types.field(table.name, f), f.doc + (f" [{f.unit}]" if f.unit else "")) for f in table.fields)],
@@ -160,9 +185,12 @@ def sheet(mission: Mission, app: App, tables: Sequence[Table]) -> str:
     for plain in (Code.NOOP, Code.RESET_COUNTERS):
         types.container(f"{title(plain)}Cmd", [], command, where=[("Sec.FunctionCode", int(plain))])
     commands(types, command, tables, mission)
-    prefix = app.prefix
     interfaces = [("CMD", "Telecommand", command), ("SEND_HK", "Telecommand", request)]
     interfaces += [("WAKEUP", "Telecommand", request)] if app.wakeup is None else []
+
+    def telemetry(name: str, packet: str, entry: tuple[str, str, str], about: str = "") -> tuple[str, str, str]:
+        return name, "Telemetry", types.container(packet, [entry], "CFE_HDR/TelemetryHeader", about)
+
     known = dictionary(mission)
     for name, rows in (("FLIGHT", of_model(model.housekeeping(mission, known))),
                        ("REPORT", of_model(model.reports(mission, known))), ("HK", housekeeping(mission))):
@@ -172,41 +200,19 @@ def sheet(mission: Mission, app: App, tables: Sequence[Table]) -> str:
             of = f"BASE_TYPES/{of}"
             entries.append((entry, types.array(of, [int(count[:-1])]) if count else of, doc))
         payload = types.container(f"{name.title()}Tlm_Payload", entries)
-        interfaces.append((f"{name}_TLM", "Telemetry", types.container(
-            f"{name.title()}Tlm", [("Payload", payload, "")], "CFE_HDR/TelemetryHeader")))
+        interfaces.append(telemetry(f"{name}_TLM", f"{name.title()}Tlm", ("Payload", payload, "")))
     types.container("ReadReportTlm", [("Data", types.array("BASE_TYPES/uint8", [DATA_MAX]), "the first Count of them")],
                     "ReportTlm", where=[("Payload.Code", int(Code.READ)), ("Payload.Executed", 1)])
     for kind, messages in (("TLM", mission.outputs), ("IN", mission.inputs)):
         for message in messages:
-            packet = types.container(names.camel(message.name) + kind.title(),
-                                     [("Payload", types.struct(message.struct), "")], "CFE_HDR/TelemetryHeader",
-                                     message.path)
+            packet = telemetry(f"{message.name.upper()}_{kind}", names.camel(message.name) + kind.title(),
+                               ("Payload", types.struct(message.struct), ""), message.path)
             if kind == "TLM" or message.path not in app.wires:      # others have it in the sheet of their writer
-                interfaces.append((f"{message.name.upper()}_{kind}", "Telemetry", packet))
+                interfaces.append(packet)
     for name in services(mission):
         data = ("Data", types.array("BASE_TYPES/uint8", [DATA_MAX]), "big-endian, and zeros behind")
-        interfaces.append((f"{name}_TLM", "Telemetry", types.container(f"{name.title()}Tlm", [data],
-                                                                       "CFE_HDR/TelemetryHeader")))
-    topics = app.topics(mission)
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<!-- SPDX-License-Identifier: Apache-2.0 -->",
-             '<PackageFile xmlns="http://www.ccsds.org/schema/sois/seds">',
-             f'  <Package name="{prefix}"{described(mission.about)}>', "    <DataTypeSet>", *types.lines,
-             "    </DataTypeSet>", "    <ComponentSet>", '      <Component name="Application">',
-             "        <RequiredInterfaceSet>"]
-    for name, kind, packet in interfaces:
-        lines += interface(name, f"CFE_SB/{kind}", kind, packet)
-    for table in tables:
-        lines += interface(table.name, "CFE_TBL/Table", "Table", table.name)
-    lines += ["        </RequiredInterfaceSet>", "        <Implementation>", "          <VariableSet>"]
-    for name, kind, _ in interfaces:
-        number = topics[f"{prefix}_MISSION_{name}_TOPICID"]
-        lines.append(f'            <Variable type="BASE_TYPES/uint16" readOnly="true" name="{names.camel(name.lower())}'
-                     f'TopicId" initialValue="${{CFE_MISSION/{kind.upper()}_BASE_TOPICID}} + {number}" />')
-    lines += ["          </VariableSet>", "          <ParameterMapSet>"]
-    lines += [f'            <ParameterMap interface="{name}" parameter="TopicId" variableRef="'
-              f'{names.camel(name.lower())}TopicId" />' for name, _, _ in interfaces]
-    return "\n".join([*lines, "          </ParameterMapSet>", "        </Implementation>", "      </Component>",
-                      "    </ComponentSet>", "  </Package>", "</PackageFile>", ""])
+        interfaces.append(telemetry(f"{name}_TLM", f"{name.title()}Tlm", data))
+    return interfaces
 
 
 def of_model(packet: model.Packet) -> list[tuple[str, str, str]]:
