@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     import argparse
 
 
+# Options that a form has alone.
+OWN = {"cfs": ("app", "topic", "wakeup", "input", "keep", "beside", "simulated", "order"),
+       "micropython": ("development",), "xtce": ("yamcs", "cosmos")}
+
+
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("export", export, "export c nadir_spin --out nadir_spin_c")
@@ -66,14 +71,10 @@ def export(options: argparse.Namespace) -> int:
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
         raise Failure("export cfs: name the app, as in --app nav")
-    for name in ("app", "topic", "wakeup", "input", "keep", "beside", "simulated", "order"):
-        if options.form != "cfs" and getattr(options, name):
-            raise Failure(f"export {options.form}: --{name} is for `export cfs`")
-    if options.form != "micropython" and options.development:
-        raise Failure(f"export {options.form}: --development is for `export micropython`")
-    for name in ("yamcs", "cosmos"):
-        if options.form != "xtce" and getattr(options, name):
-            raise Failure(f"export {options.form}: --{name} is for `export xtce`")
+    for form, names in OWN.items():
+        for name in names:
+            if options.form != form and getattr(options, name):
+                raise Failure(f"export {options.form}: --{name} is for `export {form}`")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":

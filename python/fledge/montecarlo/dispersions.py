@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 _NUMBER = (0,) * 8
 _INFINITY = float("inf")
+SHAPE = ("a", "e", "p", "rp", "ra", "altitude")     # elements of the size and shape of an orbit, and the others
+ANGLES = ("i", "Omega", "omega", "f")
 
 
 # --- draws -----------------------------------------------------------------------------------------
@@ -293,51 +295,19 @@ class Dispersions:
         altitude is that of the periapsis. A drawn orbit that is none, or enters the body, is a failure of that run,
         or an error at once if a bounded draw may give it. Raises SetupError.
         """
-        process, _, name = path.partition(".")
-        craft = {p.name: p for p in self.simulation.processes}.get(process)
-        craft = craft.instances.get(name) if craft else None
-        if craft is None:
-            raise SetupError(f"d.orbit({path!r}): there is no such spacecraft"
-                             + did_you_mean(path, [_core.path(craft) for craft in self._crafts()]).rstrip(";")
-                             + f" there {'is' if len(self._crafts()) == 1 else 'are'} "
-                             + listed([_core.path(craft) for craft in self._crafts()]))
-        if craft not in self._crafts():
-            raise SetupError(f"d.orbit({path!r}): it is no spacecraft but {_core.struct(craft).name}; there are "
-                             + listed([_core.path(craft) for craft in self._crafts()]))
+        craft = self._craft(path)
         orbit = given_orbit(craft)
         if orbit is None:
             raise SetupError(f"d.orbit({path!r}): the mission gives it no orbit=Orbit(...) as its initial state; "
                              f"disperse {path}.r_BN_N and {path}.v_BN_N, or give it one")
-        known = ("a", "e", "p", "rp", "ra", "altitude", "i", "Omega", "omega", "f")
-        for name, draw in elements.items():
-            if name not in known:
-                raise SetupError(f"d.orbit({path!r}): an orbit has no element '{name}'{did_you_mean(name, known)} "
-                                 f"it has {listed(known)}")
-            if not isinstance(draw, Draw) or draw.kind == "attitude":
-                raise SetupError(f"d.orbit({path!r}, {name}=...): expected a number drawn, such as d.normal(...), "
-                                 f"d.uniform(...) or d.choice(...); found {_short(draw)}")
-            if f"{path}.orbit.{name}" in self._orbit_columns:
-                raise SetupError(f"{path}.orbit.{name} is dispersed twice")
-        if not elements:
-            raise SetupError(f"d.orbit({path!r}): name what to draw, of {listed(known)}")
-        shape = _shape_of(set(elements) & set(known[:6]), path)
+        self._check_elements(path, elements)
+        shape = _shape_of(set(elements) & set(SHAPE), path)
         nominal = {"a": orbit.a, "e": orbit.e, "p": orbit.p, "rp": orbit.p / (1 + orbit.e),
                    "ra": orbit.p / (1 - orbit.e) if orbit.e < 1 else _INFINITY,
                    "altitude": orbit.p / (1 + orbit.e) - orbit.body.radius,
                    "i": orbit.i, "Omega": orbit.Omega, "omega": orbit.omega, "f": orbit.f}
-        order = [*shape, "i", "Omega", "omega", "f"]
-        distributions: dict[str, Any] = {}
-        for name, draw in elements.items():
-            shown = f"{path}.orbit.{name}"
-            unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
-                          ("rad", ANGLE) if name in ("i", "Omega", "omega", "f") else ("m", LENGTH))
-            declared = f"{shown} = {draw!r}"
-            numbers = [to_number(x, declared, unit, dims) for x in draw.numbers]
-            low, high = (x if limit is None else to_number(limit, declared, unit, dims)
-                         for limit, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
-            listing = draw.kind in ("choice", "grid")
-            distributions[name] = (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale,
-                                   numbers if listing else [], draw.stride)
+        order = [*shape, *ANGLES]
+        distributions = {name: _distribution(f"{path}.orbit.{name}", name, draw) for name, draw in elements.items()}
         body, axes = orbit.body, orbit.frame or [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
         relative = _core.orbit_state(body.mu, orbit.p, orbit.e, orbit.i, orbit.Omega, orbit.omega, orbit.f)
         turned = [sum(x * axis[k] for x, axis in zip(part, axes)) for part in relative for k in range(3)]
@@ -349,11 +319,40 @@ class Dispersions:
                          body.radius, body.radius if body.surface is None else body.surface,
                          [x for axis in axes for x in axis], origin)
         for shown, name in paths.items():
-            self._orbit_columns[shown] = "" if name == "e" else "rad" if name in known[6:] else "m"
+            self._orbit_columns[shown] = "" if name == "e" else "rad" if name in ANGLES else "m"
             kind, a, b, low, high, scale, choices, _ = distributions[name]
             self.marginals[shown] = Marginal(kind, a, b, low, high, scale, tuple(choices), nominal[name], False, shown)
             self.orbit_elements[shown] = nominal[name]
             self.draws[shown] = elements[name]
+
+    def _craft(self, path: str) -> Any:
+        """The spacecraft at a path. Raises SetupError if there is none."""
+        crafts = [_core.path(craft) for craft in self._crafts()]
+        process, _, name = path.partition(".")
+        found = {p.name: p for p in self.simulation.processes}.get(process)
+        craft = found.instances.get(name) if found else None
+        if craft is None:
+            raise SetupError(f"d.orbit({path!r}): there is no such spacecraft{did_you_mean(path, crafts).rstrip(';')} "
+                             f"there {'is' if len(crafts) == 1 else 'are'} {listed(crafts)}")
+        if path not in crafts:
+            raise SetupError(f"d.orbit({path!r}): it is no spacecraft but {_core.struct(craft).name}; there are "
+                             + listed(crafts))
+        return craft
+
+    def _check_elements(self, path: str, elements: Mapping[str, Draw]) -> None:
+        """Raise SetupError unless these elements of an orbit can be dispersed, each once."""
+        known = (*SHAPE, *ANGLES)
+        for name, draw in elements.items():
+            if name not in known:
+                raise SetupError(f"d.orbit({path!r}): an orbit has no element '{name}'{did_you_mean(name, known)} "
+                                 f"it has {listed(known)}")
+            if not isinstance(draw, Draw) or draw.kind == "attitude":
+                raise SetupError(f"d.orbit({path!r}, {name}=...): expected a number drawn, such as d.normal(...), "
+                                 f"d.uniform(...) or d.choice(...); found {_short(draw)}")
+            if f"{path}.orbit.{name}" in self._orbit_columns:
+                raise SetupError(f"{path}.orbit.{name} is dispersed twice")
+        if not elements:
+            raise SetupError(f"d.orbit({path!r}): name what to draw, of {listed(known)}")
 
     def _crafts(self) -> list[Any]:
         """All spacecraft."""
@@ -570,6 +569,19 @@ class Dispersions:
         lines += [f"  retain {variable.path}" for variable in self.shown]
         lines += [f"  check {requirement!r}" for requirement in self.requirements]
         return "\n".join(lines)
+
+
+def _distribution(shown: str, name: str, draw: Draw) -> tuple[Any, ...]:
+    """The arguments of a Distribution of an orbit's element, in SI."""
+    unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
+                  ("rad", ANGLE) if name in ANGLES else ("m", LENGTH))
+    declared = f"{shown} = {draw!r}"
+    numbers = [to_number(x, declared, unit, dims) for x in draw.numbers]
+    low, high = (x if limit is None else to_number(limit, declared, unit, dims)
+                 for limit, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
+    listing = draw.kind in ("choice", "grid")
+    return (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale, numbers if listing else [],
+            draw.stride)
 
 
 def _shape_of(given: set[str], path: str) -> tuple[str, str]:
