@@ -3,7 +3,7 @@
  *
  *     static EventLog m = {.par = {.window = 60.0, .least = EVENT_LOW, .most = 10}};
  *
- *     // In the list of the mission's services; flight's executive calls the functions of the second.
+ *     // The services of the mission, for flight/command: it calls their functions with their modules.
  *     static void *const modules[] = {&m};
  *     static const CommandService *const services[] = {&event_log_service};
  */
