@@ -17,5 +17,5 @@ Example:
     from introspect.sources import Source
 
     model = read([Source(Path(introspect.__file__).parents[1], "flight", Kind.MODULE, "flight")])
-    gain = next(one for one in model.structs["MrpFeedback"].fields if one.name == "K")
+    gain = next(field for field in model.structs["MrpFeedback"].fields if field.name == "K")
 """

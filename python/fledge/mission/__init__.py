@@ -4,7 +4,11 @@
     folder.py      a mission's folder: find it, execute its files, load it
     process.py     processes: instances by name, tasks, modes, events
     simulation.py  processes on one clock: run, record, save and restore
+    scenario.py    the scenarios of a mission
     log.py         what was recorded in memory
+    feed.py        inputs that are fed by hand
+    batch.py       clones that are stepped together; learning.py: as reinforcement learning steps them
+    linearize.py   linear systems about a state (linear.py); trim.py: states at rest
     wiring.py      what a simulation consists of, and what is connected to what
 
 Example:

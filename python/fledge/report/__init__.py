@@ -14,6 +14,7 @@ Example:
 The modules:
 
     run         gathers the facts of a run
+    campaign    the page of a campaign
     numbers     writes numbers, vectors and matrices as a person does
     templates   the page and its style
 """

@@ -7,6 +7,7 @@
     logs            the output of the programs, one file each and one of all
     table           shows the progress
     session         the run itself
+    rewind          a run that goes on from the past of another
 
 Example:
 

@@ -12,13 +12,15 @@ the browser (docs/control-room.md).
         limits.py       limits that administrators set; alarms.py: an alarm stays until it is acknowledged
         commanding.py   commands: forms and bytes; uplink.py, verifying.py: sending, and stages (stages.py)
         transfers.py    files; tables.py: parameters of modules; stored.py: commands that wait on board
-        scene.py        its 3-D view; contacts.py: stations and passes
+        scene.py        its 3-D view; contacts.py: stations and passes; displays.py: those that a mission composes
         run_control.py  the run in which it flies: of the server itself, or of a co-simulation
     replay.py       plays a session again, as a further spacecraft
     journal.py      commands, events, alarms, transfers and the operators' log, in SQLite; reporter.py: of one craft
     guard.py        checks each request; access.py: users with roles, and tokens; passwords.py, sessions.py, logins.py,
-                    request_log.py; connections.py: limits on what clients without a login use
-    web.py          HTTP and WebSocket: api.yaml describes them; handlers/ answers requests, live.py has the WebSocket
+                    request_log.py; connections.py: limits on what clients without a login use; bounds.py: all limits
+    web.py          HTTP and WebSocket: api.yaml describes them; handlers/ (routes.py) answers requests, live.py has
+                    the WebSocket; questions.py: of scripts, to operators
+    postgres.py     writes parameters into PostgreSQL
 
 Example:
 
