@@ -17,18 +17,20 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.field_path import FieldPath
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from fledge.mission.simulation import Simulation
+
+Actions: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
 
 
 @dataclass
@@ -59,7 +61,7 @@ class Batch:
     action_names, observation_names: of each column, "flight.motor.command.u[0]"
     """
 
-    def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], every: Any,
+    def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], every: Time,
                  seed: int, dispersions: Any, threads: int | None) -> None:
         import numpy as np
 
@@ -79,7 +81,8 @@ class Batch:
         self._seeds = np.full(n, _seed(seed), np.uint64)
         self._next = np.arange(n, dtype=np.uint64)      # the run that each begins at its next reset
 
-    def reset(self, which: Any = None, *, seed: Any = None, runs: Any = None, snapshot: bytes | None = None) -> Any:
+    def reset(self, which: ArrayLike | None = None, *, seed: int | ArrayLike | None = None,
+              runs: int | ArrayLike | None = None, snapshot: bytes | None = None) -> NDArray[np.float64]:
         """Begin clones anew, and return the observations of all, (n, ...).
 
         which: a mask (n,), or indices; not given: all
@@ -106,7 +109,7 @@ class Batch:
         self._next[chosen] += np.uint64(self.n)
         return self._core.observe()
 
-    def step(self, actions: Any = None) -> Any:
+    def step(self, actions: Actions | None = None) -> NDArray[np.float64]:
         """Give each clone its actions, run it for `every`, and return the observations, (n, ...).
 
         actions: (n, ...) in SI, a column for each of action_names; or path -> (n, *shape) or what numpy broadcasts to
@@ -119,17 +122,17 @@ class Batch:
         """
         return self._core.step(self._rows({} if actions is None else actions))
 
-    def observe(self) -> Any:
+    def observe(self) -> NDArray[np.float64]:
         """The observations as they stand."""
         return self._core.observe()
 
-    def by_name(self, observed: Any) -> dict[str, Any]:
+    def by_name(self, observed: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """path -> view (n, *shape) of the rows that step(), reset() or observe() gave."""
         return ByPath({b.path: observed[:, b.columns].reshape(len(observed), *b.shape)
                        for b in self.observations.values()})
 
     @property
-    def failed(self) -> Any:
+    def failed(self) -> NDArray[np.bool_]:
         """(n,) whether each stands still, because its run has failed."""
         return self._core.failed
 
@@ -141,7 +144,7 @@ class Batch:
         return {int(i): self._core.failure(i) for i in np.flatnonzero(self.failed)}
 
     @property
-    def time(self) -> Any:
+    def time(self) -> NDArray[np.float64]:
         """(n,) [s]; NaN of a clone that has not begun."""
         import numpy as np
 
@@ -149,17 +152,17 @@ class Batch:
         return np.where(ns < 0, np.nan, ns / 1e9)
 
     @property
-    def runs(self) -> Any:
+    def runs(self) -> NDArray[np.uint64]:
         """(n,) the index of the run that each flies."""
         return self._core.runs
 
     @property
-    def seeds(self) -> Any:
+    def seeds(self) -> NDArray[np.uint64]:
         """(n,) the seeds of these runs."""
         return self._core.seeds
 
     @property
-    def draws(self) -> dict[str, Any]:
+    def draws(self) -> dict[str, NDArray[np.float64]]:
         """Path of each dispersed element -> (n,); NaN of clones that go on from a snapshot."""
         return {path: self._core.draws[:, i] for i, path in enumerate(self._drawn)}
 
@@ -172,7 +175,7 @@ class Batch:
         if not 0 <= clone < self.n:
             raise SetupError(f"batch: there is no clone {clone}; there are {self.n}")
 
-    def repeat(self, clone: int, actions: Any) -> Simulation:
+    def repeat(self, clone: int, actions: ArrayLike) -> Simulation:
         """The run of a clone flown alone from its start, with a row of actions for each step, as step() takes it.
 
         actions: (steps, ...) in SI, a column for each of action_names
@@ -187,7 +190,7 @@ class Batch:
                              f"found {rows.shape}")
         return self._simulation._around(self._core.repeat(clone, rows))
 
-    def _chosen(self, which: Any) -> NDArray[Any]:
+    def _chosen(self, which: ArrayLike | None) -> NDArray[np.int64]:
         import numpy as np
 
         if which is None:
@@ -203,7 +206,7 @@ class Batch:
                              f"found {which!r:.60}")
         return indices
 
-    def _rows(self, actions: Any) -> NDArray[Any]:
+    def _rows(self, actions: Actions) -> NDArray[np.float64]:
         """The actions as the kernel takes them."""
         import numpy as np
 
@@ -266,7 +269,7 @@ def _blocks(simulation: Simulation, paths: str | Iterable[str],
     return blocks, names
 
 
-def _floats(values: Any, what: str) -> NDArray[Any]:
+def _floats(values: ArrayLike, what: str) -> NDArray[np.float64]:
     import numpy as np
 
     array = np.asarray(values)
@@ -275,7 +278,7 @@ def _floats(values: Any, what: str) -> NDArray[Any]:
     return np.ascontiguousarray(array, float)
 
 
-def _numbers(values: Any, n: int, what: str) -> NDArray[Any]:
+def _numbers(values: int | ArrayLike, n: int, what: str) -> NDArray[np.uint64]:
     """Whole numbers from 0 to 2^64 - 1, one for each."""
     import numpy as np
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import frexp, lcm
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from fledge.errors import RunError, SetupError, listed
 from fledge.mission.field_path import port
 from fledge.mission.linear import Linear
 from fledge.mission.process import Process
-from fledge.mission.state import Number, State, flat
-from fledge.objects.si import time_ns
+from fledge.mission.state import Number, Paths, State, flat, paths_of
+from fledge.objects.si import Time, time_ns
+from fledge.objects.words import Instance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,21 +33,24 @@ BENT = 0.02         # slopes that differ by more, on both sides, are reported
 SLIGHT = 1e-4       # a part of a row that is smaller is not
 NEARER = (2.0**-8, 2.0**-16)    # shorter steps, where a function bends in reach of the first
 MOST = 1_000_000    # instants in a period
+EXAMPLE = "world.craft.state.omega_BN_B"
+
+Part: TypeAlias = "str | Process | Instance"
 
 
-def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, discrete: bool, part: Any,
-              period: Any) -> Linear:
+def linearize(simulation: Simulation, inputs: Paths, outputs: Paths, hold: Paths, discrete: bool,
+              part: Part | Iterable[Part] | None, period: Time | None) -> Linear:
     """See Simulation.linearize()."""
     state = State(simulation, "linearize")
     if not discrete and (part is not None or period is not None):
         raise SetupError("linearize: part and period are for discrete=True")
-    into = [number for path in _several(inputs) for number in state.inputs(path)]
-    out = [output for path in _several(outputs) for output in state.outputs(path)]
+    into = [number for path in paths_of(inputs, "linearize", EXAMPLE) for number in state.inputs(path)]
+    out = [output for path in paths_of(outputs, "linearize", EXAMPLE) for output in state.outputs(path)]
     for names in ([number.name for number in into], [number.name for number in out]):
         if twice := [name for name in names if names.count(name) > 1]:
             raise SetupError(f"linearize: {twice[0]} is named twice")
-    held = {number.name for path in _several(hold) for number in state.states(path)}
-    for path in _several(hold):
+    held = {number.name for path in paths_of(hold, "linearize", EXAMPLE) for number in state.states(path)}
+    for path in paths_of(hold, "linearize", EXAMPLE):
         if not state.states(path):
             raise state.unknown(path, "differential state")
     state.differential = [number for number in state.differential if number.name not in held]
@@ -54,16 +58,6 @@ def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, disc
     if lin.notes:
         warnings.warn("\n".join(["linearize:", *lin.notes]), stacklevel=4)
     return lin
-
-
-def _several(paths: Any) -> list[str]:
-    if isinstance(paths, str):
-        return [paths]
-    listed_paths = list(paths or ())
-    for path in listed_paths:
-        if not isinstance(path, str):
-            raise SetupError(f"linearize: expected paths, as in 'world.craft.state.omega_BN_B'; found {path!r:.80}")
-    return listed_paths
 
 
 # --- the world's differential equations ------------------------------------------------------------
@@ -130,7 +124,8 @@ def _reaching(A: NDArray[Any], C: NDArray[Any]) -> NDArray[Any]:
 
 # --- the loop, period by period --------------------------------------------------------------------
 
-def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part: Any, period: Any) -> Linear:
+def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part: Part | Iterable[Part] | None,
+              period: Time | None) -> Linear:
     run = _instances(state, part)
     for number in out:
         if ".".join(number.name.split(".")[:2]) not in run:
@@ -231,7 +226,7 @@ def _instances(state: State, part: Any) -> set[str]:
     return instances | {node.path for node in state.nodes.values() if node.host in instances}
 
 
-def _period(state: State, run: set[str], period: Any) -> int:
+def _period(state: State, run: set[str], period: Time | None) -> int:
     """[ns]"""
     periods = []
     for process in state.simulation.processes:

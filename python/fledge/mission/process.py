@@ -26,13 +26,12 @@ from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import Time, enumerator_names, time_ns
 from fledge.objects.wires import Wire, as_shown, caller
-from fledge.objects.words import first_sentence
+from fledge.objects.words import Instance, first_sentence
 
 if TYPE_CHECKING:
     from fledge.mission.commands import Commands
 
 T = TypeVar("T")
-Instance: TypeAlias = "_core.Module | _core.Model"
 Predicate: TypeAlias = "_core.Condition | _At | Callable[[], object]"
 Modes: TypeAlias = "Mode | str | Sequence[Mode | str]"
 Events: TypeAlias = "Event | str | Sequence[Event | str]"

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
@@ -22,16 +22,24 @@ from fledge import _core
 from fledge.errors import SetupError, refuse_misspelt, suggesting
 from fledge.mission.process import Flight, Process, World
 from fledge.objects.plausible import check
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
 from fledge.programs import in_debugger
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
     from fledge.mission.batch import Batch
+    from fledge.mission.field_path import ModePort
     from fledge.mission.folder import Mission
     from fledge.mission.linear import Linear
+    from fledge.mission.linearize import Part
     from fledge.mission.log import Log
     from fledge.mission.provenance import Revisions
-    from fledge.mission.trim import Trim
+    from fledge.mission.state import Paths
+    from fledge.mission.trim import Trim, Wanted
+    from fledge.objects.words import Instance
+    from fledge.records.series import Records
 
 P = TypeVar("P", bound=Process)
 
@@ -168,7 +176,7 @@ class Simulation:
             self._gone[other.name] = other.leave()
 
     @property
-    def kernel(self) -> Any:
+    def kernel(self) -> _core.Simulation:
         """The simulation in the extension, for the library's own use."""
         return self._core
 
@@ -209,7 +217,7 @@ class Simulation:
         return self._core.feeds
 
     @property
-    def records(self) -> list[Any]:
+    def records(self) -> list[_core.Log]:
         """The samples so far, a record for each port: path, times() [ns] and bytes() as stored."""
         return self._core.logs
 
@@ -219,7 +227,7 @@ class Simulation:
         return self.flight.active_mode
 
     @property
-    def scenarios(self) -> dict[str, Callable[[], Any]]:
+    def scenarios(self) -> dict[str, Callable[[], object]]:
         """The mission's scenarios by name, each a function without arguments."""
         from functools import partial
 
@@ -235,8 +243,9 @@ class Simulation:
         """What a user should know of the run so far; empty if all is well."""
         return [Finding(*row) for row in self._core.health]
 
-    def feed(self, port: Any, record: Any = None, /, *, time: Any = None, topic: str | None = None,
-             linear: Any = False, stale_after: Any = 0, quality: Any = "GOOD", **fields: Any) -> None:
+    def feed(self, port: _core.Message, record: Records | pd.DataFrame | dict | None = None, /, *,
+             time: ArrayLike | None = None, topic: str | None = None, linear: bool | Iterable[str] = False,
+             stale_after: Time = 0, quality: int | str = "GOOD", **fields: object) -> None:
         """Feed an input by hand, in place of a wire: `feed(f.tracking.attitude, sigma_BN=[0, 0, 0.1])`.
 
         fields: of the message, with units as parameters have them; those that are left out are 0. One that is called
@@ -261,7 +270,7 @@ class Simulation:
 
     # --- running ---
 
-    def run(self, duration: Any = None, *, until: Any = None, pace: float | None = None,
+    def run(self, duration: Time | None = None, *, until: Time | None = None, pace: float | None = None,
             progress: bool | None = None) -> None:
         """Run for a duration, or until a time, both included; the first run begins with the instant 0.
 
@@ -279,10 +288,13 @@ class Simulation:
         Raises CompositionError if something is missing, RunError if the state is no longer finite; an
         exception in a Python event ends the run at that instant.
         """
-        if (duration is None) == (until is None):
-            raise TypeError("run() takes a duration, or until=a time")
         start = max(self._core.time, 0)
-        end = start + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
+        if duration is not None and until is None:
+            end = start + time_ns(duration, "run")
+        elif until is not None and duration is None:
+            end = time_ns(until, "run: until")
+        else:
+            raise TypeError("run() takes a duration, or until=a time")
         if end < start:
             raise SetupError(f"run: {end / 1e9:g} s lies before the present, {start / 1e9:g} s")
         pace = self.pace if pace is None else pace
@@ -359,8 +371,8 @@ class Simulation:
 
     # --- control theory ---
 
-    def linearize(self, inputs: Any, outputs: Any, *, hold: Any = (), discrete: bool = False, part: Any = None,
-                  period: Any = None) -> Linear:
+    def linearize(self, inputs: Paths, outputs: Paths, *, hold: Paths = (), discrete: bool = False,
+                  part: Part | Iterable[Part] | None = None, period: Time | None = None) -> Linear:
         """The linear system about the present state, which stays as it is:
         `linearize("world.wheels.command.u", "world.craft.state.omega_BN_B").A`.
 
@@ -385,7 +397,7 @@ class Simulation:
 
         return linearize(self, inputs, outputs, hold, discrete, part, period)
 
-    def trim(self, free: Any, *, rates: Any = (), outputs: Any = (), after: Any = 0) -> Trim:
+    def trim(self, free: Paths, *, rates: Wanted = (), outputs: Wanted = (), after: Time = 0) -> Trim:
         """Find values of free numbers for which rates vanish and outputs have values, and leave the simulation there:
         `trim(["world.craft.omega_BN_B"], rates=["world.craft.omega_BN_B"])`.
 
@@ -436,7 +448,7 @@ class Simulation:
         other._gone = dict(self._gone)
         return other
 
-    def batch(self, n: int, actions: Iterable[str] = (), observations: Iterable[str] = (), *, every: Any,
+    def batch(self, n: int, actions: Iterable[str] = (), observations: Iterable[str] = (), *, every: Time,
               seed: int = 0, dispersions: Any = None, threads: int | None = None) -> Batch:
         """n clones that are stepped together, on all cores, from and to numpy arrays; see fledge.mission.batch.
 
@@ -468,7 +480,7 @@ class Simulation:
 
         return Log(self, self._core.followed)
 
-    def record(self, *ports: Any, every: Any = 0) -> Log:
+    def record(self, *ports: _core.Message | Instance | ModePort, every: Time = 0) -> Log:
         """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
 
         A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
@@ -556,7 +568,7 @@ class Simulation:
         self._finish_archive(metadata)
         return path
 
-    def _finish_archive(self, metadata: Any) -> None:
+    def _finish_archive(self, metadata: Mapping[str, object]) -> None:
         if self._revisions:
             revisions, self._revisions = self._revisions.read(), None
             if self._core.archiving and revisions:
@@ -580,7 +592,7 @@ class Simulation:
                      notes=[finding.text for finding in self.health])
 
 
-def _seed(seed: Any) -> int:
+def _seed(seed: object) -> int:
     if not isinstance(seed, int) or not 0 <= seed < 2**64:
         raise SetupError(f"seed: expected a whole number from 0 to 2^64 - 1; found {seed!r}")
     return seed

@@ -2,9 +2,9 @@
 """The state of a simulation as numbers with names, and what becomes of it: for linearize() and trim()."""
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 # (name, field, the names and shapes of which it is made, offset)
 Leaf = tuple[str, _core.Field, tuple[tuple[str, tuple[int, ...]], ...], int]
+Paths: TypeAlias = "str | Iterable[str]"
 FLOOR = 1e-2    # the size of a number whose array is zero, for steps of differences
 
 
@@ -238,7 +239,16 @@ class State:
         return isinstance(self.nodes[owner].instance, _core.Model)
 
 
-def _offset(view: Any) -> int:
+def paths_of(paths: Paths, what: str, example: str) -> list[str]:
+    """One path, or several. Raises SetupError if there is something else among them."""
+    several = [paths] if isinstance(paths, str) else list(paths or ())
+    for path in several:
+        if not isinstance(path, str):
+            raise SetupError(f"{what}: expected paths, as in '{example}'; found {path!r:.80}")
+    return several
+
+
+def _offset(view: _core.Message) -> int:
     """[bytes] of an input or output in its module's memory."""
     field = _core.field(view)
     assert field is not None

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from fledge import _core
 from fledge.columns import columns
 from fledge.errors import RunError, SetupError, listed
-from fledge.mission.state import Number, State
-from fledge.objects.si import time_ns, to_si
+from fledge.mission.state import Number, Paths, State, paths_of
+from fledge.objects.si import Time, time_ns, to_si
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 STEP = 1e-4     # of a number's size, for differences
 ENOUGH = 1e-9   # of what the free numbers can change by their size
+EXAMPLE = "world.craft.sigma_BN"
+
+Wanted: TypeAlias = "Paths | Mapping[str, object]"      # a dict has values, with units
 
 
 class Trim:
@@ -38,11 +41,11 @@ class Trim:
                           *columns(rest, {1}, "  ")])
 
 
-def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any) -> Trim:
+def trim(simulation: Simulation, free: Paths, rates: Wanted, outputs: Wanted, after: Time) -> Trim:
     """See Simulation.trim()."""
     fresh = simulation.kernel.now < 0
     state = State(simulation, "trim", fresh)
-    numbers = [number for path in _paths(free, "free") for number in _free(state, path)]
+    numbers = [number for path in paths_of(free, "trim: free", EXAMPLE) for number in _free(state, path)]
     if not numbers:
         raise SetupError("trim: name what is free: states, inputs or parameters")
     wanted = _wanted(state, rates, "rates", _rates) + _wanted(state, outputs, "outputs", lambda s, p: s.outputs(p))
@@ -132,14 +135,6 @@ def _moved(x: NDArray[np.float64], i: int, h: float) -> NDArray[np.float64]:
     return x
 
 
-def _paths(paths: Any, what: str) -> list[str]:
-    listed_paths = [paths] if isinstance(paths, str) else list(paths or ())
-    for path in listed_paths:
-        if not isinstance(path, str):
-            raise SetupError(f"trim: {what}: expected paths, as in 'world.craft.sigma_BN'; found {path!r:.80}")
-    return listed_paths
-
-
 def _free(state: State, path: str) -> list[Number]:
     if not state.fresh and (states := state.states(path)):
         return states
@@ -165,11 +160,12 @@ def _rates(state: State, path: str) -> list[Number]:
     return [Number(f"the rate of {n.name}", f"{n.unit} per s", [at]) for n, at in zip(states, state.rates(states))]
 
 
-def _wanted(state: State, wanted: Any, what: str,
+def _wanted(state: State, wanted: Wanted, what: str,
             numbers: Callable[[State, str], list[Number]]) -> list[tuple[Number, float]]:
     """(Number, value) of each."""
     pairs = []
-    items = wanted.items() if isinstance(wanted, Mapping) else [(path, 0) for path in _paths(wanted, what)]
+    items = wanted.items() if isinstance(wanted, Mapping) else [
+        (path, 0) for path in paths_of(wanted, f"trim: {what}", EXAMPLE)]
     for path, value in items:
         targets = numbers(state, path)
         dims = state.field(path).field.dims if what == "outputs" else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from typing import Any
+from typing import Any, Self
 
 from fledge.errors import SetupError
 from fledge.objects.si import enumerator, to_si
@@ -19,15 +19,15 @@ class Measured:
     _shape: tuple[int, ...]
     _measure: str | tuple[int, ...] = ""    # "norm", "max_abs" or indices; "" of the whole field
 
-    def norm(self) -> Any:
+    def norm(self) -> Self:
         """The root of the sum of the elements' squares."""
         return self._reduced("norm", "norm()")
 
-    def max_abs(self) -> Any:
+    def max_abs(self) -> Self:
         """The largest magnitude of the elements."""
         return self._reduced("max_abs", "max_abs()")
 
-    def __getitem__(self, index: int | tuple[int, ...]) -> Any:
+    def __getitem__(self, index: int | tuple[int, ...]) -> Self:
         index = index if isinstance(index, tuple) else (index,)
         element = self._reduced(index, "[...]")
         if len(index) != len(self._shape) or not all(isinstance(i, int) and 0 <= i < n
@@ -36,12 +36,12 @@ class Measured:
                 f"{self._path}{list(index)}: expected {len(self._shape)} whole numbers below {self._shape}")
         return element
 
-    def _with(self, **changes: Any) -> Any:
+    def _with(self, **changes: object) -> Self:
         other = copy(self)
         vars(other).update(changes)
         return other
 
-    def _reduced(self, measure: Any, what: str) -> Any:
+    def _reduced(self, measure: str | tuple[int, ...], what: str) -> Self:
         if not self._shape or self._measure:
             raise SetupError(f"{self!r}: {what} is for arrays")
         return self._with(_measure=measure)
@@ -53,7 +53,7 @@ class Measured:
             return f"{self._path}[{', '.join(map(str, self._measure))}]"
         return f"{self._measure}({self._path})" if self._measure else self._path
 
-    def _constant(self, constant: Any, comparison: str) -> Any:
+    def _constant(self, constant: object, comparison: str) -> float:
         """A constant to compare with, as a number in the field's unit."""
         if self._shape and not self._measure:
             raise SetupError(f"{self!r} has shape {self._shape}: compare an element, norm() or max_abs()")
@@ -64,19 +64,19 @@ class Measured:
             raise SetupError(f"{self!r} {comparison} {constant!r}: expected a number")
         return value
 
-    def _compare(self, comparison: str, constant: Any) -> Any:
+    def _compare(self, comparison: str, constant: object) -> Any:
         raise NotImplementedError
 
-    def __lt__(self, constant: Any) -> Any:
+    def __lt__(self, constant: object) -> Any:
         return self._compare("<", constant)
 
-    def __le__(self, constant: Any) -> Any:
+    def __le__(self, constant: object) -> Any:
         return self._compare("<=", constant)
 
-    def __gt__(self, constant: Any) -> Any:
+    def __gt__(self, constant: object) -> Any:
         return self._compare(">", constant)
 
-    def __ge__(self, constant: Any) -> Any:
+    def __ge__(self, constant: object) -> Any:
         return self._compare(">=", constant)
 
 

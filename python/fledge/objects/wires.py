@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.files import shown
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
 
 # --- lines of the user's files ---------------------------------------------------------------------
 
@@ -42,8 +42,8 @@ class Wire:
     quality of a message that is older. Both return the wire, so that calls can be chained.
     """
 
-    def __init__(self, source: Any, targets: list[Any]) -> None:
-        self.source = source
+    def __init__(self, source: _core.Message | Choice, targets: list[_core.Message]) -> None:
+        self.source: Any = source
         self.targets = targets
         # (output, what chooses it as in ExecChoice of flight/exec/message.h, the mode of its own)
         self.sources = source.sources if isinstance(source, Choice) else [(source, 0, "")]
@@ -55,7 +55,7 @@ class Wire:
         self.options["latency"] = exchanges
         return self
 
-    def stale_after(self, age: Any) -> Wire:
+    def stale_after(self, age: Time) -> Wire:
         """A message older than `age`, a time, reaches the consumer as stale."""
         self.options["stale_after"] = time_ns(age, f"{self!r}: stale_after")
         return self
@@ -72,7 +72,7 @@ class Choice:
     """Outputs of which an input takes one: `newest(a.torque, b.torque) >> motor.torque`. See newest(), first(), best()
     and by_mode()."""
 
-    def __init__(self, name: str, by: int, outputs: Iterable[tuple[Any, str]]) -> None:
+    def __init__(self, name: str, by: int, outputs: Iterable[tuple[_core.Message, str]]) -> None:
         self.sources = [(output, by, mode) for output, mode in outputs]
         self.name = name
         for output, _, _ in self.sources:
@@ -81,48 +81,48 @@ class Choice:
                                  + (_core.path(output) if isinstance(output, (_core.Module, _core.Model)) else
                                     repr(output)))
         seen = [(id(_core.root(output)), _core.path(output), mode) for output, _, mode in self.sources]
-        for output in seen:
-            if seen.count(output) > 1:
-                raise SetupError(f"{self!r}: {output[1]} stands in it twice")
+        for key in seen:
+            if seen.count(key) > 1:
+                raise SetupError(f"{self!r}: {key[1]} stands in it twice")
         if len(seen) < 2:
             raise SetupError(f"{self!r}: expected two outputs or more")
 
-    def __rshift__(self, target: Any) -> Wire:
+    def __rshift__(self, target: object) -> Wire:
         return wire(self, target)
 
     def __repr__(self) -> str:
         return f"{self.name}({', '.join((f'{mode}=' if mode else '') + _path(one) for one, _, mode in self.sources)})"
 
 
-def newest(*outputs: Any) -> Choice:
+def newest(*outputs: _core.Message) -> Choice:
     """The output with the latest time; of equal ones the first. So modules in tasks of different modes drive one
     reader: one that its mode has suspended writes nothing new."""
     return Choice("newest", 1, [(output, "") for output in outputs])
 
 
-def first(*outputs: Any) -> Choice:
+def first(*outputs: _core.Message) -> Choice:
     """In order of preference: the first output whose quality is DEGRADED or GOOD; if none has it, as best(). With
     stale_after() an output that is older counts as STALE."""
     return Choice("first", 2, [(output, "") for output in outputs])
 
 
-def best(*outputs: Any) -> Choice:
+def best(*outputs: _core.Message) -> Choice:
     """The output with the highest quality; of equal ones the first. With stale_after() an output that is older counts
     as STALE."""
     return Choice("best", 3, [(output, "") for output in outputs])
 
 
-def by_mode(**outputs: Any) -> Choice:
+def by_mode(**outputs: _core.Message) -> Choice:
     """The output of the mode in force: `by_mode(safe=a.torque, point=b.torque, slew=b.torque)`. In a mode that it does
     not name the input keeps its message, which grows old as on any wire."""
     return Choice("by_mode", 4, [(output, mode) for mode, output in outputs.items()])
 
 
-def _path(source: Any) -> str:
+def _path(source: _core.Message | Choice) -> str:
     return repr(source) if isinstance(source, Choice) else _core.path(source)
 
 
-def wire(source: Any, target: Any) -> Wire:
+def wire(source: _core.Message | Choice, target: Any) -> Wire:
     """`source >> target`. Raises SetupError if they cannot be connected."""
     if isinstance(target, list):
         wires = [wire(source, part) for part in target]

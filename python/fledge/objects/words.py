@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 from fledge.objects.script import function_text, prototype, python_text, script
 from fledge.objects.si import enumerator_names
 
+Instance: TypeAlias = "_core.Module | _core.Model"
+Shown: TypeAlias = "Instance | _core.Message"
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
 
 
-def names_by_group(obj: Any) -> dict[str, list[str]]:
+def names_by_group(obj: Shown) -> dict[str, list[str]]:
     """Group -> names, spares left out; properties that Python adds count as parameters."""
     groups: dict[str, list[str]] = {}
     for field in _core.struct(obj).fields:
@@ -25,7 +27,7 @@ def names_by_group(obj: Any) -> dict[str, list[str]]:
     return groups
 
 
-def unknown_attribute(obj: Any, name: str) -> str:
+def unknown_attribute(obj: Shown, name: str) -> str:
     """The error text for an unknown attribute."""
     groups = names_by_group(obj)
     everything = [n for names in groups.values() for n in names]
@@ -33,14 +35,14 @@ def unknown_attribute(obj: Any, name: str) -> str:
         f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
 
 
-def undeclared_attribute(obj: Any, name: str) -> str:
+def undeclared_attribute(obj: Shown, name: str) -> str:
     """The error text for an assignment to an attribute that a prototype does not declare."""
     memory = names_by_group(obj).get("mem", [])
     return (f"{title(obj)} has no '{name}'{did_you_mean(str(name), memory)} a prototype remembers what it declares: "
             f"{name} = mem(float, \"[-] meaning\"), in its class")
 
 
-def wired_input(obj: Any, path: str) -> str:
+def wired_input(obj: Instance, path: str) -> str:
     """The error text for an assignment to a field, by its path, of an input that has a wire or a feed."""
     context = _core.context(obj)
     process = context() if context else None        # None: its simulation is gone
@@ -54,13 +56,13 @@ def wired_input(obj: Any, path: str) -> str:
             f"sim.feed({port}, ...)")
 
 
-def flown_elsewhere(obj: Any, path: str) -> str:
+def flown_elsewhere(obj: Shown, path: str) -> str:
     """The error text for an assignment to a field of a module in whose place a computer flies."""
     return (f"{path}: a computer flies this process, and nothing reads what is assigned here: write to its memory, as "
             f"in board.{path} = ..., or send it a command")
 
 
-def unknown_memory(obj: Any, path: str) -> str:
+def unknown_memory(obj: Instance, path: str) -> str:
     """The error text for the memory of a module whose outputs come from elsewhere."""
     if _core.maker(obj) == "computer":
         return f"{path} is memory of a module, and a computer flies it: read board.{path}"
@@ -74,13 +76,13 @@ def unknown_memory(obj: Any, path: str) -> str:
                or f"{whole} has none, so give it one"))
 
 
-def title(obj: Any) -> str:
+def title(obj: Shown) -> str:
     """"flight.control (MrpFeedback)", or the type's name alone."""
     path, kind = _core.path(obj), _core.struct(obj).name
     return kind if path == kind else f"{path} ({kind})"
 
 
-def _groups(obj: Any) -> dict[str, list[tuple[str, ...]]]:
+def _groups(obj: Shown) -> dict[str, list[tuple[str, ...]]]:
     """Group -> (name, value, unit or rule, meaning) of its fields."""
     groups: dict[str, list[tuple[str, ...]]] = {}
     for field in _core.struct(obj).fields:
@@ -93,7 +95,7 @@ def _groups(obj: Any) -> dict[str, list[tuple[str, ...]]]:
     return groups
 
 
-def _functions(obj: Any) -> list[str]:
+def _functions(obj: Shown) -> list[str]:
     """What of it is Python, a line each."""
     if prototype(obj):
         return [f"in Python: {python_text(obj)}"]
@@ -102,7 +104,7 @@ def _functions(obj: Any) -> list[str]:
             if function is not None]
 
 
-def show_html(obj: Any) -> str:
+def show_html(obj: Shown) -> str:
     """What a notebook shows of a module, model or message: the table of its repr, with the meanings."""
     from fledge.display import table
 
@@ -111,7 +113,7 @@ def show_html(obj: Any) -> str:
                  ("", "value", "unit", "meaning"), _functions(obj))
 
 
-def show(obj: Any) -> str:
+def show(obj: Shown) -> str:
     """The repr of a module, model or message: a small table, group by group."""
     groups = _groups(obj)
     lines = [title(obj), *(f"  {line}" for line in _functions(obj))]
@@ -128,7 +130,7 @@ def show(obj: Any) -> str:
 _WIDE = 48  # longer values do not set the width of their column
 
 
-def _property(obj: Any, name: str) -> str:
+def _property(obj: Shown, name: str) -> str:
     try:
         value = getattr(obj, name)
     except (SetupError, AttributeError):
@@ -158,12 +160,12 @@ def _row(obj: Any, field: _core.Field) -> tuple[str, str, str]:
     return field.name, _value(obj, field), note.rstrip()
 
 
-def _any(obj: Any, field: _core.Field) -> bool:
+def _any(obj: Shown, field: _core.Field) -> bool:
     value = getattr(obj, field.name)
     return bool(value.any()) if field.shape and field.type != "char" else bool(value)
 
 
-def _value(obj: Any, field: _core.Field) -> str:
+def _value(obj: Shown, field: _core.Field) -> str:
     value = getattr(obj, field.name)
     if not field.shape or field.type == "char":
         return f"{value:.7g}" if isinstance(value, float) else getattr(value, "name", repr(value))
@@ -183,7 +185,7 @@ def _array(value: Any, names: dict[int, str] = {}) -> str:
     return f"{value:.7g}" if isinstance(value, float) else names.get(value, str(value))
 
 
-def _wiring(obj: Any, field: _core.Field) -> str:
+def _wiring(obj: Instance, field: _core.Field) -> str:
     """The other ends of a port's wires."""
     context = _core.context(obj)
     process = context() if context is not None else None

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge import _core
 from fledge.errors import SetupError, Stopped
@@ -14,12 +14,17 @@ from fledge.records.series import ACTIVITY, MODE, Records
 from fledge.requirements.formula import Comparison, Formula, Signal, number_text, time_text
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from fledge.mission.simulation import Simulation
     from fledge.requirements.declared import Requirement
 
 HOLDS, VIOLATED, UNKNOWN = "holds", "violated", "unknown"
 STALE = 1   # of Quality: this and less is unknown
 _EVENT = 1  # of ActivityKind
+
+Key: TypeAlias = "tuple[object, ...]"       # equal of what is the same
 
 
 @dataclass
@@ -116,7 +121,7 @@ class Judged:
         """Of requirements with one time between samples: the fields that play_samples() takes."""
         return [source for judge in self._judges.values() for source in judge.sources]
 
-    def play_samples(self, times: Any, values: Sequence[Any]) -> None:
+    def play_samples(self, times: NDArray[np.int64], values: Sequence[NDArray[np.float64]]) -> None:
         """Judge samples. times: (n,) [ns]; values: (n, elements) of each of the sources, NaN where unknown."""
         for judge in self._judges.values():
             judge.core.play(times, values)
@@ -161,7 +166,7 @@ class Judged:
             return f"the run ends at {time_text(self._end)}, and a window reaches to {time_text(reach)}"
         return "what decides it comes after the end of the run"
 
-    def values(self, comparison: Comparison) -> tuple[Any, Any]:
+    def values(self, comparison: Comparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(time [s], the values that the comparison read), both (n,): for figures. Only with traces."""
         for judge in self._judges.values():
             number = judge.numbers.get(comparison.key)
@@ -178,9 +183,9 @@ class _Judge:
         self.core.every, self.core.traces = every, traces
         self._simulation, self._every = simulation, every
         self.atoms: list[Comparison] = []
-        self.numbers: dict[Any, int] = {}       # of atoms of scale 1, and of others for their traces
-        self._known: dict[Any, int] = {}        # atoms by their key and scale
-        self._signals: dict[Any, int] = {}
+        self.numbers: dict[Key, int] = {}       # of atoms of scale 1, and of others for their traces
+        self._known: dict[Key, int] = {}        # atoms by their key and scale
+        self._signals: dict[Key, int] = {}
         self.sources: list[Signal] = []
 
     def add(self, formula: Formula) -> int:
