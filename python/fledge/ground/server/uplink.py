@@ -51,7 +51,6 @@ class Uplink(ABC):
     def prepare(self, form: Form) -> None:
         """Complete a form of the database."""
 
-    @abstractmethod
     def reload(self) -> None:
         """Go on with a new database; its forms are prepared."""
 
@@ -75,7 +74,6 @@ class Uplink(ABC):
     def poll(self) -> None:
         """Add the stages that commands have reached since the last call."""
 
-    @abstractmethod
     def verified(self, number: int, t: int, returned: str) -> None:
         """A packet fulfils a verifier, by the monitor."""
 
@@ -104,9 +102,6 @@ class FlightUplink(Uplink):
 
     def prepare(self, form: Form) -> None:
         form["verifiers"] = []                  # flight's own reports have more
-
-    def reload(self) -> None:
-        pass
 
     def numbered(self, packet: bytes) -> bytes:
         craft = self._connection.craft          # None: before the link was opened, so that nothing can be sent
@@ -185,9 +180,6 @@ class FlightUplink(Uplink):
             self._stages.add_overdue(row, "completed", f"no report of its execution within {within / 1e9:g} s",
                                      int(row["t_ns"]))
         return age > 60 * within
-
-    def verified(self, number: int, t: int, returned: str) -> None:
-        pass
 
     def stepped(self, by: int) -> None:
         for row, _, _ in self._open:
