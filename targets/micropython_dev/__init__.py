@@ -3,7 +3,7 @@
 
 Example:
 
-    $ ./fledge fly nadir_spin --on micropython-dev --for 10min
+    $ ./fledge console nadir_spin
 """
 from __future__ import annotations
 
