@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/packets/packet_file.h"
 
-#include "record/mcap_reader.h"
-
 #include <cerrno>
 #include <cinttypes>
 #include <cstdio>
 #include <cstring>
 #include <fcntl.h>
+#include <optional>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -172,29 +171,79 @@ void PacketFile::read_metadata(std::span<const std::uint8_t> content)
     metadata.emplace_back(std::move(name), Metadata::value_type::second_type(pairs.begin(), pairs.end()));
 }
 
-bool PacketFile::read_summary()
+/// The records of the summary, with the footer up to its checksum; none if the file has no end.
+std::span<const std::uint8_t> PacketFile::summary(std::vector<std::uint8_t> &into) const
 {
-    std::vector<std::uint8_t> bytes, more;
-    if (size_ < record::magic.size() + footer) {
-        return false;
-    }
-    const auto end = read(size_ - footer, footer, more);
+    std::vector<std::uint8_t> memory;
+    const auto end =
+        size_ < record::magic.size() + footer ? std::span<const std::uint8_t>() : read(size_ - footer, footer, memory);
     if (end.size() < footer || end[0] != record::op_footer || record::number(end.data() + 1, 8) != 20 ||
         !std::ranges::equal(end.subspan(record::prefix + 20), record::magic)) {
-        return false;
+        return {};
     }
     const std::uint64_t begin = record::number(end.data() + record::prefix, 8);
     if (begin == 0 || begin > size_ - footer || size_ - begin > most_summary) {
         throw record::Damage{0, "there is no summary where the footer says"};
     }
-    const auto all = read(begin, size_ - begin - 4 - record::magic.size(), bytes); // with the footer up to the checksum
+    const auto all = read(begin, size_ - begin - 4 - record::magic.size(), into);
     const std::uint64_t stated = record::number(end.data() + record::prefix + 16, 4);
     if (stated != 0 && record::crc(all) != stated) {
         throw record::Damage{0, "the checksum of the summary is wrong"};
     }
-    bool counted = false;
-    std::uint64_t n_chunks = 0;
-    for (record::Fields rest{all}; rest.rest.size() > footer - 4 - record::magic.size();) {
+    return all;
+}
+
+/// Returns the number of chunks.
+std::uint64_t PacketFile::take_statistics(record::Fields &fields)
+{
+    count = fields.integer(8);
+    fields.take(2 + 3 * 4);
+    const std::uint64_t n_chunks = fields.integer(4);
+    first = time(fields);
+    last = time(fields);
+    for (record::Fields counts{fields.take(fields.integer(4))}; !counts.rest.empty();) {
+        const auto id = static_cast<std::uint16_t>(counts.integer(2));
+        channels[id].count = counts.integer(8);
+    }
+    return n_chunks;
+}
+
+void PacketFile::take_chunk_index(record::Fields &fields)
+{
+    Chunk chunk;
+    chunk.first = time(fields);
+    chunk.last = time(fields);
+    chunk.at = fields.integer(8);
+    chunk.size = fields.integer(8) - record::chunk_head;
+    for (record::Fields ids{fields.take(fields.integer(4))}; !ids.rest.empty(); ids.take(8)) {
+        chunk.channels.push_back(static_cast<std::uint16_t>(ids.integer(2)));
+    }
+    if (chunk.size > most_chunk || chunk.at > size_ || chunk.size + record::chunk_head > size_ - chunk.at) {
+        throw record::Damage{0, "a chunk lies outside of the file"};
+    }
+    chunk.ended = true;
+    chunks.push_back(std::move(chunk));
+}
+
+void PacketFile::take_metadata_index(record::Fields &fields)
+{
+    const std::uint64_t at = fields.integer(8), n = fields.integer(8);
+    if (n > most_summary) {
+        throw record::Damage{0, "metadata are too long"};
+    }
+    std::vector<std::uint8_t> memory;
+    record::Fields record{read(at, n, memory)};
+    if (record.integer(1) != record::op_metadata) {
+        throw record::Damage{0, "there are no metadata where the index says"};
+    }
+    read_metadata(record.take(record.integer(8)));
+}
+
+bool PacketFile::read_summary()
+{
+    std::vector<std::uint8_t> bytes;
+    std::optional<std::uint64_t> n_chunks;
+    for (record::Fields rest{summary(bytes)}; rest.rest.size() > footer - 4 - record::magic.size();) {
         const auto op = static_cast<std::uint8_t>(rest.integer(1));
         record::Fields fields{rest.take(rest.integer(8))};
         if (op == record::op_channel) {
@@ -202,48 +251,15 @@ bool PacketFile::read_summary()
             fields.take(2);
             channels[id].topic = fields.text();
         } else if (op == record::op_statistics) {
-            count = fields.integer(8);
-            fields.take(2 + 3 * 4 - 4);
-            fields.take(4);
-            n_chunks = fields.integer(4);
-            first = time(fields);
-            last = time(fields);
-            for (record::Fields counts{fields.take(fields.integer(4))}; !counts.rest.empty();) {
-                const auto id = static_cast<std::uint16_t>(counts.integer(2));
-                channels[id].count = counts.integer(8);
-            }
-            counted = true;
+            n_chunks = take_statistics(fields);
         } else if (op == record::op_chunk_index) {
-            Chunk chunk;
-            chunk.first = time(fields);
-            chunk.last = time(fields);
-            chunk.at = fields.integer(8);
-            chunk.size = fields.integer(8) - record::chunk_head;
-            for (record::Fields ids{fields.take(fields.integer(4))}; !ids.rest.empty(); ids.take(8)) {
-                chunk.channels.push_back(static_cast<std::uint16_t>(ids.integer(2)));
-            }
-            if (chunk.size > most_chunk || chunk.at > size_ || chunk.size + record::chunk_head > size_ - chunk.at) {
-                throw record::Damage{0, "a chunk lies outside of the file"};
-            }
-            chunk.ended = true;
-            chunks.push_back(std::move(chunk));
+            take_chunk_index(fields);
         } else if (op == record::op_metadata_index) {
-            const std::uint64_t at = fields.integer(8), n = fields.integer(8);
-            if (n > most_summary) {
-                throw record::Damage{0, "metadata are too long"};
-            }
-            record::Fields record{read(at, n, more)};
-            if (record.integer(1) != record::op_metadata) {
-                throw record::Damage{0, "there are no metadata where the index says"};
-            }
-            read_metadata(record.take(record.integer(8)));
+            take_metadata_index(fields);
         }
     }
-    if (!counted || n_chunks != chunks.size()) { // as if the memory for the index was full
-        return false;
-    }
-    whole = true;
-    return true;
+    whole = n_chunks == chunks.size(); // not as if the memory for the index was full
+    return whole;
 }
 
 void PacketFile::refresh()
@@ -262,6 +278,24 @@ bool PacketFile::is_unsaved(std::uint64_t at) const
     return bytes.size() == record::chunk_head + 1 && bytes.back() >= record::op_schema &&
            bytes.back() <= record::op_message &&
            std::all_of(bytes.begin(), bytes.end() - 1, [](std::uint8_t byte) { return byte == 0; });
+}
+
+/// The chunk with this head, where the scan is.
+PacketFile::Chunk PacketFile::chunk_of(std::span<const std::uint8_t> head) const
+{
+    Chunk chunk;
+    chunk.at = scanned_;
+    chunk.size = record::number(head.data() + 41, 8);
+    chunk.first = static_cast<std::int64_t>(record::number(head.data() + 9, 8));
+    chunk.last = static_cast<std::int64_t>(record::number(head.data() + 17, 8));
+    // The chunk has ended if the next record is of a kind that stands outside of chunks.
+    const bool agrees = chunk.size <= most_chunk &&
+                        record::number(head.data() + 1, 8) == chunk.size + record::chunk_head - record::prefix;
+    std::vector<std::uint8_t> memory;
+    const auto behind = agrees ? read(chunk.at + record::chunk_head + chunk.size, record::prefix, memory)
+                               : std::span<const std::uint8_t>();
+    chunk.ended = behind.size() == record::prefix && behind[0] > record::op_message && behind[0] <= record::op_data_end;
+    return chunk;
 }
 
 /// Read the records from where the last scan ended, chunk by chunk.
@@ -287,18 +321,9 @@ void PacketFile::scan()
             return;
         }
         if (op == record::op_chunk && head.size() == record::chunk_head) {
-            Chunk chunk;
-            chunk.at = scanned_;
-            chunk.size = record::number(head.data() + 41, 8);
-            chunk.first = static_cast<std::int64_t>(record::number(head.data() + 9, 8));
-            chunk.last = static_cast<std::int64_t>(record::number(head.data() + 17, 8));
-            // The chunk has ended if the next record is of a kind that stands outside of chunks.
-            const bool agrees = chunk.size <= most_chunk && n == chunk.size + record::chunk_head - record::prefix;
+            Chunk chunk = chunk_of(head);
             const std::uint64_t end = chunk.at + record::chunk_head + chunk.size;
-            const auto behind = agrees ? read(end, record::prefix, bytes) : std::span<const std::uint8_t>();
-            const bool ended =
-                behind.size() == record::prefix && behind[0] > record::op_message && behind[0] <= record::op_data_end;
-            chunk.ended = ended;
+            const bool ended = chunk.ended;
             scan_chunk(std::move(chunk));
             if (!ended) {
                 return;

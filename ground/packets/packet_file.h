@@ -3,6 +3,7 @@
 #pragma once
 
 #include "ground/database/model.h"
+#include "record/mcap_reader.h"
 
 #include <algorithm>
 #include <map>
@@ -86,7 +87,12 @@ private:
     std::span<const std::uint8_t> read(std::uint64_t at, std::uint64_t n, std::vector<std::uint8_t> &into) const;
     std::span<const std::uint8_t> records(const Chunk &chunk);
     bool next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &stored);
+    std::span<const std::uint8_t> summary(std::vector<std::uint8_t> &into) const;
+    std::uint64_t take_statistics(record::Fields &fields);
+    void take_chunk_index(record::Fields &fields);
+    void take_metadata_index(record::Fields &fields);
     bool read_summary();
+    Chunk chunk_of(std::span<const std::uint8_t> head) const;
     void read_metadata(std::span<const std::uint8_t> content);
     bool is_unsaved(std::uint64_t at) const;
     void scan();
