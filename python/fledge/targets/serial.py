@@ -111,15 +111,10 @@ def lateness(line: Mapping[str, int]) -> list[tuple[str, int]]:
 
 def plot(line: Mapping[str, int], title: str) -> Figure:
     """The histogram."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    from fledge.plot import STYLE, TITLE
+    from fledge.plot import drawn
 
     bins = lateness(line)
-    with style.context(STYLE):
-        figure = Figure(figsize=(8.4, 3.6), layout="constrained")
-        figure.suptitle(title, **TITLE)
+    with drawn((8.4, 3.6), "late", title) as figure:
         axes = figure.subplots()
         axes.bar([what for what, _ in bins], [n for _, n in bins], 0.9, color="C0")
         axes.set(yscale="log", xlabel="late after the clock", ylabel="steps", ylim=(0.7, None))
