@@ -63,7 +63,7 @@ CHAPTERS = {
     "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
                             "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
                             "Control theory <docs/linear>", "docs/accuracy", "docs/performance", "docs/references",
-                            "missions/README", "docs/cubesat", "docs/from-basilisk"],
+                            "missions/README", "docs/orbiter", "docs/cubesat", "docs/from-basilisk"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",

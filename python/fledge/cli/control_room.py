@@ -26,7 +26,7 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub: Any = command("ground", lambda options: sub.error("serve, run, password or token?"),
                        "ground serve ground.toml")
-    sub.set_defaults(needs=lambda options: ["control_room", "build ground", *["view"] * (options.function == serve)])
+    sub.set_defaults(needs=_needs)
     action = actions(sub, "ground")
     a = action("serve", serve, "decode, archive and command spacecraft, with a console in the browser",
                "serve ground.toml")
@@ -52,6 +52,12 @@ def add(command: Callable) -> None:
     a = action("token", token, "make a token for scripts, and print it with its table for the server's file",
                "token 'night pass'")
     a.add_argument("name", metavar="NAME", help="of the script, for the operators' log")
+
+
+def _needs(options: argparse.Namespace) -> list[str]:
+    if options.function == serve:
+        return ["control_room", "build ground", "view"]
+    return ["control_room"] * ("http://" in getattr(options, "to", "")) + ["build ground"]
 
 
 M_ARENA_MAX = -8        # of mallopt(3)
