@@ -32,14 +32,13 @@ from fledge.mission.checks import has_checks
 from fledge.mission.log import Log
 from fledge.mission.scenario import chosen
 from fledge.objects.si import time_ns
-from fledge.pool import Children, Died, Local, Work, open_pool
+from fledge.pool import Children, Died, Local, Pool, Work, open_pool
 from fledge.records.activity import happenings
 from fledge.requirements import Requirements
 from fledge.requirements.judge import HOLDS
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
-    from fledge.pool.cluster import Cluster
     from fledge.requirements import Judged
 
 SECOND = 10**9          # [ns]
@@ -251,7 +250,7 @@ def _begins(work: _Faults, scenario: str, limit: int | None, times: list[int] | 
     return begins, wall, baseline.duration
 
 
-def _flown(work: _Faults, plans: Sequence[Plan], together: int, pool: Local | Cluster,
+def _flown(work: _Faults, plans: Sequence[Plan], together: int, pool: Pool,
            report: Callable[..., None]) -> Generator[tuple[int, Sequence[Flight]], None, None]:
     """(place of the first, flights) of all plans, as they come. together: the faults that begin at a time"""
     if isinstance(pool, Local):

@@ -18,7 +18,7 @@ from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.requirements import FormulaCheck
-from fledge.pool.cluster import Cluster
+from fledge.pool import open_pool
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Flights:
         self.mission, self.requirement, self.scenario = mission, requirement, scenario
         self.seed, self.threads = seed, threads
         self.campaign = _Campaign(mission, campaign, requirement, scenario)
-        self.cluster = Cluster(scheduler) if scheduler else None
+        self.cluster = open_pool(scheduler=scheduler) if scheduler else None
         self.check = _check(self.campaign.dispersions)
         self.text, self.unit = self.check.declared.text, self.check.variable.unit
         self.faults = self.campaign.dispersions.faults.copy()

@@ -23,13 +23,12 @@ from fledge.montecarlo.shares import Share, by_pool, by_threads
 from fledge.montecarlo.store import Store
 from fledge.objects.measured import unit_after
 from fledge.objects.si import enumerator_names
-from fledge.pool import anywhere, cores, open_pool
+from fledge.pool import Pool, anywhere, cores, open_pool
 from fledge.progress import Bar
 
 if TYPE_CHECKING:
     from fledge.mission.log import Log
     from fledge.mission.simulation import Simulation
-    from fledge.pool.cluster import Cluster
 
 
 class Campaign:
@@ -88,7 +87,7 @@ class Campaign:
 
     def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
             progress: Callable[[int, int], Any] | None = None, strict: bool = False,
-            folder: str | os.PathLike[str] | None = None, scheduler: str | Cluster | None = None) -> Result:
+            folder: str | os.PathLike[str] | None = None, scheduler: str | Pool | None = None) -> Result:
         """Fly the runs 0 to runs - 1; returns a Result.
 
         threads: default: all cores; processes: fly by processes even where threads would do; scheduler: the address of
@@ -125,11 +124,8 @@ class Campaign:
             opened.callback(store.save)
             try:
                 if scheduler or processes or self.has_callables:
-                    if scheduler is None or isinstance(scheduler, str):
-                        pool = open_pool(threads, scheduler)
-                        opened.callback(pool.close)
-                    else:
-                        pool = scheduler
+                    pool = scheduler if isinstance(scheduler, Pool) else opened.enter_context(
+                        open_pool(threads, scheduler))
                     shares = by_pool(self, store.missing(), seed, pool, report)
                 else:
                     shares = by_threads(self, store.missing(), seed, threads, report)

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.pool import Died, Local, Work
+from fledge.pool import Died, Local, Pool, Work
 
 if TYPE_CHECKING:
     import numpy as np
 
     from fledge.montecarlo.campaign import Campaign
-    from fledge.pool.cluster import Cluster
 
 NUMBERS = 2**22     # that the runs of a share retain at most
 RUNS_MOST = 500     # of a share on a cluster
@@ -156,7 +155,7 @@ class Runs(Work[Range, Share]):
         return [item._replace(end=middle), item._replace(first=middle)] if item.end - item.first > 1 else []
 
 
-def by_pool(campaign: Campaign, ranges: Ranges, seed: int, pool: Local | Cluster,
+def by_pool(campaign: Campaign, ranges: Ranges, seed: int, pool: Pool,
             progress: Progress) -> Generator[Share, None, None]:
     """Fly the runs by a pool: one at a time on this machine, shares on a cluster. A process that dies has failed its
     run."""

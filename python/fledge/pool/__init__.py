@@ -17,7 +17,7 @@ A process that dies costs its item alone: a Died stands in place of its result, 
 (SetupError, RunError, Failure) is raised where the results are read; any other exception ends its process, with a
 traceback. Ctrl-C reaches only the reader of the results: when the reader ends, for any reason, the processes end.
 
-    work        the interface of the items and their flights
+    work        the interfaces of a pool, and of its items and their flights
     children    copies of this process, which answer through pipes
     local       a pool of them
     cluster     the workers of a Dask scheduler
@@ -26,19 +26,15 @@ traceback. Ctrl-C reaches only the reader of the results: when the reader ends, 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from fledge.pool.children import Children, cores, fork
 from fledge.pool.local import Local
-from fledge.pool.work import LAST_LINES, Died, Work, anywhere, in_order
+from fledge.pool.work import LAST_LINES, Died, Pool, Work, anywhere, in_order
 
-if TYPE_CHECKING:
-    from fledge.pool.cluster import Cluster
-
-__all__ = ["LAST_LINES", "Children", "Died", "Local", "Work", "anywhere", "cores", "fork", "in_order", "open_pool"]
+__all__ = ["LAST_LINES", "Children", "Died", "Local", "Pool", "Work", "anywhere", "cores", "fork", "in_order",
+           "open_pool"]
 
 
-def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Local | Cluster:
+def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Pool:
     """A pool of so many processes, default: one for each core; or of the workers of the Dask scheduler at an address,
     as "tcp://127.0.0.1:8786". A context manager. Raises SetupError if there is none, or no worker."""
     if scheduler:

@@ -15,11 +15,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Generic, Self
+from typing import Any, Generic
 
 from fledge.errors import RunError, SetupError
 from fledge.mission.provenance import digest, identity
-from fledge.pool.work import Death, Died, Flown, Item, Refusal, Result, Work, opened
+from fledge.pool.work import Death, Died, Flown, Item, Pool, Refusal, Result, Work, opened
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
 LOST = 20.0         # [s] until a scheduler that does not answer any more is given up
@@ -27,7 +27,7 @@ REFUSALS = 100      # tasks that came back from workers that must not fly, befor
 _AHEAD = 3          # tasks for each thread of the workers, so that none waits
 
 
-class Cluster:
+class Cluster(Pool):
     """The workers of the scheduler at an address, as "tcp://127.0.0.1:8786".
 
     threads: of all workers at first. Raises SetupError if there is no scheduler, or no worker.
@@ -65,15 +65,9 @@ class Cluster:
     def close(self) -> None:
         self.client.close(timeout=1)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def fly(self, work: Work[Item, Result], items: Sequence[Item],
-            tick: Callable[[], Any] = lambda: None) -> Flown[Item, Result]:
-        """As of Local; of an item whose workers died, the results of its parts.
+    def fly(self, work: Work[Item, Result], items: Sequence[Item], tick: Callable[[], object] = lambda: None
+            ) -> Flown[Item, Result]:
+        """As of each pool; of an item whose workers died, the results of its parts.
 
         Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away. A worker of
         another revision that comes later is sent away, with a warning.

@@ -9,14 +9,14 @@ import traceback
 from collections.abc import Callable, Sequence
 from itertools import islice
 from multiprocessing.connection import Connection
-from typing import Any, Self
+from typing import Any
 
 from fledge.errors import SetupError
 from fledge.pool.children import Children, cores
-from fledge.pool.work import Died, Flown, Item, Result, Work, answer, opened
+from fledge.pool.work import Died, Flown, Item, Pool, Result, Work, answer, opened
 
 
-class Local:
+class Local(Pool):
     """jobs: processes at a time; default: one for each core."""
 
     def __init__(self, jobs: int | None = None) -> None:
@@ -24,18 +24,8 @@ class Local:
         if self.threads < 1:
             raise SetupError(f"jobs must be >= 1, found {jobs}")
 
-    def close(self) -> None:
-        """Nothing is left of it."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def fly(self, work: Work[Item, Result], items: Sequence[Item],
-            tick: Callable[[], Any] = lambda: None) -> Flown[Item, Result]:
-        """(place, result) of each item, as they come; tick() is called before the first, and some times a second."""
+    def fly(self, work: Work[Item, Result], items: Sequence[Item], tick: Callable[[], object] = lambda: None
+            ) -> Flown[Item, Result]:
         children = Children()
         waiting = iter(range(len(items)))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The work of a pool, and the results of its items."""
+"""A pool, its work, and the results of its items."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import signal
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from fledge.errors import Failure, RunError, SetupError
 
@@ -73,6 +73,26 @@ LAST_LINES = 5      # that are kept of what a process printed which has died
 
 # (place, result) of items, as they come.
 Flown = Generator[tuple[int, Died[Item] | Result], None, None]
+
+
+class Pool:
+    """Flies items, several at a time; a context manager. threads: how many at a time"""
+
+    threads: int
+
+    def fly(self, work: Work[Item, Result], items: Sequence[Item], tick: Callable[[], object] = lambda: None
+            ) -> Flown[Item, Result]:
+        """(place, result) of each item, as they come; tick() is called before the first, and some times a second."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End what it has begun."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def anywhere(mission: str | os.PathLike[str]) -> str:
