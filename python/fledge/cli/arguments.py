@@ -71,6 +71,13 @@ def add_parameters(command: argparse.ArgumentParser) -> None:
                          help="a parameter of the mission, without a unit, as in --set spacecraft=8")
 
 
+def command_line(options: argparse.Namespace) -> str:
+    """The command as the user gave it, for a shell."""
+    import shlex
+
+    return shlex.join(["./fledge", *options.words])
+
+
 def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
     """What --set gave: name -> a Python literal, or the text itself.
 

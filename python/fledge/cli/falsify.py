@@ -8,12 +8,11 @@ files are wrong; 130 Ctrl-C, with a report on what was searched.
 from __future__ import annotations
 
 import argparse
-import shlex
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit
+from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit, command_line
 from fledge.cli.console import say
 from fledge.cli.runs import alone
 from fledge.errors import Failure
@@ -86,7 +85,7 @@ def _search(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
 
     begun = time.perf_counter()
     runs, smallest, path = options.runs or 1000, None, None
-    command = shlex.join(["./fledge", *options.words])
+    command = command_line(options)
     with _Live(flights, runs):
         tried = search(flights, flights.space, runs, options.seed, options.first)
         if tried.first is not None:

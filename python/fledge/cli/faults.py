@@ -8,7 +8,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_mission, add_parameters, add_pool, add_seed, add_update_limit, given_parameters
+from fledge.cli.arguments import (add_mission, add_parameters, add_pool, add_seed, add_update_limit, command_line,
+                                  given_parameters)
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ def add(command: Callable) -> None:
 
 
 def faults(options: argparse.Namespace) -> int:
-    import shlex
     import time
 
     from fledge.analysis import Matrix, fly, page
@@ -70,7 +70,7 @@ def faults(options: argparse.Namespace) -> int:
             flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs, limit, progress,
                           options.scheduler)
         wall = time.perf_counter() - begun
-        paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
+        paths = page.write(flights, matrix, folder, command_line(options))
     say("\n".join(page.text(flights)))
     for flight in list(filter(page.hidden, flights))[:8]:
         say(f"  hidden   {flight.scenario}, {flight.begin:g} s: {' and '.join(map(str, flight.faults))}: "

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from pathlib import Path
 
+from fledge.cli.arguments import command_line
 from fledge.cli.console import Plots, say, trace
 from fledge.cli.runs import alone
 from fledge.errors import CompositionError, Failure, SetupError, Stopped
@@ -104,7 +104,7 @@ def _reported(options: argparse.Namespace, sim: Simulation, scenario: str, where
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     page = report.write(folder / "report.html", pages.Outcome(
         "failed" if problem else "passed", (problem or "").removeprefix("failed: "), Path(path) if path else None,
-        plots.whole(), shlex.join(["./fledge", *options.words])))
+        plots.whole(), command_line(options)))
     say(f"  report   {page}")
     return problem, code, outcomes
 

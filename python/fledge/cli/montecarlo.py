@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit
+from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit, command_line
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
@@ -139,7 +139,6 @@ def _fly(campaign: Campaign, options: argparse.Namespace, runs: int, name: str, 
 def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Path,
          command: Callable[[int], str]) -> int:
     import json
-    import shlex
 
     from fledge.montecarlo import report
     from fledge.pool import cores
@@ -159,7 +158,7 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
     from fledge.report import campaign as page
 
     paths.insert(0, page.write(folder / "report.html", data, [path for path in paths if path.suffix == ".png"],
-                               shlex.join(["./fledge", *options.words]), campaign.folder))
+                               command_line(options), campaign.folder))
     if not result.interrupted:
         result.close()
     if options.json:

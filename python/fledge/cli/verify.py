@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_mission, add_parameters, add_pool, add_seed, given_parameters
+from fledge.cli.arguments import add_mission, add_parameters, add_pool, add_seed, command_line, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -218,7 +218,7 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
         about=sim.mission.summaries()[""], only="; ".join(
             [*(["--only " + " ".join(options.only)] if options.only else []),
              *(["--scenario " + " ".join(options.scenario)] if options.scenario else [])]),
-        repeat=shlex.join(["./fledge", *options.words]),
+        repeat=command_line(options),
         changed=None if before is None else evidence.differences(before, rows, whole),
         changed_since=before["made"].replace("T", " ").replace("+00:00", " UTC") if before else "", csv=csv),
         "requirements.csv": tables.write(rows), "junit.xml": tables.junit(sim.name, rows, flown),
