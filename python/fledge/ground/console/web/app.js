@@ -6,11 +6,12 @@ import "./style.css";
 
 import {Alarms} from "./alarms.js";
 import {Api} from "./api.js";
-import {SHAPES, attempt, dress, h, put, showWhole} from "./dom.js";
+import {attempt, dress, h, put, showWhole} from "./dom.js";
 import {Keys} from "./keys.js";
 import {Live} from "./live.js";
 import {login} from "./login.js";
 import {pages} from "./pages.js";
+import {button, putAlarms} from "./parts.js";
 import {Questions} from "./questions.js";
 import {onTheme, turn} from "./theme.js";
 import {Time} from "./time.js";
@@ -64,7 +65,7 @@ async function show(at = {t: time.t, session: time.session}) {
     close();
     close = () => {};
     keys.page.clear();
-    const page = pages.get(place.page), ends = [];
+    const page = pages.get(place.page), ends = [], {craft} = place;
     const opened = time.open(place.craft, at.t, at.session);
     document.title = `${page.title} \u00b7 ${place.craft || "control room"}`;
     for (const child of menu.children) {
@@ -90,14 +91,16 @@ async function show(at = {t: time.t, session: time.session}) {
     const why = page.role && lacks(page.role);
     if (why) root.before(h("p", {class: "soft lacks", role: "note"}, why));
     const end = await attempt(root, () => page.open({
-        root, api, live, alarms, time, keys, go, notify, craft: place.craft, selection: place.sel,
-        store: live.store(place.craft),
+        root, api, live, alarms, time, keys, go, notify, craft, selection: place.sel,
         /** Write the page's new selection into the link. */
         select: (sel) => { place.sel = sel; write(true); },
-        on: (kind, listener) => own(live.on(kind, listener)), onFrame: (draw) => own(live.onFrame(draw)),
+        /** Listen to messages of this spacecraft and of none; onAny: to those of all. */
+        on: (kind, listener) => own(live.on(kind, (message) =>
+            (message.craft ?? place.craft) === craft && listener(message))),
+        onAny: (kind, listener) => own(live.on(kind, listener)), onFrame: (draw) => own(live.onFrame(draw)),
         onTime: (listener) => own(time.on(listener)), onTheme: (listener) => own(onTheme(listener)),
         want: (slots, hz, truth) => {
-            const wish = live.want(place.craft, slots, hz, truth);
+            const wish = live.want(craft, slots, hz, truth);
             own(() => wish.end());
             return wish;
         },
@@ -143,10 +146,8 @@ function frame() {
     dress(link, `link ${ok ? "good" : "bad"}`);
     put(link, ok ? "\u25cf connected" : "\u25b2 no connection");
     put(skipped, live.skipped ? `${live.skipped} skipped` : "");
-    const {count, worst} = alarms.waiting(place.craft);
     bell.href = `#/alarms?craft=${encodeURIComponent(place.craft)}`;
-    dress(bell, count ? `concern c${worst}` : "alarms soft");
-    put(bell, count ? `${SHAPES[worst]} ${count} alarm${count > 1 ? "s" : ""}` : "no alarms");
+    putAlarms(bell, alarms.waiting(place.craft), "alarms soft");
     put(user, api.session.user ?? "");
 }
 
@@ -174,9 +175,9 @@ async function begin() {
     document.body.append(
         h("header", {class: "top"}, h("strong", {}, "Control room"), chooser, bell, h("span", {class: "grow"}),
             skipped, link, user,
-            h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
-            h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
-            api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
+            button("\u25d0", turn, {title: "light or dark (T)", "aria-label": "light or dark"}),
+            button("?", () => keys.help(), {title: "keys (?)", "aria-label": "keys"}),
+            api.session.user && api.session.login !== false && button("Log out", leave)),
         menu, main, time.element, toasts, new Questions(live).element);
     document.addEventListener("pointerover", showWhole);
     for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts of curves.
+// Charts of curves, which follow live values and the archive.
 import uPlot from "uplot";
-import {CONCERNS, SHAPES, visible} from "./dom.js";
-import {bare, span} from "./format.js";
+import {of, series} from "./api.js";
+import {Curve, Mender} from "./curve.js";
+import {visible} from "./dom.js";
+import {bare, ns, seconds, span} from "./format.js";
 import {isStale, real} from "./store.js";
+import {CONCERNS, SHAPES} from "./words.js";
 
 const MARK = 6;     // [px] the mark of a value beyond limits
 
@@ -120,6 +123,55 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
         },
     },
         data(curves), holder);
+}
+
+/** The curves of a page by their names: samples of the archive, and live values after them. changed(): samples that did
+ *  not come live were read */
+export class Curves {
+    constructor({api, time, craft}, store, points, changed) {
+        Object.assign(this, {api, time, craft, store, points, all: new Map(), request: 0});
+        this.mender = new Mender(async (from, to) => {
+            const {request} = this, archived = await this.read(from, to);
+            return request === this.request && archived;
+        }, changed);
+    }
+
+    /** Have a curve of each of these names. */
+    have(names) {
+        for (const name of [...this.all.keys()]) if (!names.includes(name)) this.all.delete(name);
+        for (const name of names) if (!this.all.has(name)) this.all.set(name, new Curve(name));
+    }
+
+    get list() { return [...this.all.values()]; }
+
+    async read(from, to) {
+        return series(await this.api.bytes(of(this.craft, "history"), {
+            names: [...this.all.keys()].join(","), from_ns: ns(from), to_ns: ns(to) + 1000n, points: this.points,
+            session: this.time.session, format: "binary"}));
+    }
+
+    /** Read the samples of a span of time [s]. Returns whether no later request has begun. */
+    async load(from, to) {
+        const turn = ++this.request, shown = this.store.t, archived = await this.read(from, to);
+        if (turn === this.request) this.list.forEach((curve, k) => curve.fill(archived[k], shown));
+        return turn === this.request;
+    }
+
+    /** Add the newest values up to `end`; `begin`: of the view [s]. Returns whether one is new. */
+    add(begin, end = Infinity) {
+        const {store} = this;
+        let fresh = false;
+        for (const [name, curve] of this.all) {
+            const value = store.get(store.byName.get(name));
+            if (!value || seconds(value.t) > end) continue;
+            fresh = curve.add(seconds(value.t), value.number, value.number, value.number, value.level) || fresh;
+            curve.drop(begin - 5);
+        }
+        this.mender.check(this.list, begin);
+        return fresh;
+    }
+
+    close() { this.request = NaN; }     // no answer is shown any more
 }
 
 /** The common beginning of the names of curves in one chart, and the rest of each. */

@@ -13,7 +13,7 @@ export function h(tag, about = {}, ...inside) {
         else if (key in node && !key.startsWith("aria")) node[key] = SHOWN.has(key) ? visible(value) : value;
         else node.setAttribute(key, value === true ? "" : SHOWN.has(key) ? visible(value) : value);
     }
-    node.append(...inside.flat().filter((part) => part !== null && part !== undefined && part !== false)
+    node.append(...inside.flat(Infinity).filter((part) => part !== null && part !== undefined && part !== false)
         .map((part) => (part instanceof Node ? part : visible(part))));
     return node;
 }
@@ -74,40 +74,4 @@ export async function attempt(place, action) {
             place.append(h("p", {class: "problem", role: "alert"}, error.message || String(error)));
         return undefined;
     }
-}
-
-/** Whether a craft has the feature of a page; else the page says that it has none. */
-export function has(live, craft, root, feature, none) {
-    const there = live.craft(craft)?.can?.includes(feature);
-    if (!there) root.append(h("section", {class: "panel"}, h("p", {class: "none soft"}, `${craft} has ${none}.`)));
-    return there;
-}
-
-/** Open a dialog. fields: [[label, element with a name]]; resolves to {name: value}, or null if the user cancelled. */
-export function prompt(title, text, fields, word, dangerous = false) {
-    return new Promise((resolve) => {
-        const form = h("form", {method: "dialog"}, h("h2", {}, title), text && h("p", {}, text),
-            fields.map(([label, field]) => h("label", {class: "field"}, h("span", {}, label), field)),
-            h("div", {class: "row end"},
-                h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
-                h("button", {class: dangerous ? "danger" : "primary", value: "yes"}, word)));
-        const dialog = h("dialog", {"aria-label": title, onclose: () => {
-            const good = dialog.returnValue === "yes";
-            resolve(good ? Object.fromEntries(fields.map(([, field]) => [field.name, field.value])) : null);
-            dialog.remove();
-        }}, form);
-        document.body.append(dialog);
-        dialog.showModal();
-    });
-}
-
-export const CONCERNS = ["nominal", "watch", "warning", "distress", "critical", "severe"];
-export const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
-
-/** Show a level of concern in a node: by shape, word and colour. */
-export function concern(level, node = h("span")) {
-    dress(node, `concern c${level}`);
-    put(node, level ? `${SHAPES[level]} ${CONCERNS[level]}` : "");
-    hint(node, level ? CONCERNS[level] : "");       // where there is room for the shape alone
-    return node;
 }

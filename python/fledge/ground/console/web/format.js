@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times, spans and counts as text.
+// Times, spans and counts as text; and the words of a search.
 
 const pad = (n, width = 2) => String(n).padStart(width, "0");
 
@@ -57,4 +57,14 @@ export function digits(value) {
         size < 1                                      ? String(+value.toPrecision(3)) :
                                                         value.toFixed(2);
     return text.replaceAll("-", "\u2212");
+}
+
+/** [s] of a time in ns; and the reverse, in whole us. */
+export const seconds = (ns) => Number(ns) / 1e9;
+export const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
+
+/** Whether a text has all words of a search, in any case. */
+export function matcher(search) {
+    const words = search.toLowerCase().split(/\s+/).filter(Boolean);
+    return (text) => words.every((word) => text.toLowerCase().includes(word));
 }

@@ -2,7 +2,10 @@
 // Forms of commands: a field for each argument of the database, checks of values, the encoded bytes, and sending.
 import "./operate.css";
 import {of} from "./api.js";
-import {h, prompt, put} from "./dom.js";
+import {h, put} from "./dom.js";
+import {matcher} from "./format.js";
+import {prompt} from "./parts.js";
+import {RARE, STAGES} from "./words.js";
 
 const bracket = ({low, high, low_open, high_open}) => {
     if (low != null && high != null && !low_open && !high_open) return `${low} \u2026 ${high}`;
@@ -214,11 +217,6 @@ export async function post(api, craft, route, body, name = body.name) {
 export const send = async (api, craft, name, values) =>
     (await post(api, craft, "send", {name, arguments: values}))?.id ?? null;
 
-const RARE = ["transferred", "sent", "received", "queued"];  // stages that few databases have
-export const STAGES = [
-    "released", "transferred", "sent", "received", "delivered", "accepted", "queued", "started", "progress", "completed"
-];
-
 /** The stages that commands with these forms may have. */
 export const stagesOf = (forms) => STAGES.filter((stage) => !RARE.includes(stage) ||
     forms.some((form) => form.verifiers.some((verifier) => verifier.stage === stage)));
@@ -265,6 +263,32 @@ export function outcome(row, until = "completed") {
     return {state: done ? "good" : "open", text: row.stages.at(-1)?.stage ?? ""};
 }
 
+/** The stages that some of these sent commands have reached, in words. */
+export const reached = (rows) => STAGES.filter((stage) => rows.some((row) => ladder(row)[stage]))
+    .map((stage) => `\u2713 ${stage}`).join("  ");
+
+/** Sent commands that are followed until the page closes or follows others. changed(rows, outcome): "bad" if one of
+ *  them is, "good" if all are */
+export class Followed {
+    constructor({live, craft}, changed) {
+        Object.assign(this, {live, craft, changed, rows: new Map()});
+        this.close = live.on("sent", (row) => row.craft === craft && this.take(row));
+    }
+
+    async begin(ids) {
+        this.rows = new Map(ids.map((id) => [id, null]));
+        for (const row of ids.length ? await this.live.rows(this.craft, "sent", "sent") : []) this.take(row);
+    }
+
+    take(row) {
+        if (!this.rows.has(row.id)) return;
+        this.rows.set(row.id, row);
+        const rows = [...this.rows.values()].filter(Boolean), all = rows.map((sent) => outcome(sent));
+        const done = all.length === this.rows.size && all.every(({state}) => state === "good");
+        this.changed(rows, all.find(({state}) => state === "bad") ?? {state: done ? "good" : "open"});
+    }
+}
+
 /** "K = 3, mode = SAFE" */
 export const inWords = (values) =>
     Object.entries(values ?? {}).map(([name, value]) => `${name} = ${textOf(value)}`).join(", ");
@@ -275,13 +299,11 @@ export const groupOf = ({name, group}) =>
 
 /** Commands in groups for a search: [{group} | {form}], all words must be in the name or description. */
 export function listed(forms, search) {
-    const words = search.toLowerCase().split(/\s+/).filter(Boolean), groups = new Map();
-    for (const form of forms) {
-        const text = `${form.name} ${form.description}`.toLowerCase();
-        if (!words.every((word) => text.includes(word))) continue;
+    const fits = matcher(search), groups = new Map();
+    for (const form of forms.filter(({name, description}) => fits(`${name} ${description}`))) {
         const group = groupOf(form);
         groups.set(group, [...(groups.get(group) ?? []), form]);
     }
-    return [...groups].sort(([a], [b]) => (a < b ? -1 : 1)).flatMap(([group,
-        inside]) => [{group, n: inside.length}, ...inside.map((form) => ({form}))]);
+    return [...groups].sort(([a], [b]) => (a < b ? -1 : 1))
+        .flatMap(([group, inside]) => [{group, n: inside.length}, ...inside.map((form) => ({form}))]);
 }

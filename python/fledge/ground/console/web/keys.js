@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every page and action has a key. "g" and a letter open a page; "?" shows all keys.
 import {h} from "./dom.js";
+import {button, openDialog} from "./parts.js";
 
 const TYPED = "input:not([type=range]):not([type=checkbox]):not([type=radio]), textarea, select, [contenteditable]";
 
@@ -46,13 +47,11 @@ export class Keys {
         const part = (title, keys, before = "") => keys.size > 0 && h("section", {}, h("h3", {}, title),
             h("dl", {}, [...keys].map(([key, {text}]) => h("div", {},
                 h("dt", {}, before && [h("kbd", {}, before), " "], h("kbd", {}, key)), h("dd", {}, text)))));
-        const dialog = h("dialog", {class: "keys", "aria-label": "keys", onclose: () => dialog.remove(),
-                                    onclick: (event) => event.target === dialog && dialog.close()},
+        const dialog = openDialog("keys", () => {}, {class: "keys", onclick: ({target}) =>
+            target === dialog && dialog.close()},
             h("div", {class: "row"}, h("h2", {}, "Keys"), h("span", {class: "grow"}),
-                h("button", {onclick: () => dialog.close()}, "Close")),
+                button("Close", () => dialog.close())),
             h("div", {class: "columns"}, part("Pages", this.pages, "g"), part("This page", this.page),
                 part("Everywhere", this.all)));
-        document.body.append(dialog);
-        dialog.showModal();
     }
 }

@@ -32,7 +32,7 @@ export class Live {
 
     /** Load the list of spacecraft. */
     async load() {
-        this.crafts = await this.api.get("/api/crafts");
+        await this.count();
         this.emit("crafts", {});
     }
 
@@ -83,11 +83,11 @@ export class Live {
 
     /** Request a list of a craft whose rows have an id. A message that arrives before the answer may be newer than the
         answer, so it replaces its row. */
-    async rows(craft, list, kind) {
+    async rows(craft, list, kind, query = {}) {
         const messages = new Map();
         const end = this.on(kind, (message) => message.craft === craft && messages.set(message.id, message));
         try {
-            const rows = await this.api.get(of(craft, list));
+            const rows = await this.api.get(of(craft, list), query);
             return [...rows.filter(({id}) => !messages.has(id)), ...messages.values()];
         } finally {
             end();
@@ -128,6 +128,7 @@ export class Live {
     /** Load the state anew after a lost connection; the server may have restarted, with another session. */
     async again() {
         if (!(await this.api.begin()).user) return this.api.refused();
+        this.stores.clear();        // another run may have other slots, and begin at an earlier time
         await this.load();
         return this.emit("again", {});
     }

@@ -2,6 +2,7 @@
 // Questions of scripts, shown over each page until an operator answers.
 import {of} from "./api.js";
 import {attempt, h} from "./dom.js";
+import {button} from "./parts.js";
 
 export class Questions {
     constructor(live) {
@@ -25,8 +26,7 @@ export class Questions {
             node, async () => this.merge(await api.post(of(question.craft, "questions", question.id), {answer})));
         const node = h("div", {class: "question"}, h("p", {}, h("strong", {}, question.craft),
             ` \u00b7 a script of ${question.user} asks`), h("p", {class: "text"}, question.text),
-            h("div", {}, h("button", {onclick: reply(true)}, "Yes, go on"), " ",
-                h("button", {onclick: reply(false)}, "No, stop it")));
+            h("div", {}, button("Yes, go on", reply(true)), " ", button("No, stop it", reply(false))));
         this.open.set(question.id, node);
         this.element.append(node);
     }

@@ -2,7 +2,8 @@
 // The radio of a spacecraft, as far as the server knows: stations in contact, locks, losses, and the next passes.
 import {of} from "./api.js";
 import {dress, h, put} from "./dom.js";
-import {clock, count, span} from "./format.js";
+import {clock, count, seconds, span} from "./format.js";
+import {Facts, row} from "./parts.js";
 
 const WINDOW = 10;      // [s] of the spacecraft's clock over which a rate is measured
 const FLAGS = {
@@ -40,10 +41,10 @@ const WAY = {
 
 export class Radio {
     constructor(api, name) {
-        Object.assign(this, {api, name, rows: new Map(), ways: new Map(), passes: [], samples: []});
-        this.facts = h("dl", {class: "facts"});
+        Object.assign(this, {api, name, facts: new Facts(), ways: new Map(), passes: [], samples: []});
         this.links = h("div", {class: "radios"});
-        this.part = h("section", {hidden: true}, h("h3", {}, "Link and radio"), this.facts, this.links);
+        this.part = h("section", {hidden: true}, h("h3", {}, "Link and radio"), this.facts.element,
+            this.links);
         this.title = h("h3");
         this.head = h("tr");
         this.body = h("tbody");
@@ -59,33 +60,23 @@ export class Radio {
         this.drawn = null;
     }
 
-    fact(name, good, text) {
-        if (!this.rows.has(name)) {
-            const value = h("dd");
-            this.facts.append(h("dt", {}, name), value);
-            this.rows.set(name, value);
-        }
-        const row = this.rows.get(name);
-        dress(row, good ? "good" : "");
-        put(row, text);
-    }
-
     /** Show the server's data of the spacecraft. Returns the rate of its packets as text, or "". */
     show(craft) {
-        const {stations = [], radios = [], link = {}} = craft, now = Number(craft.t_ns) / 1e9;
+        const {stations = [], radios = [], link = {}} = craft, now = seconds(craft.t_ns);
+        const fact = (name, good, text) => this.facts.set(name, text, good ? "good" : "");
         for (const station of stations) {
             const next = this.passes.find((pass) =>
-                pass.station === station.name && pass.rise_ns && Number(pass.rise_ns) / 1e9 > now);
-            this.fact(station.name, station.seen, station.seen ? "\u25cf contact" :
-                `\u25cb no contact${next ? `, rises in ${span(Number(next.rise_ns) / 1e9 - now)}` : ""}`);
+                pass.station === station.name && pass.rise_ns && seconds(pass.rise_ns) > now);
+            fact(station.name, station.seen, station.seen ? "\u25cf contact" :
+                `\u25cb no contact${next ? `, rises in ${span(seconds(next.rise_ns) - now)}` : ""}`);
             const from = stations.length > 1 ? `${station.name}, from` : "Seen from it";
-            this.fact(from, false, `${degrees(station.elevation)} high, ${
+            fact(from, false, `${degrees(station.elevation)} high, ${
                 count(Math.round(station.range / 1e3))} km, ${lightTime(station.light_time)} away`);
         }
         for (const radio of radios) this.radio(radio);
         const cop1 = cop1Text(link.cop1);
-        if (cop1) this.fact(link.cop1.state ? "COP-1" : "CLCW", link.cop1.state === "active", cop1);
-        this.part.hidden = !this.rows.size && !this.ways.size;
+        if (cop1) fact(link.cop1.state ? "COP-1" : "CLCW", link.cop1.state === "active", cop1);
+        this.part.hidden = !this.facts.known.size && !this.ways.size;
         this.draw(craft, now);
         return this.rate(craft, now);
     }
@@ -109,8 +100,8 @@ export class Radio {
     }
 
     draw(craft, now) {
-        const utc = craft.clock !== "simulated", shown = this.passes.filter(({set_ns}) =>
-            !set_ns || Number(set_ns) / 1e9 > now), inView = ({rise_ns}) => !rise_ns || Number(rise_ns) / 1e9 <= now,
+        const utc = craft.clock !== "simulated", inView = ({rise_ns}) => !rise_ns || seconds(rise_ns) <= now,
+              shown = this.passes.filter(({set_ns}) => !set_ns || seconds(set_ns) > now),
               about = `${shown.length} ${shown[0]?.highest_ns} ${shown.filter(inView).length}`;
         if (this.drawn === about) return;
         if (this.drawn && shown.length < this.passes.length) this.load();    // a pass is over
@@ -120,10 +111,10 @@ export class Radio {
         put(this.title, several ? "Next passes" : `Next passes over ${shown[0]?.station}`);
         this.head.replaceChildren(...[several && "station", "rise", "highest", "at", "set"].filter(Boolean).map(
             (column) => h("th", {class: column === "station" ? "" : "num"}, column)));
-        this.body.replaceChildren(...shown.map((pass) => h("tr", {}, several && h("td", {}, pass.station),
-            [inView(pass) ? "in view" : clock(pass.rise_ns, utc, 0), degrees(pass.elevation),
+        this.body.replaceChildren(...shown.map((pass) => row({}, ...several ? [pass.station] : [],
+            ...[inView(pass) ? "in view" : clock(pass.rise_ns, utc, 0), degrees(pass.elevation),
                 clock(pass.highest_ns, utc, 0), pass.set_ns ? clock(pass.set_ns, utc, 0) : "later"].map(
-                (text) => h("td", {class: "num"}, text)))));
+                (text) => ["num", text]))));
     }
 
     rate(craft, now) {

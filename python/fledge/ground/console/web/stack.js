@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stacks of commands: an ordered list that runs step by step, or until a verifier fails. A run goes on while the user
 // opens other pages of the console; it ends when the browser closes the console.
-import {STAGES, outcome, send} from "./forms.js";
+import {outcome, send} from "./forms.js";
+import {keep, kept} from "./transfer.js";
+import {STAGES} from "./words.js";
 
 const KIND = "fledge-stack";
 const stacks = new Map();
@@ -33,22 +35,16 @@ export function read(text) {
     });
 }
 
-export const written = (craft, steps) => `${
-    JSON.stringify({
-        kind: KIND,
-        craft,
-        steps: steps.map(({command, arguments: values, until, wait, note}) =>
-                             ({command, arguments: values, until, wait, ...(note && {note})}))
-    },
-        null, 1)}\n`;
+export const written = (craft, steps) => `${JSON.stringify({kind: KIND, craft, steps: steps.map(
+    ({command, arguments: values, until, wait, note}) =>
+        ({command, arguments: values, until, wait, ...(note && {note})}))}, null, 1)}\n`;
 
 export class Stack {
     constructor(craft) {
         Object.assign(this, {craft, steps: [], at: 0, running: false, problem: "", listeners: new Set(), over: null});
         try {
-            this.steps = read(localStorage.getItem(this.place) ?? written(craft, []));
-        } catch { /* an older console wrote it in another form */
-        }
+            this.steps = read(kept(this.place) ?? written(craft, []));
+        } catch { /* an older console wrote it in another form */ }
     }
 
     get place() { return `fledge.stack.${this.craft}`; }
@@ -60,10 +56,7 @@ export class Stack {
     }
 
     changed() {
-        try {
-            localStorage.setItem(this.place, written(this.craft, this.steps));
-        } catch { /* it holds until the page is closed */
-        }
+        keep(this.place, written(this.craft, this.steps));
         for (const listener of [...this.listeners]) listener();
     }
 

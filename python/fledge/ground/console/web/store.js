@@ -4,8 +4,8 @@
 import {clock} from "./format.js";
 
 const MAGIC = 0x31444c46, HEAD = 8, ROW = 6;     // in words of 32 bits
-export const [GOOD, UNCALIBRATED, UNLABELLED, MALFORMED] = [0, 1, 2, 3];
 export const STATUSES = ["", "uncalibrated", "unlabelled", "malformed"];
+const UNLABELLED = STATUSES.indexOf("unlabelled");
 
 const bits = new DataView(new ArrayBuffer(8));
 const utf8 = new TextDecoder();
@@ -68,6 +68,12 @@ export class Store {
                 this.texts.set(slot, new Uint8Array(buffer, texts + words[p + 5], words[p + 4]).slice());
         }
         return undefined;
+    }
+
+    /** A slot's value as {number, text, level, t [ns]}; undefined: there is none yet. */
+    get(slot) {
+        return this.seen[slot] ? {number: this.number(slot), text: this.text(slot), level: this.concern[slot],
+            t: this.at(slot)} : undefined;
     }
 
     /** The time of a slot's value on board, in ns. */

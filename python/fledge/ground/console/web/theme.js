@@ -1,16 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light or dark: the system's setting, or the user's choice.
+import {keep, kept} from "./transfer.js";
+
 const KEY = "fledge.theme", system = matchMedia("(prefers-color-scheme: dark)"), listeners = new Set();
 
-const chosen = () => {
-    try {
-        return localStorage.getItem(KEY);
-    } catch {
-        return null;
-    }
-};
-
-export const theme = () => chosen() ?? (system.matches ? "dark" : "light");
+export const theme = () => kept(KEY) ?? (system.matches ? "dark" : "light");
 
 function apply(name = theme()) {
     document.documentElement.dataset.theme = name;
@@ -19,9 +13,7 @@ function apply(name = theme()) {
 
 export function turn() {
     const other = theme() === "dark" ? "light" : "dark";
-    try {
-        localStorage.setItem(KEY, other);
-    } catch { /* it holds until the page is closed */ }
+    keep(KEY, other);
     apply(other);
 }
 

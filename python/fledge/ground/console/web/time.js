@@ -61,6 +61,10 @@ export class Time {
 
     text(ns, digits) { return clock(ns, this.utc, digits); }
 
+    /** A time in whole seconds of UTC, or tenths since the start; and one of the day alone. */
+    brief(ns) { return this.text(ns, this.utc ? 0 : 1); }
+    ofDay(ns, digits) { return this.text(ns, digits).slice(this.utc ? 11 : 0); }
+
     async open(craft, t, session) {
         Object.assign(this, {craft, t, session, sessions: []});
         this.show();
@@ -75,10 +79,12 @@ export class Time {
         this.show();
     }
 
+    /** The session that is shown, as the server lists it; undefined if there is none. */
+    get entry() { return this.sessions.find(({session}) => session === this.session) ?? this.sessions.at(-1); }
+
     /** First and last time of the session, in ns. */
     extent() {
-        const newest = this.newest ?? 0n, latest = this.sessions.at(-1);
-        const entry = this.sessions.find(({session}) => session === this.session) ?? latest;
+        const newest = this.newest ?? 0n, latest = this.sessions.at(-1), {entry} = this;
         const first = BigInt(entry?.first_ns ?? newest), last = BigInt(entry?.last_ns ?? newest);
         return [first, entry === latest && newest > last ? newest : last];
     }
@@ -118,8 +124,8 @@ export class Time {
         put(this.state, this.isLive ? "\u25cf live" : "\u25c0 back in time");
         this.button.disabled = this.isLive;
         if (document.activeElement !== this.field) this.field.value = this.text(at, 1);
-        put(this.ends[0], this.text(first, 0).slice(this.utc ? 11 : 0));
-        put(this.ends[1], this.text(last, 0).slice(this.utc ? 11 : 0));
+        put(this.ends[0], this.ofDay(first, 0));
+        put(this.ends[1], this.ofDay(last, 0));
         const place = last > first ? Number((at - first) * BigInt(STEPS) / (last - first)) : STEPS;
         if (Number(this.slider.value) !== place) this.slider.value = place;
         this.slider.setAttribute("aria-valuetext", this.text(at, 0));

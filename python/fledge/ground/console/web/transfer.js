@@ -1,14 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Downloads, and sizes as text.
-import {h} from "./dom.js";
+// Downloads, files of JSON that are opened, texts that the browser keeps, and sizes as text.
+import {attempt, h} from "./dom.js";
 
-/** Offer bytes as a download. */
-export function offer(blob, name) {
-    const url = URL.createObjectURL(blob), link = h("a", {href: url, download: name});
+/** Offer a text or bytes as a download. */
+export function offer(content, name, type = "application/json") {
+    const url = URL.createObjectURL(new Blob([content], {type})), link = h("a", {href: url, download: name});
     document.body.append(link);
     link.click();
     link.remove();
     setTimeout(() => URL.revokeObjectURL(url), 10000);
+}
+
+/** A hidden field for a file of JSON. take(its text); errors are shown in `place` */
+export function opener(label, place, take) {
+    const node = h("input", {type: "file", accept: ".json,application/json", hidden: true, "aria-label": label,
+        onchange: () => node.files[0] && attempt(place(), async () => {
+            const text = await node.files[0].text();
+            node.value = "";
+            take(text);
+        })});
+    return node;
+}
+
+/** A text that the browser keeps, or null. */
+export function kept(key) {
+    try {
+        return localStorage.getItem(key);
+    } catch {
+        return null;
+    }
+}
+
+export function keep(key, text) {
+    try {
+        localStorage.setItem(key, text);
+    } catch { /* it holds until the page is closed */ }
 }
 
 /** 20480 -> "20.5 kB" */

@@ -2,11 +2,13 @@
 // Alarms: parameters that are or were beyond their limits, until an operator acknowledges them; shelving silences one.
 import {isShelved} from "../alarms.js";
 import {of} from "../api.js";
-import {attempt, concern, dress, h, prompt, put, stamp} from "../dom.js";
+import {attempt, dress, h, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
+import {button, choice, head, prompt, putLevel} from "../parts.js";
 import {real} from "../store.js";
 import {Table} from "../table.js";
+import {CONCERNS} from "../words.js";
 
 export const title = "Alarms", key = "a";
 
@@ -14,10 +16,8 @@ export async function open(context) {
     const {root, api, live, time, craft, keys} = context;
     let alarms = [];
     const buttons = [], notes = h("div", {class: "notes"}), about = h("p", {class: "soft"});
-    const state = (alarm) => (isShelved(alarm) ? "shelved"
-                            : alarm.acknowledged   ? "acknowledged"
-                            : alarm.concern        ? "open"
-                                                 : "open, over");
+    const state = (alarm) => (isShelved(alarm) ? "shelved" : alarm.acknowledged ? "acknowledged" :
+        alarm.concern ? "open" : "open, over");
     const table = new Table({
         label: "alarms",
         empty: "No alarm is open",
@@ -31,11 +31,7 @@ export async function open(context) {
         ],
         fill: (cells, row, element) => {
             const alarm = alarms[row];
-            for (const [k, level] of [[0, alarm.concern], [1, alarm.worst]]) {
-                concern(level, cells[k].firstChild ?? cells[k].appendChild(h("span")));
-                if (!level)
-                    put(cells[k].firstChild, "within");
-            }
+            [alarm.concern, alarm.worst].forEach((level, k) => putLevel(cells[k], level, CONCERNS[0]));
             put(cells[2], alarm.name);
             put(cells[3], typeof alarm.value === "number" ? real(alarm.value) : String(alarm.value ?? ""));
             stamp(cells[4], time.text(alarm.since_ns));
@@ -72,16 +68,12 @@ export async function open(context) {
 
     async function shelve() {
         const alarm = alarms[table.at];
-        if (!alarm) return;
-        if (isShelved(alarm)) {
-            await post(alarm, {shelve_s: 0});
-            return;
-        }
-        const time_s =
-            h("select", {name: "time"}, [[600, "10 minutes"], [3600, "1 hour"], [28800, "8 hours"],
-                [86400, "1 day"]].map(([value, text]) => h("option", {value}, text)));
+        if (!alarm) return undefined;
+        if (isShelved(alarm)) return post(alarm, {shelve_s: 0});
+        const time_s = choice(null, [[600, "10 minutes"], [3600, "1 hour"], [28800, "8 hours"], [86400, "1 day"]],
+            () => {}, {name: "time"});
         const answers = await prompt("Shelve", `${alarm.name} keeps quiet for so long.`, [["Time", time_s]], "Shelve");
-        if (answers) await post(alarm, {shelve_s: Number(answers.time)});
+        return answers && post(alarm, {shelve_s: Number(answers.time)});
     }
 
     async function limits() {
@@ -94,9 +86,9 @@ export async function open(context) {
     function detail() {
         const alarm = alarms[table.at], acknowledged = alarm?.acknowledged,
               may = context.can("command") || context.can("administer");
-        for (const [button, right, words] of buttons) {
-            button.disabled = !alarm || !right || (words === "Acknowledge" && Boolean(acknowledged));
-            if (words === "Shelve") put(button.firstChild, alarm && isShelved(alarm) ? "End shelving" : "Shelve");
+        for (const [node, right, words] of buttons) {
+            node.disabled = !alarm || !right || (words === "Acknowledge" && Boolean(acknowledged));
+            if (words === "Shelve") put(node.firstChild, alarm && isShelved(alarm) ? "End shelving" : "Shelve");
         }
         if (!alarm) return put(about, may ? "" : "To acknowledge asks for the role command.");
         const slot = live.store(craft).slots[alarm.slot];
@@ -109,17 +101,15 @@ export async function open(context) {
         return put(about, parts.filter(Boolean).join(" \u00b7 "));
     }
 
+    const plot = () => alarms[table.at] && context.go({page: "plots", sel: alarms[table.at].name});
     for (const [words, letter, action, role] of [["Acknowledge", "a", acknowledge, "command"],
-             ["Shelve", "s", shelve, "command"], ["Edit limits", "i", limits, "administer"], [
-                 "Plot", "l", () => alarms[table.at] && context.go({page: "plots", sel: alarms[table.at].name}), "view"
-             ]]) {
-        const button = h("button", {onclick: action, disabled: true}, h("span", {}, words), " ",
-            h("kbd", {"aria-hidden": "true"}, letter));
-        buttons.push([button, context.can(role), words]);
-        keys.add(letter, words.toLowerCase(), () => button.click());
+        ["Shelve", "s", shelve, "command"], ["Edit limits", "i", limits, "administer"], ["Plot", "l", plot, "view"]]) {
+        const node = button([h("span", {}, words), " ", h("kbd", {"aria-hidden": "true"}, letter)], action,
+            {disabled: true});
+        buttons.push([node, context.can(role), words]);
+        keys.add(letter, words.toLowerCase(), () => node.click());
     }
-    root.append(
-        h("div", {class: "head"}, h("h1", {}, title), buttons.map(([button]) => button)), notes, table.element, about);
+    root.append(head(title, buttons.map(([node]) => node)), notes, table.element, about);
     context.on("alarms", show);
     context.every(5000, show);      // a shelving ends by itself
     await attempt(notes, () => Promise.all([context.alarms.load(craft), live.slots(craft)]));

@@ -3,6 +3,7 @@
 import {of} from "../api.js";
 import {attempt, h, hint, put} from "../dom.js";
 import {count, span, ticks} from "../format.js";
+import {button, choice, head} from "../parts.js";
 import {Table} from "../table.js";
 import {offer} from "../transfer.js";
 
@@ -46,59 +47,31 @@ export async function open(context) {
 
     function choose({session, first_ns, last_ns, gaps}) {
         const from = when("from", first_ns), to = when("to", last_ns);
-        const speed = h("select", {"aria-label": "speed"},
-            [1, 10, 100, 1000].map((x) => h("option", {value: x}, `${x} times real time`)));
+        const speed = choice("speed", [1, 10, 100, 1000].map((x) => [x, `${x} times real time`]), () => {});
         const names =
             h("input", {"aria-label": "parameters", placeholder: "parameter, parameter", size: 40, spellcheck: false});
-        const problem = h("div");
+        const problem = h("div"), act = (text, action, about) => button(text, () => attempt(problem, action), about);
         about.replaceChildren(h("h2", {}, `Session ${session}`),
-            h("div", {class: "row"}, from, h("span", {class: "soft"}, "to"), to,
-                h("button", {
-                    onclick: () => attempt(problem,
-                        async () => {
-                            time.seek(read(from), session);
-                            context.go({page: "plots"});
-                        })
-                },
-                    "Look at it")),
-            h("div", {class: "row"}, speed,
-                h("button", {
-                    class: "primary",
-                    onclick: () => attempt(problem,
-                        async () => {
-                            const replay = await api.post(of(craft, "replay"), {
-                                session,
-                                from_ns: read(from),
-                                to_ns: read(to),
-                                speed: Number(speed.value)
-                            });
-                            await live.load();
-                            context.go({page: "parameters", craft: replay.name, sel: ""});
-                        })
-                },
-                    "Replay")),
-            h("div", {class: "row"}, names,
-                h("button", {
-                    onclick: () => attempt(problem,
-                        async () => {
-                            if (!names.value.trim())
-                                throw new Error("Name at least one parameter");
-                            const text = await api.bytes(of(craft, "history"), {
-                                names: names.value.replace(/\s/g, ""),
-                                from_ns: read(from),
-                                to_ns: read(to),
-                                points: 0,
-                                session,
-                                format: "csv"
-                            });
-                            offer(new Blob([text], {type: "text/csv"}), `${craft}.csv`);
-                        })
-                },
-                    "Save as CSV")),
+            h("div", {class: "row"}, from, h("span", {class: "soft"}, "to"), to, act("Look at it", () => {
+                time.seek(read(from), session);
+                context.go({page: "plots"});
+            })),
+            h("div", {class: "row"}, speed, act("Replay", async () => {
+                const replay = await api.post(of(craft, "replay"),
+                    {session, from_ns: read(from), to_ns: read(to), speed: Number(speed.value)});
+                await live.load();
+                context.go({page: "parameters", craft: replay.name, sel: ""});
+            }, {class: "primary"})),
+            h("div", {class: "row"}, names, act("Save as CSV", async () => {
+                if (!names.value.trim()) throw new Error("Name at least one parameter");
+                const about = {names: names.value.replace(/\s/g, ""), from_ns: read(from), to_ns: read(to), session};
+                const text = await api.bytes(of(craft, "history"), {...about, points: 0, format: "csv"});
+                offer(text, `${craft}.csv`, "text/csv");
+            })),
             problem, h("h3", {}, "Gaps"),
-            gaps?.length ? h("ul", {class: "lines"}, gaps.map(([a, b,
-                why]) => h("li", {}, h("time", {}, `${time.text(a, 0)} to ${time.text(b, 0)}`), h("span", {}, why))))
-                        : h("p", {class: "soft"}, "none"));
+            gaps?.length ? h("ul", {class: "lines"}, gaps.map(([a, b, why]) => h("li", {},
+                h("time", {}, `${time.text(a, 0)} to ${time.text(b, 0)}`), h("span", {}, why)))) :
+                h("p", {class: "soft"}, "none"));
     }
 
     async function load() {
@@ -109,17 +82,12 @@ export async function open(context) {
         if (table.at < 0 && sessions.length) table.go(0);
     }
 
-    const replay = craft.includes("@replay") && h("button", {
-        class: "danger",
-        onclick: () => attempt(notes,
-            async () => {
-                await api.delete(of(craft, "replay"));
-                await live.load();
-                context.go({craft: craft.split("@")[0], sel: ""});
-            })
-    },
-                                                    "End this replay");
-    root.append(h("div", {class: "head"}, h("h1", {}, title), replay || []), notes, table.element, about);
+    const replay = craft.includes("@replay") && button("End this replay", () => attempt(notes, async () => {
+        await api.delete(of(craft, "replay"));
+        await live.load();
+        context.go({craft: craft.split("@")[0], sel: ""});
+    }), {class: "danger"});
+    root.append(head(title, replay), notes, table.element, about);
     if (replay) keys.add("x", "end this replay", () => replay.click());
     context.every(5000, load);
     await load();

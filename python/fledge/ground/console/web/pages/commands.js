@@ -2,10 +2,10 @@
 // Commands: searched in the database, filled in, shown as bytes, sent, and followed by their verifiers.
 import {of} from "../api.js";
 import {attempt, dress, h, hint, put, stamp} from "../dom.js";
-import {clock} from "../format.js";
 import {
-    Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
+    Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, tick, verifierOf
 } from "../forms.js";
+import {answerLine, button, form as formOf, hazard, search} from "../parts.js";
 import {stackOf} from "../stack.js";
 import {Table} from "../table.js";
 
@@ -13,44 +13,35 @@ const WAIT = 150;  // [ms] from the last key to the request for the bytes
 
 export const title = "Commands", key = "c", role = "command";
 
-export async function open({root, api, live, keys, craft, selection, select, can}) {
-    const utc = live.craft(craft)?.clock === "utc";
+export async function open(context) {
+    const {root, api, time, keys, craft, selection, select, can} = context;
     let forms = await api.get(of(craft, "commands")).catch(() => []), rows = [], form = null, timer = 0, request = null;
 
-    const search = h("input", {
-        type: "search",
-        placeholder: "Search commands",
-        "aria-label": "search commands",
-        oninput: () => find(),
-        onkeydown: (event) => {
-            if (event.key !== "ArrowDown" && event.key !== "Enter") return;
-            event.preventDefault();
-            list.scroll.focus();
-            const first = rows.findIndex((row) => row.form);
-            if (first >= 0) list.go(first);
-            if (event.key === "Enter") focusForm();
-        }
-    });
+    const wanted = search("search commands", "Search commands", () => find(), {onkeydown: (event) => {
+        if (event.key !== "ArrowDown" && event.key !== "Enter") return;
+        event.preventDefault();
+        list.scroll.focus();
+        const first = rows.findIndex((row) => row.form);
+        if (first >= 0) list.go(first);
+        if (event.key === "Enter") focusForm();
+    }});
     const list = new Table({
         label: "commands",
         columns: [{title: "command"}],
         empty: "No command fits",
         fill([cell], k, element) {
-            const row = rows[k];
-            element.classList.toggle("group", !row.form);
-            put(cell,
-                row.form ?
-                    row.form.name.slice(row.form.name.startsWith(groupOf(row.form)) ? groupOf(row.form).length : 0)
-                            .replace(/^[./]/, "") +
-                        (row.form.hazardous ? " \u26a0" : "") :
-                    `${row.group} (${row.n})`);
-            hint(cell, row.form ? `${row.form.name}\n${row.form.description}` : row.group);
+            const {form: about, group, n} = rows[k];
+            element.classList.toggle("group", !about);
+            const inside = about && groupOf(about), within = about?.name.startsWith(inside) ? inside.length : 0;
+            put(cell, about ? about.name.slice(within).replace(/^[./]/, "") + (about.hazardous ? " \u26a0" : "") :
+                `${group} (${n})`);
+            hint(cell, about ? `${about.name}\n${about.description}` : group);
         },
         moved: (k) => rows[k].form && show(rows[k].form),
-        choose: (k, event) => event.key === "Enter" && focusForm(),
+        choose: (_, event) => event.key === "Enter" && focusForm(),
     });
     const find = () => {
-        rows = listed(forms, search.value);
+        rows = listed(forms, wanted.value);
         list.at = rows.findIndex((row) => row.form && row.form === form?.form);
         list.set(rows.length);
     };
@@ -61,27 +52,20 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const middle = h("section", {class: "panel command", "aria-label": "the command"},
         h("p", {class: "none soft"}, "Choose a command."));
     const preview = h("div", {class: "preview"});
-    const answer = h("p", {class: "answer", role: "status"});
+    const answer = answerLine();
     function show(about, values = {}) {
         if (about === form?.form && !Object.keys(values).length) return;
         select(about.name);
         form = new Form(about, values, () => later());
         const here = h("button", {class: "primary", type: "submit", disabled: !can("command")}, "Send");
-        middle.replaceChildren(h("form", {
-            onsubmit: (event) => {
-                event.preventDefault();
-                transmit(here);
-            }
-        },
+        middle.replaceChildren(formOf(() => transmit(here), {},
             h("header", {}, h("h2", {}, about.name), about.description && h("p", {class: "soft"}, about.description),
-                about.hazardous && h("p", {class: "hazard"}, "\u26a0 hazardous: ", about.hazardous),
-                about.verifiers.map((verifier) => h("p", {class: verifier.problem ? "problem" : "soft"},
-                                                    verifierOf(verifier)))),
+                hazard(about), about.verifiers.map((verifier) =>
+                    h("p", {class: verifier.problem ? "problem" : "soft"}, verifierOf(verifier)))),
             form.element,
-            h("div", {class: "row send"}, here,
-                h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), answer),
+            h("div", {class: "row send"}, here, button("Add to the stack", () => stack(), {type: "button"}), answer),
             h("div", {class: "encoded"}, h("h3", {}, "Bytes"), preview)));
-        put(answer, "");
+        answer.say("");
         later(0);
     }
     function later(wait = WAIT) {
@@ -99,10 +83,8 @@ export async function open({root, api, live, keys, craft, selection, select, can
         }
         request = new AbortController();
         try {
-            const bytes =
-                await (await api.request("POST", of(craft, "preview"), {name: now.form.name, arguments: values}, {
-                    signal: request.signal
-                })).json();
+            const bytes = await (await api.request("POST", of(craft, "preview"),
+                {name: now.form.name, arguments: values}, {signal: request.signal})).json();
             if (now === form) preview.replaceChildren(bytesOf(bytes));
         } catch (error) {
             if (error.name === "AbortError" || now !== form) return;
@@ -111,58 +93,43 @@ export async function open({root, api, live, keys, craft, selection, select, can
                                              h("p", {class: "problem"}, error.message));
         }
     }
-    async function transmit(button) {
+    async function transmit(here) {
         const now = form, values = form.values();
         if (!values) return;
-        button.disabled = true;
-        put(answer, "");
+        here.disabled = true;
+        answer.say("");
         try {
-            const id = await send(api, craft, now.form.name, values);
-            put(answer, id === null ? "Not sent." : "Sent.");
-            dress(answer, "answer");
+            answer.say(await send(api, craft, now.form.name, values) === null ? "Not sent." : "Sent.");
         } catch (error) {
-            if (!now.refused(error, true)) {
-                put(answer, error.message);
-                dress(answer, "answer problem");
-            }
-        } finally { button.disabled = false; }
+            if (!now.refused(error, true)) answer.say(error.message, true);
+        } finally { here.disabled = false; }
     }
     function stack() {
         const values = form.values();
         if (!values) return;
         stackOf(craft).add({command: form.form.name, arguments: values});
-        put(answer, "It is the last of the stack.");
-        dress(answer, "answer");
+        answer.say("It is the last of the stack.");
     }
 
     // --- sent commands ---
-    const sent = new Sent(live, craft, utc, stagesOf(forms), (row) => details(row));
-    const detail = h("div", {class: "detail"});
+    const sent = new Sent(context, stagesOf(forms), (row) => details(row)), detail = h("div", {class: "detail"});
     function details(row) {
         const again = forms.find((form) => form.name === row.name);
-        detail.replaceChildren(...(row ?
-                [
-                    h("div", {class: "row"}, h("strong", {}, row.name),
-                        h("span", {class: "grow soft"}, inWords(row.arguments)),
-                        again &&
-                            h("button", {
-                                onclick: () => {
-                                    show(again, row.arguments);
-                                    focusForm();
-                                }
-                            },
-                                "Fill in again")),
-                    h("ol", {class: "ladder"},
-                        row.stages.map((stage) => h("li", {class: {false: "bad", null: "soft"}[stage.good] ?? "good"},
-                            [clock(stage.t_ns, utc), stage.stage].join(" ") + (stage.text ? `: ${stage.text}` : "")))),
-                    h("code", {class: "soft wrap"}, row.hex)
-                ] :
-                []));
+        detail.replaceChildren(
+            h("div", {class: "row"}, h("strong", {}, row.name), h("span", {class: "grow soft"}, inWords(row.arguments)),
+                again && button("Fill in again", () => {
+                    show(again, row.arguments);
+                    focusForm();
+                })),
+            h("ol", {class: "ladder"},
+                row.stages.map((stage) => h("li", {class: {false: "bad", null: "soft"}[stage.good] ?? "good"},
+                    [time.text(stage.t_ns), stage.stage].join(" ") + (stage.text ? `: ${stage.text}` : "")))),
+            h("code", {class: "soft wrap"}, row.hex));
     }
-    root.append(h("section", {class: "panel finder"}, search, list.element), middle,
+    root.append(h("section", {class: "panel finder"}, wanted, list.element), middle,
         h("section", {class: "panel sent", "aria-label": "sent commands"}, h("h3", {}, "Sent"), sent.table.element,
             detail));
-    keys.add("/", "search a command", () => search.focus());
+    keys.add("/", "search a command", () => wanted.focus());
     keys.add("h", "the commands that were sent", () => sent.table.scroll.focus());
     await attempt(root, async () => {
         if (!forms.length) forms = await api.get(of(craft, "commands"));
@@ -176,19 +143,19 @@ export async function open({root, api, live, keys, craft, selection, select, can
         clearTimeout(timer);
         request?.abort();
         list.close();
-        sent.close();
+        sent.table.close();
     };
 }
 
-/** The table of sent commands, newest first, with a tick for each verifier. */
-export class Sent {
-    constructor(live, craft, utc, stages, chosen) {
-        Object.assign(this, {live, craft, rows: [], utc, stages, chosen, shown: null});
+/** The table of sent commands, newest first, with a tick for each verifier. chosen(row): the cursor stands on it */
+class Sent {
+    constructor({live, craft, time, on}, stages, chosen) {
+        Object.assign(this, {live, craft, time, rows: [], stages, chosen, shown: null});
         this.table = new Table({
             label: "sent commands",
             empty: "No command was sent yet",
             columns: [
-                {title: "time", width: utc ? "10.5em" : "7.5em", narrow: "5.6rem"},
+                {title: "time", width: time.utc ? "10.5em" : "7.5em", narrow: "5.6rem"},
                 {title: "command", width: "minmax(10em, 3fr)", narrow: "minmax(0, 1fr)"},
                 {title: "arguments", width: "minmax(6em, 2fr)", narrow: ""}, ...stages.map((title) => ({
                     title: title === "progress" ? "%" : title,
@@ -201,9 +168,7 @@ export class Sent {
             fill: (cells, k) => this.fill(cells, this.rows[k]),
             moved: (k) => this.show(this.rows[k]),
         });
-        this.off = [
-            live.on("sent", (row) => row.craft === craft && this.update(row)), live.on("again", () => this.load())
-        ];
+        on("sent", (row) => this.update(row));
     }
 
     async load() {
@@ -214,8 +179,7 @@ export class Sent {
 
     update(row, draw = true) {
         const at = this.rows.findIndex((other) => other.id === row.id);
-        if (at >= 0)
-            this.rows[at] = row;
+        if (at >= 0) this.rows[at] = row;
         else {
             const place = this.rows.findIndex((other) => Number(other.id) < Number(row.id));
             this.rows.splice(place < 0 ? this.rows.length : place, 0, row);
@@ -232,14 +196,13 @@ export class Sent {
 
     fill(cells, row) {
         const [time, name, values, ...rest] = cells, by = rest.pop(), why = rest.pop();
-        stamp(time, clock(row.t_ns, this.utc, this.utc ? 0 : 1));
+        stamp(time, this.time.brief(row.t_ns));
         put(name, row.name);
         put(values, inWords(row.arguments));
         this.stages.forEach((stage, i) => {
-            const [sign, name_] = tick(row, stage);
-            dress(rest[i], `td center ${name_}`);
+            const [sign, kind] = tick(row, stage), reached = ladder(row)[stage];
+            dress(rest[i], `td center ${kind}`);
             put(rest[i], sign);
-            const reached = ladder(row)[stage];
             rest[i].setAttribute(
                 "aria-label", reached ? `${reached.stage}${reached.good === false ? ", no" : ""}` : `not ${stage}`);
         });
@@ -247,10 +210,5 @@ export class Sent {
         put(why, state === "bad" ? text : "");
         dress(why, `td aside ${state === "bad" ? "problem" : ""}`);
         put(by, row.user);
-    }
-
-    close() {
-        this.off.forEach((end) => end());
-        this.table.close();
     }
 }

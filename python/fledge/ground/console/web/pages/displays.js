@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Displays of a mission's files: rows, large values, plots and buttons of commands (ground/server/displays.py).
-import {of, series, valuesAt} from "../api.js";
-import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
-import {Curve, Mender} from "../curve.js";
-import {chart, data} from "../curves.js";
-import {bare, span as ago} from "../format.js";
-import {inWords, outcome, send, STAGES} from "../forms.js";
-import {ageOf, isStale, valueText} from "../store.js";
+import {of} from "../api.js";
+import {attempt, dress, h, put} from "../dom.js";
+import {Curves, chart, data} from "../curves.js";
+import {bare, ns, seconds, span as ago} from "../format.js";
+import {Followed, inWords, reached, send} from "../forms.js";
+import {answerLine, button, concern} from "../parts.js";
+import {Shown} from "../shown.js";
 import {theme} from "../theme.js";
+import {CONCERNS} from "../words.js";
 
 export const title = "Displays", key = "d";
 
 const POINTS = 1000, HEIGHT = 230;
-const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 
 /** A number with its digits behind the point; null: no such number. */
 const rounded = (number, about, digits) => {
@@ -25,8 +25,8 @@ const hasProblem = ({problems, panels}) => problems.length > 0 ||
 
 export async function open(context) {
     const {root, api, live, time, craft, keys, selection, select} = context, store = await live.slots(craft);
-    let displays = [], shown = null, ends = [], draws = [], loads = [], past = null;
-    const wish = context.want([]);
+    let displays = [], shown = null, ends = [], draws = [], loads = [];
+    const wish = context.want([]), values = new Shown(context, store);
     const tabs = h("div", {class: "row tabs", role: "group", "aria-label": "displays"}),
           holder = h("div", {class: "display"});
     root.append(tabs, holder);
@@ -38,59 +38,46 @@ export async function open(context) {
         loads = [];
         shown = display;
         select(display.name);
-        tabs.replaceChildren(...displays.map(
-            (other) => h("button", {"aria-pressed": String(other === display), onclick: () => choose(other)},
-                other.title, hasProblem(other) && " \u26a0")));
+        tabs.replaceChildren(...displays.map((other) => button([other.title, hasProblem(other) && " \u26a0"],
+            () => choose(other), {"aria-pressed": String(other === display)})));
         holder.replaceChildren(...display.problems.map((text) => h("p", {class: "problem wide", role: "alert"}, text)),
             ...display.panels.map(panel));
-        const slots = display.panels.flatMap(({items}) => items.map(({slot}) => slot));
-        wish.change([...new Set(slots.filter((slot) => slot != null))]);
+        wish.change(wanted());
         draw();
         if (!time.isLive) attempt(root, remember);
     }
-    /** An item's value as text: the newest, or that at the time that is shown. */
+    const wanted = () => [...new Set(shown.panels.flatMap(({items}) => items.map(({slot}) => slot))
+        .filter((slot) => slot != null))];
+    /** An item's value as text. */
     function text({slot, digits}) {
-        const about = store.slots[slot];
-        if (time.isLive) return rounded(store.number(slot), about, digits) ?? (store.text(slot) || "\u2013");
-        const old = past?.get(slot);
-        return old === undefined ? "\u2013" : rounded(old.value ?? NaN, about, digits) ?? valueText(about, old);
+        const value = values.get(slot);
+        return value ? rounded(value.number, store.slots[slot], digits) ?? (value.text || "\u2013") : "\u2013";
     }
-    /** [s] The age of an item's value if it is stale, else 0. */
-    function old({slot}) {
-        const t = time.isLive ? store.seen[slot] && store.at(slot) : past?.get(slot)?.t;
-        const age = typeof t === "bigint" ? ageOf(t, time.at) : 0;
-        return isStale(store.slots[slot], age) ? age : 0;
-    }
+    const level = (slot) => values.get(slot)?.level ?? 0;
     /** Show an item's state; if it has none, the age of a stale value. */
-    function judge(item, value, state, name) {
-        const age = old(item), how = level(item.slot);
+    function judge({slot}, value, state, name) {
+        const [age, stale] = values.age(slot), how = level(slot), old = age > 0 && stale;
         concern(how, state);
-        if (age && !how) put(state, `${ago(age)} old`);
-        dress(value, `${name} ${age ? "soft" : `c${how}`}`.trim());
+        if (old && !how) put(state, `${ago(age)} old`);
+        dress(value, `${name} ${old ? "soft" : `c${how}`}`.trim());
     }
     const hasNumber = (slot) => !["text", "binary"].includes(store.slots[slot]?.kind);
-    const level = (slot) => (time.isLive ? store.concern[slot] : past?.get(slot)?.concern ?? 0);
     async function remember() {
-        const {at} = time, items = shown?.panels.flatMap((panel) => panel.items).filter(({slot}) => slot != null) ?? [];
-        past = null;
-        if (!time.isLive && items.length) {
-            const values = await valuesAt(api, craft, [...new Set(items.map(({name}) => name))], at, time.session);
-            if (at !== time.at) return;
-            past = new Map(items.filter(({name}) => values.has(name)).map(({name, slot}) => [slot, values.get(name)]));
-        }
+        values.past = null;
+        if (shown) await values.remember(wanted());
         draw();
     }
     const wrong = (item) =>
         h("p", {class: "problem", title: item.problem}, h("strong", {}, item.label || item.name), " ", item.problem);
     function panel(about) {
-        const make = {values, large, plot, commands}[about.kind];
+        const make = {values: rows, large, plot, commands}[about.kind];
         return h("section",
             {class: `panel ${about.kind}${about.wide ? " wide" : ""}`, "aria-label": about.title || about.kind},
             about.title && h("h3", {}, about.title), make(about));
     }
     const unit = (slot) => bare(store.slots[slot]?.unit);
 
-    function values({items}) {
+    function rows({items}) {
         return h("table", {class: "plain"}, h("tbody", {}, items.map((item) => {
             if (item.problem) return h("tr", {}, h("td", {colSpan: 4}, wrong(item)));
             const value = h("td", {class: "num value"}), state = h("span");
@@ -116,26 +103,25 @@ export async function open(context) {
         }));
     }
     function plot({items, minutes, title: name}) {
-        const good = items.filter(({slot}) => slot != null && hasNumber(slot)), span = 60 * minutes;
-        const curves = good.map((item) => new Curve(item.name)), holder = h("div", {
-            class: "curve",
-            role: "img",
-            "aria-label": `plot of ${name || good.map(({label}) => label).join(", ")}`
-        });
+        const good = [...new Map(items.filter(({slot}) => slot != null && hasNumber(slot))
+            .map((item) => [item.name, item])).values()], span = 60 * minutes;
+        const curves = new Curves(context, store, POINTS, () => show()), holder = h("div", {class: "curve", role: "img",
+            "aria-label": `plot of ${name || good.map(({label}) => label).join(", ")}`});
         const section = h("div", {}, items.filter(({problem}) => problem).map(wrong), holder);
         if (!good.length) return section;
-        let drawn = null, over = false, last = 0;
+        curves.have(good.map((item) => item.name));
+        let drawn = null, last = 0;
         const build = () => {
             drawn?.destroy();
             drawn = chart({
                 holder,
-                curves,
+                curves: curves.list,
                 slots: good.map(({slot}) => store.slots[slot]),
                 theme: theme(),
                 height: HEIGHT,
                 words: (t) => time.text(ns(t), 3),
-                tick: (t) => time.text(ns(t), 0).slice(time.utc ? 11 : 0),
-                now: () => Number(time.at) / 1e9,
+                tick: (t) => time.ofDay(ns(t), 0),
+                now: () => seconds(time.at),
                 mark: () => null,
                 gaps: () => [],
                 zoom() {},
@@ -146,49 +132,32 @@ export async function open(context) {
         };
         const show = () => {
             if (!drawn) return;
-            const to = Number(time.at) / 1e9;
-            drawn.setData(data(curves), false);
+            const to = seconds(time.at);
+            drawn.setData(data(curves.list), false);
             drawn.setScale("x", {min: time.utc ? to - span : Math.max(0, to - span), max: to});
             if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
         };
-        let request = 0;
-        const read = async (from, to) => series(await api.bytes(of(craft, "history"), {
-            names: good.map((item) => item.name).join(","), from_ns: from, to_ns: to + 1n, points: POINTS,
-            session: time.session, format: "binary"}));
-        const mender = new Mender(async (from, to) => {
-            const turn = request, archived = await read(ns(from), ns(to) + 1000n);
-            return !over && turn === request && archived;
-        }, show);
         const load = async () => {  // the samples before the page was opened
-            const {at} = time, turn = ++request, shown = store.t, archived = await read(at - ns(span), at);
-            if (over || turn !== request) return;
-            curves.forEach((curve, k) => curve.fill(archived[k], shown));
-            show();
+            const to = seconds(time.at);
+            if (await curves.load(to - span, to)) show();
         };
         const fit = new ResizeObserver(() => {
-            if (!drawn && !over && holder.clientWidth)
-                build();
-            else if (drawn && holder.clientWidth)
-                drawn.setSize({width: holder.clientWidth, height: HEIGHT});
+            if (!holder.clientWidth) return;
+            if (drawn) drawn.setSize({width: holder.clientWidth, height: HEIGHT});
+            else build();
         });
         fit.observe(holder);
         ends.push(() => {
-            over = true;
+            curves.close();
             fit.disconnect();
             drawn?.destroy();
+            drawn = null;
         }, context.onTheme(build));
         loads.push(() => attempt(section, load));
         attempt(section, load);
         draws.push(() => {
             if (!time.isLive) return;
-            let fresh = false;
-            good.forEach(({slot}, k) => {
-                if (!store.seen[slot]) return;
-                const value = store.number(slot), t = Number(store.at(slot)) / 1e9;
-                fresh = curves[k].add(t, value, value, value, store.concern[slot]) || fresh;
-                curves[k].drop(Number(time.newest) / 1e9 - span - 5);
-            });
-            mender.check(curves, Number(time.newest) / 1e9 - span);
+            const fresh = curves.add(seconds(time.at) - span);
             if (!fresh || performance.now() - last < 95) return;
             last = performance.now();
             show();
@@ -196,42 +165,22 @@ export async function open(context) {
         return section;
     }
     function commands({items}) {
-        const may = context.can("command"), answer = h("p", {class: "answer", role: "status"});
-        let id = null;
-        const follow = (row) => {
-            if (row.id !== id || (row.craft ?? craft) !== craft) return;
-            const {state, text} = outcome(row);
-            put(answer,
-                `${row.name}: ${
-                    state === "bad" ? `\u2717 ${text}` :
-                                      STAGES.filter((stage) => row.stages.some((reached) => reached.stage === stage))
-                                          .map((stage) => `\u2713 ${stage}`)
-                                          .join("  ")}`);
-            dress(answer, `answer ${state === "bad" ? "problem" : ""}`);
+        const may = context.can("command"), answer = answerLine();
+        const followed = new Followed(context, ([row], {state, text}) =>
+            answer.say(`${row.name}: ${state === "bad" ? `\u2717 ${text}` : reached([row])}`, state === "bad"));
+        ends.push(() => followed.close());
+        const act = async (item) => {
+            answer.say("");
+            try {
+                const id = await send(api, craft, item.command, item.arguments);
+                answer.say(id === null ? "Not sent." : `${item.command}: sent`);
+                await followed.begin(id === null ? [] : [id]);
+            } catch (error) {
+                answer.say(error.message, true);
+            }
         };
-        ends.push(live.on("sent", follow));
-        return h("div", {class: "buttons"},
-            items.map((item) => (item.problem ?
-                              wrong(item) :
-                              h("button", {
-                                  disabled: !may,
-                                  title: `${item.command} ${inWords(item.arguments)}`.trim(),
-                                  onclick: async () => {
-                                      put(answer, "");
-                                      dress(answer, "answer");
-                                      try {
-                                          id = await send(api, craft, item.command, item.arguments);
-                                          put(answer, id === null ? "Not sent." : `${item.command}: sent`);
-                                          for (const row of id === null ? [] : await live.rows(craft, "sent", "sent"))
-                                              follow(row);
-                                      } catch (error) {
-                                          put(answer, error.message);
-                                          dress(answer, "answer problem");
-                                      }
-                                  }
-                              },
-                                  item.label))),
-            answer);
+        return h("div", {class: "buttons"}, items.map((item) => (item.problem ? wrong(item) : button(item.label,
+            () => act(item), {disabled: !may, title: `${item.command} ${inWords(item.arguments)}`.trim()}))), answer);
     }
     const draw = () => {
         for (const draw of draws) draw();

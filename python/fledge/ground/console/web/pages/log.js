@@ -1,25 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The operators' log: the actions of each user, and which were refused.
-import {dress, h, put, stamp} from "../dom.js";
+import {dress, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {List} from "../list.js";
+import {head} from "../parts.js";
 
 export const title = "Log", key = "g";
 
 export async function open(context) {
-    const {root} = context;
-    let word = context.selection;
-    const search = h("input", {type: "search", placeholder: "search users, actions  ( / )", value: word, size: 34,
-                               "aria-label": "search the log", oninput: () => {
-        word = search.value;
-        context.select(word);
-        list.filter();
-    }});
-    const whole = h("p", {class: "whole mono"});
     const list = new List(context, {
-        path: "/api/log",
-        fits: ({user, craft, action, text}) =>
-            `${user} ${craft ?? ""} ${action} ${text}`.toLowerCase().includes(word.toLowerCase()),
+        path: "/api/log", searching: ["search the log", "search users, actions  ( / )", {size: 34}],
+        text: ({user, craft, action, text}) => `${user} ${craft ?? ""} ${action} ${text}`,
+        whole: ({craft, action, text}) => [craft, action, text].filter(Boolean).join(" "),
         table: {
             label: "operators' log",
             empty: "Nobody has done anything",
@@ -32,18 +24,15 @@ export async function open(context) {
             ],
             fill: (cells, entry) => {
                 stamp(cells[0], clock(entry.time_ns, true));
-                put(cells[1], entry.user ?? "nobody");
-                put(cells[2], entry.craft ?? "");
-                put(cells[3], entry.action);
-                put(cells[4], entry.text);
-                put(cells[5], entry.good === false ? "\u25a0 refused" : "");
+                [entry.user ?? "nobody", entry.craft ?? "", entry.action, entry.text,
+                    entry.good === false ? "\u25a0 refused" : ""].forEach((text, k) => put(cells[k + 1], text));
                 dress(cells[5], `td shape ${entry.good === false ? "c4" : ""}`);
             },
-            moved: (entry) => put(whole, [entry.craft, entry.action, entry.text].filter(Boolean).join(" ")),
         },
     });
-    root.append(h("div", {class: "head"}, h("h1", {}, "Operators\u2019 log"), search), list.element, whole);
-    context.on("log", (entry) => list.add([entry]));
+    list.line.classList.add("mono");
+    context.root.append(head("Operators\u2019 log", list.search), list.element, list.line);
+    context.onAny("log", (entry) => list.add([entry]));
     await list.load();
     return () => list.close();
 }

@@ -3,6 +3,7 @@
 import {of} from "../api.js";
 import {attempt, dress, h, hint, put} from "../dom.js";
 import {List} from "../list.js";
+import {choice, head, toggle} from "../parts.js";
 import {real} from "../store.js";
 import {Table} from "../table.js";
 
@@ -14,33 +15,27 @@ const written = (value) => (typeof value === "number" && !Number.isInteger(value
 
 export async function open(context) {
     const {root, api, time, craft, keys} = context;
-    let undecoded = false, container = "", rows = [], bytes = [], request = 0;
-    const known = new Set();
-    const bad = h("button", {"aria-pressed": "false", onclick: () => {
-        undecoded = !undecoded;
-        bad.setAttribute("aria-pressed", undecoded);
+    let rows = [], bytes = [], request = 0, undecoded = null;
+    const bad = toggle("Not decoded", (pressed) => {
+        undecoded = pressed ? 1 : null;
         list.load();
-    }}, "Not decoded");
-    const kind = h("select", {"aria-label": "container", onchange: () => { container = kind.value; list.load(); }},
-        h("option", {value: ""}, "all packets"));
+    });
+    const kind = choice("container", [["", "all packets"]], () => list.load());
     const list = new List(context, {
         path: of(craft, "packets"),
-        query: () => ({undecoded: undecoded ? 1 : null, container}),
+        query: () => ({undecoded, container: kind.value}),
         table: {
             label: "packets", empty: "No packet is there",
             columns: [{title: "Time", width: "8.2rem", class: "tab"}, {title: "Container", width: "minmax(6rem, 1fr)"},
                       {title: "Bytes", width: "3.2rem", class: "num"}],
-            fill: (cells, packet, element) => {
-                put(cells[0], time.text(packet.t_ns).slice(time.utc ? 11 : 0));
+            fill: (cells, packet) => {
+                put(cells[0], time.ofDay(packet.t_ns));
                 hint(cells[0], time.text(packet.t_ns, 9));
                 hint(cells[1], packet.container ?? packet.reason);
                 put(cells[1], short(packet.container) ?? `\u25a0 ${packet.reason || "not decoded"}`);
                 put(cells[2], String(packet.size));
                 dress(cells[1], `td ${packet.container ? "" : "c4"}`);
-                if (packet.container && !known.has(packet.container)) {
-                    known.add(packet.container);
-                    kind.append(h("option", {value: packet.container}, short(packet.container)));
-                }
+                if (packet.container) kind.learn(packet.container, short(packet.container));
             },
             moved: (packet) => show(packet.id),
         },
@@ -78,9 +73,9 @@ export async function open(context) {
         const end = field.bit + field.bits;
         for (const [k, byte] of bytes.entries()) {
             const from = Math.max(0, field.bit - 8 * k), to = Math.min(8, end - 8 * k);
-            const style = from < to ? `linear-gradient(90deg, transparent ${12.5 * from}%, var(--mark) ${
-                                          12.5 * from}% ${12.5 * to}%, transparent ${12.5 * to}%)`
-                                    : "";
+            const [begin, stop] = [12.5 * from, 12.5 * to].map((share) => `${share}%`);
+            const style = from < to ? `linear-gradient(90deg, transparent ${begin}, var(--mark) ${begin} ${stop}, ` +
+                `transparent ${stop})` : "";
             if (byte.style.backgroundImage !== style) byte.style.backgroundImage = style;
         }
         put(where, `${field.name}: bit ${field.bit} to ${end - 1}, from byte ${field.bit >> 3}, bit ${field.bit & 7}`);
@@ -88,26 +83,19 @@ export async function open(context) {
 
     function fill(packet, text) {
         put(name, text);
-        rows =
-            (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) => ({name, raw, value, status, bit, bits}));
+        rows = (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) =>
+            ({name, raw, value, status, bit, bits}));
         const octets = (packet.hex ?? "").match(/../g) ?? [],
               wrong = packet.reason && Number.isInteger(packet.bit) ? packet.bit : null;
+        const near = packet.nearest && !packet.container && !packet.reason?.includes(packet.nearest);
         why.hidden = !packet.reason;
-        put(why, packet.reason ? `${
-                                     packet.nearest && !packet.container && !packet.reason.includes(packet.nearest)
-                                         ? `Nearest: ${packet.nearest}. `
-                                         : ""}${packet.reason}${
-                                     wrong === null ? "" : `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`}`
-                               : "");
-        bytes = octets.map((octet, k) => h("span", {
-            class: wrong !== null && wrong >> 3 === k ? "wrong" : "",
+        put(why, packet.reason ? [near && `Nearest: ${packet.nearest}. `, packet.reason,
+            wrong !== null && `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`].filter(Boolean).join("") : "");
+        bytes = octets.map((octet, k) => h("span", {class: wrong !== null && wrong >> 3 === k ? "wrong" : "",
             onpointerenter: () => {
                 const row = rows.findIndex(({bit, bits}) => bit < 8 * k + 8 && bit + bits > 8 * k);
-                if (row >= 0)
-                    fields.go(row);
-            }
-        },
-                               octet));
+                if (row >= 0) fields.go(row);
+            }}, octet));
         const lines = [];
         for (let k = 0; k < bytes.length; k += WIDTH)
             lines.push(h("div", {}, h("i", {}, k.toString(16).padStart(4, "0")), bytes.slice(k, k + WIDTH)));
@@ -125,22 +113,15 @@ export async function open(context) {
             fill(packet, `${short(packet.container) ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
     }
 
-    const typed = h("input", {
-        placeholder: "or bytes in hex",
-        "aria-label": "bytes in hex to decode",
-        class: "mono grow",
-        spellcheck: false,
-        onchange: async () => {
+    const typed = h("input", {placeholder: "or bytes in hex", "aria-label": "bytes in hex to decode",
+        class: "mono grow", spellcheck: false, onchange: async () => {
             const hex = typed.value.replace(/0x|[\s,:]/g, "");
-            if (!hex)
-                return;
+            if (!hex) return;
             request++;
             const packet = await attempt(list.problem, () => api.exact(of(craft, "inspect"), {hex}));
-            if (packet)
-                fill({...packet, hex}, short(packet.container) ?? "Not decoded");
-        }
-    });
-    root.append(h("div", {class: "head"}, h("h1", {}, title), kind, bad, typed),
+            if (packet) fill({...packet, hex}, short(packet.container) ?? "Not decoded");
+        }});
+    root.append(head(title, kind, bad, typed),
         h("div", {class: "split packets"}, list.element,
             h("div", {class: "panel inspect"}, name, why, dump, where, fields.element)));
     keys.add("u", "only what did not decode", () => bad.click());

@@ -1,48 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
 // Parameters by packet, tree and search: value, unit, age and state by limits; live, or back in time. Those that matter
 // most come first; headers of packets and heads of messages are hidden at first.
-import {valuesAt} from "../api.js";
-import {attempt, concern, dress, h, hint, put} from "../dom.js";
-import {bare, span} from "../format.js";
+import {attempt, dress, h, hint, put} from "../dom.js";
+import {bare, matcher, span} from "../format.js";
 import {Glance} from "../glance.js";
 import {editLimits, limitsText} from "../limits.js";
-import {STATUSES, ageOf, isStale, together, valueText} from "../store.js";
+import {Facts, button, head, putLevel, search, toggle} from "../parts.js";
+import {Shown} from "../shown.js";
+import {STATUSES, together} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Parameters", key = "p";
 
 export async function open(context) {
-    const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
-    let shown = [], past = null, pending = null, [folder, word] = split(context.selection);
+    const {root, live, time, craft, keys} = context, store = await live.slots(craft);
+    let shown = [], pending = null, [folder, word] = split(context.selection);
     let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
+    const values = new Shown(context, store), {get} = values;
 
-    const search = h("input", {
-        type: "search",
-        placeholder: "search names, units, meanings  ( / )",
-        value: word,
-        size: 34,
-        "aria-label": "search parameters",
-        oninput: () => {
-            word = search.value;
-            filter();
-        }
-    });
-    const counted = h("span", {class: "soft"});
-    const bad = h("button", {"aria-pressed": "false", onclick: () => {
-        only = !only;
-        bad.setAttribute("aria-pressed", only);
+    const wanted = search("search parameters", "search names, units, meanings  ( / )", (text) => {
+        word = text;
         filter();
-    }}, "Beyond limits");
-    const folded = h("button", {
-        "aria-pressed": "false",
-        title: "headers of packets and heads of messages: times, counts, lengths",
-        onclick: () => {
-            headers = !headers;
-            folded.setAttribute("aria-pressed", headers);
-            plant();
-            filter();
-        }
-    }, "Headers");
+    }, {value: word, size: 34});
+    const counted = h("span", {class: "soft"});
+    const bad = toggle("Beyond limits", (pressed) => {
+        only = pressed;
+        filter();
+    });
+    const folded = toggle("Headers", (pressed) => {
+        headers = pressed;
+        plant();
+        filter();
+    }, {title: "headers of packets and heads of messages: times, counts, lengths"});
     const tree = h("div", {class: "tree panel", role: "navigation", "aria-label": "groups of parameters"});
     const detail = h("div", {class: "detail panel", hidden: true});
     const table = new Table({
@@ -55,53 +44,32 @@ export async function open(context) {
             {title: "Age", width: "3.5rem", class: "num", narrow: "2.8rem"}
         ],
         fill: (cells, row, element) => {
-            const row_ = shown[row], {slot} = row_, about = store.slots[slot], old = past?.get(slot);
-            const write = (name, text, unit, level, word, since, soft) => {
-                put(cells[0], name);
-                put(cells[1], text);
-                put(cells[2], unit);
-                concern(level, cells[3].firstChild ?? cells[3].appendChild(h("span")));
-                if (!level) put(cells[3].firstChild, word);
-                put(cells[4], since);
-                dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${row_.group ? " group" : ""}`);
+            const {slot, name, group, about, glance: first} = shown[row], of = store.slots[slot];
+            const write = (text, word, unit, level, state, age, soft) => {
+                [text, word, unit].forEach((part, k) => put(cells[k], part));
+                putLevel(cells[3], level, state);
+                put(cells[4], age);
+                dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${group ? " group" : ""}`);
             };
-            hint(element,
-                row_.group ? row_.about : row_.glance ? glance.read(row_.glance, now, shownAt()).name : about.name);
-            if (row_.group) return write(row_.group, "", "", 0, "", "");
-            if (row_.glance) {
-                const {text, unit, level, age, stale, slot: from} = glance.read(row_.glance, now, shownAt());
-                return write(row_.glance.label, text, unit, level, "", now(from) ? span(age) : "", stale);
+            hint(element, group ? about : first ? glance.read(first, get, time.at).name : of.name);
+            if (group) return write(group, "", "", 0, "", "");
+            if (first) {
+                const {text, unit, level, age, stale, slot: from} = glance.read(first, get, time.at);
+                return write(first.label, text, unit, level, "", get(from) ? span(age) : "", stale);
             }
-            if (time.isLive)
-                return write(row_.name, store.text(slot), bare(about.unit), store.concern[slot],
-                    STATUSES[store.status[slot]] ?? "", ...since(slot));
-            return write(row_.name, old ? valueText(about, old) : past ? "\u2013" : "\u2026", bare(about.unit),
-                old?.concern ?? 0, "", ...since(slot));
+            const value = get(slot), [age, stale] = values.age(slot);
+            return write(name, value?.text ?? (time.isLive ? "" : values.past ? "\u2013" : "\u2026"), bare(of.unit),
+                value?.level ?? 0, time.isLive && STATUSES[store.status[slot]] || "", value ? span(age) : "", stale);
         },
         moved: (row) => choose(shown[row]),
         viewed: () => request(),
         empty: "No parameter fits",
     });
-    root.append(h("div", {class: "head"}, h("h1", {}, title), search, bad, folded, counted),
+    root.append(head(title, wanted, bad, folded, counted),
         h("div", {class: "with-tree"}, tree, table.element, detail));
 
     const wish = context.want([]);
     let chosen = -1;
-
-    /** A slot's value at the time that is shown. */
-    function now(slot) {
-        if (time.isLive)
-            return store.seen[slot] ? {number: store.number(slot), text: store.text(slot), level: store.concern[slot],
-                t: store.at(slot)} : undefined;
-        const old = past?.get(slot);
-        return old && {number: old.value, text: valueText(store.slots[slot], old), level: old.concern, t: old.t};
-    }
-    const shownAt = () => (time.isLive ? time.newest ?? 0n : time.at);
-    /** A value's age as text, and whether it is grey: stale, or missing. */
-    function since(slot) {
-        const value = now(slot), age = value ? ageOf(value.t, shownAt()) : 0;
-        return value ? [span(age), isStale(store.slots[slot], age)] : ["", true];
-    }
 
     /** Request the values in view: live ones from the server, past ones from the archive. */
     function request() {
@@ -116,33 +84,28 @@ export async function open(context) {
     }
 
     async function remember(view) {
-        const {at} = time;
-        if (!view.length) return;
-        await attempt(root, async () => {
-            const values = await valuesAt(api, craft, view.map((slot) => store.slots[slot].name), at, time.session);
-            if (at !== time.at || time.isLive) return;
-            past = new Map([...values].map(([name, value]) => [store.byName.get(name), value]));
-        });
+        await attempt(root, () => values.remember(view));
         table.draw();
     }
 
+    const listed = () => store.slots.filter((slot) => slot && (headers || !slot.header));
+
     function filter() {
-        const words = word.toLowerCase().split(/\s+/).filter(Boolean);
-        const fits = (slot) => (headers || words.length || !slot.header) &&
+        const words = word.trim(), all = matcher(word);
+        const fits = (slot) => (headers || words || !slot.header) &&
             (!folder || slot.name === folder || slot.name.startsWith(`${folder}.`)) &&
             (!only || store.concern[slot.slot]) &&
-            words.every((part) => `${slot.name} ${slot.unit} ${slot.description}`.toLowerCase().includes(part));
+            all(`${slot.name} ${slot.unit} ${slot.description}`);
         const matches = groups.map((group) => ({...group, slots: group.slots.filter(fits)}))
                           .filter(({slots}) => slots.length);
-        const apart = !words.length && !only;       // by packets; a search gives a list of whole names
+        const apart = !words && !only;       // by packets; a search gives a list of whole names
         shown = matches.flatMap(({name, about, slots}) => [
             ...apart && name ? [{group: name, about}] : [],
             ...slots.map(({slot, name: whole}) => ({slot, name: apart ? within(whole, name) : whole}))]);
         if (apart && !folder && glance.rows.length)
             shown.unshift({group: "At a glance", about: "what matters first"},
                 ...glance.rows.map((row) => ({glance: row, slot: row.slots[0]})));
-        const all = store.slots.filter((slot) => slot && (headers || !slot.header)).length;
-        put(counted, `${matches.reduce((sum, {slots}) => sum + slots.length, 0)} of ${all}`);
+        put(counted, `${matches.reduce((sum, {slots}) => sum + slots.length, 0)} of ${listed().length}`);
         put(folded, `Headers (${store.slots.filter((slot) => slot?.header).length})`);
         context.select([folder, word].filter((part, k) => k === 0 || part).join("/"));
         table.set(shown.length);
@@ -151,39 +114,25 @@ export async function open(context) {
 
     function choose({group, glance: row, slot}) {
         if (group) return;
-        chosen = row ? glance.read(row, now, shownAt()).slot : slot;
-        const about = store.slots[chosen];
-        const administer = context.can("administer");
-        const facts = h("dl", {class: "facts"});
-        const fact = (name, text) => text && facts.append(h("dt", {}, name), h("dd", {}, text));
-        fact("Meaning", about.description);
-        fact("Kind", about.kind);
-        fact("Unit", about.unit);
-        fact("Packet", about.container?.split("/").at(-1));
-        fact("In the database", about.path);
-        fact("Limits", limitsText(about.limits));
-        fact("Set instead of", about.replaced && (limitsText(about.replaced) || "none"));
-        if (about.labels?.length) fact("Values", about.labels.join(", "));
+        chosen = row ? glance.read(row, get, time.at).slot : slot;
+        const about = store.slots[chosen], administer = context.can("administer"), facts = new Facts();
+        for (const [name, text] of Object.entries({
+            Meaning: about.description, Kind: about.kind, Unit: about.unit, Packet: about.container?.split("/").at(-1),
+            "In the database": about.path, Limits: limitsText(about.limits),
+            "Set instead of": about.replaced && (limitsText(about.replaced) || "none"), Values: about.labels?.join(", ")
+        })) if (text) facts.set(name, text);
         const value = h("p", {class: "value"});
-        detail.replaceChildren(h("h2", {}, about.name), value, facts,
-            h("div", {class: "row"}, h("button", {onclick: () => plot(chosen)}, "Plot"),
-                about.kind === "real" || about.kind === "integer" || about.kind === "natural" ? h("button", {
-                    disabled: !administer,
-                    title: administer ? "" : "This asks for the role administer",
-                    onclick: () => editLimits(context, about).then((done) => done && choose({slot: about.slot}))
-                },
-                                                                                                    "Edit limits")
-                                                                                              : null,
-                h("button", {
-                    onclick: () => {
-                        detail.hidden = true;
-                        chosen = -1;
-                        request();
-                    }
-                },
-                    "Close")));
-        detail.show = () =>
-            put(value, `${now(about.slot)?.text ?? ""} ${bare(about.unit)}`);
+        detail.replaceChildren(h("h2", {}, about.name), value, facts.element, h("div", {class: "row"},
+            button("Plot", () => plot(chosen)),
+            ["real", "integer", "natural"].includes(about.kind) && button("Edit limits",
+                () => editLimits(context, about).then((done) => done && choose({slot: about.slot})),
+                {disabled: !administer, title: administer ? "" : "This asks for the role administer"}) || "",
+            button("Close", () => {
+                detail.hidden = true;
+                chosen = -1;
+                request();
+            })));
+        detail.show = () => put(value, `${get(about.slot)?.text ?? ""} ${bare(about.unit)}`);
         detail.hidden = false;
         detail.show();
         request();
@@ -195,7 +144,7 @@ export async function open(context) {
     /** Build the tree of the names' folders. */
     function plant() {
         const counts = new Map();
-        const seen = store.slots.filter((slot) => slot && (headers || !slot.header));
+        const seen = listed();
         for (const slot of seen) {
             const parts = slot.name.split(".");
             for (let k = 1; k < Math.min(parts.length, 4); k++) {
@@ -203,16 +152,15 @@ export async function open(context) {
                 counts.set(path, (counts.get(path) ?? 0) + 1);
             }
         }
-        const button = (path, text, n, depth) => {
-            const branch = h("button", {class: "branch", onclick: () => { folder = path; mark(); filter(); }}, text,
-                h("span", {class: "soft"}, n));
-            branch.style.paddingLeft = `${0.5 + 0.8 * depth}rem`;
-            branch.path = path;
-            return branch;
+        const branch = (path, text, n, depth) => {
+            const node = button([text, h("span", {class: "soft"}, n)], () => { folder = path; mark(); filter(); },
+                {class: "branch"});
+            node.style.paddingLeft = `${0.5 + 0.8 * depth}rem`;
+            node.path = path;
+            return node;
         };
-        tree.replaceChildren(button("", "All", seen.length, 0),
-            ...[...counts].sort(([a], [b]) => (a < b ? -1 : 1)).map(([path,
-                n]) => button(path, path.split(".").at(-1), n, path.split(".").length - 1)));
+        tree.replaceChildren(branch("", "All", seen.length, 0), ...[...counts].sort(([a], [b]) => (a < b ? -1 : 1))
+            .map(([path, n]) => branch(path, path.split(".").at(-1), n, path.split(".").length - 1)));
         mark();
     }
 
@@ -228,8 +176,7 @@ export async function open(context) {
     }
 
     keys.add("b", "only those beyond limits", () => bad.click());
-    keys.add(
-        "l", "plot the chosen one", () => chosen >= 0 && plot(chosen));
+    keys.add("l", "plot the chosen one", () => chosen >= 0 && plot(chosen));
     keys.add("h", "headers of packets and messages", () => folded.click());
     context.onFrame(() => {
         if (time.isLive) table.draw();
@@ -237,7 +184,7 @@ export async function open(context) {
     });
     context.every(1000, () => (only && time.isLive ? filter() : time.isLive && table.draw()));
     context.onTime(() => {
-        if (time.isLive) past = null;
+        if (time.isLive) values.past = null;
         detail.show?.();
         table.draw();
         request();
@@ -251,9 +198,9 @@ export async function open(context) {
     plant();
     filter();
     if (context.selection === "/") {
-        search.value = word = folder = "";
+        wanted.value = word = folder = "";
         filter();
-        search.focus();
+        wanted.focus();
     }
     return () => {
         clearTimeout(pending);

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Run control of a craft that the server flies: pause, step, speed, and changes of the world that are faults.
 import {of} from "../api.js";
-import {attempt, dress, h, has, put} from "../dom.js";
-import {bare, clock} from "../format.js";
+import {attempt, dress, h, put} from "../dom.js";
+import {bare, clock, matcher} from "../format.js";
+import {button, choice, form, has, panel, plain, row, search} from "../parts.js";
 
 export const title = "Simulation", key = "r", role = "command";
 
+const MOST = 300;       // rows
+const STATES = {running: "\u25b6 running", paused: "\u23f8 paused", ended: "\u25a0 ended"};
 const SPEEDS = [0.1, 1, 2, 5, 10, 50, 100, 1000, 0];
 const words = (speed) => (speed ? `${speed} \u00d7 real time` : "as fast as possible");
 
@@ -16,58 +19,36 @@ export function valueOf(text) {
     } catch { return text.trim(); }
 }
 
-export async function open({root, api, live, keys, craft, can, on, every}) {
-    if (!has(live, craft, root, "run", "no run control, as this server does not fly it")) return undefined;
-    const may = can("command");
+export async function open(context) {
+    const {root, api, live, keys, craft, on, every} = context, may = context.can("command");
+    if (!has(context, "run", "no run control, as this server does not fly it")) return;
     let run = null;
     const state = h("strong", {class: "state"}), t = h("span", {class: "big"}), real = h("span", {class: "soft"});
-    const seconds = h("input",
-        {type: "number", min: 0, step: "any", value: "1", "aria-label": "seconds of a step", style: "width: 6em"});
-    const speed = h("select",
-        {"aria-label": "speed", onchange: () => post({action: "go", speed: Number(speed.value)}), disabled: !may});
-    const pause = h("button",
-        {disabled: !may, onclick: () => post({action: run?.state === "running" ? "pause" : "go"}), title: "space"});
-    const step = h("button",
-        {disabled: !may, onclick: () => post({action: "step", seconds: Number(seconds.value)}), title: "s"}, "Step");
-    const instant = h("input",
-        {type: "number", min: 0, step: "any", "aria-label": "instant to go back to", style: "width: 8em"});
-    const back = h("button", {
-        disabled: !may,
-        title: "ends this run; another one goes on from that instant",
-        onclick: () => instant.value && post({action: "rewind", seconds: Number(instant.value)})
-    },
-        "Back to");
+    const number = (label, width, about) =>
+        h("input", {type: "number", min: 0, step: "any", "aria-label": label, style: `width: ${width}em`, ...about});
+    const seconds = number("seconds of a step", 6, {value: "1"}), instant = number("instant to go back to", 8);
+    const speed = choice("speed", [], (value) => post({action: "go", speed: Number(value)}), {disabled: !may});
+    const pause = button("", () => post({action: run?.state === "running" ? "pause" : "go"}),
+        {disabled: !may, title: "space"});
+    const step = button("Step", () => post({action: "step", seconds: Number(seconds.value)}),
+        {disabled: !may, title: "s"});
+    const back = button("Back to", () => instant.value && post({action: "rewind", seconds: Number(instant.value)}),
+        {disabled: !may, title: "ends this run; another one goes on from that instant"});
     const past = h("div", {class: "row", hidden: true}, back, instant, h("span", {class: "soft"}, "s of the run"));
-    const control = h("section", {class: "panel", "aria-label": "run control"}, h("h3", {}, "Run"),
-        h("div", {class: "row"}, state, t, real),
+    const control = panel("run control", "Run", h("div", {class: "row"}, state, t, real),
         h("div", {class: "row"}, pause, step, seconds, h("span", {class: "soft"}, "s"), h("span", {class: "grow"}),
             h("label", {class: "soft"}, "speed ", speed)),
         past);
-    const search = h("input", {
-        type: "search",
-        placeholder: "Search what may be changed",
-        "aria-label": "search what may be changed",
-        oninput: () => faults()
-    });
+    const wanted = search("search what may be changed", "Search what may be changed", () => faults());
     const body = h("tbody"), done = h("ol", {class: "done"});
     const path = h("output", {class: "mono grow"}),
           value = h("input", {"aria-label": "value", placeholder: "value, as in 0.03 or [0, 1, 0]"});
-    const inject = h("section", {class: "panel faults", "aria-label": "faults"}, h("h3", {}, "Inject a fault"),
-        h("p", {class: "soft"}, "Choose a parameter of the world, and give it another value at this instant."), search,
-        h("div", {class: "frame"},
-            h("table", {class: "plain"},
-                h("thead", {},
-                    h("tr", {}, ["parameter", "value", "unit", "meaning"].map((name) => h("th", {class: name}, name)))),
-                body)),
-        h("form", {
-            class: "row",
-            onsubmit: (event) => {
-                event.preventDefault();
-                fault();
-            }
-        },
-            path, value, h("button", {class: "danger", disabled: !may}, "Inject")),
+    const inject = panel("faults", "Inject a fault",
+        h("p", {class: "soft"}, "Choose a parameter of the world, and give it another value at this instant."), wanted,
+        h("div", {class: "frame"}, plain(["parameter", "value", "unit", "meaning"].map((name) => [name, name]), body)),
+        form(() => fault(), {class: "row"}, path, value, h("button", {class: "danger", disabled: !may}, "Inject")),
         done);
+    inject.classList.add("faults");
 
     const post = (change) => attempt(control, async () => update(await api.post(of(craft, "run"), change)));
     async function fault() {
@@ -82,47 +63,39 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
     function update(change) {
         const first = !run?.faults && change.faults;
         run = {...run, ...change};
-        put(state, {running: "\u25b6 running", paused: "\u23f8 paused", ended: "\u25a0 ended"}[run.state] ?? run.state);
+        put(state, STATES[run.state] ?? run.state);
         dress(state, `state ${run.state}`);
         put(t, clock(run.t_ns, false, 1));
-        put(real,
-            [run.real_speed ? `${Number(run.real_speed).toPrecision(3)} \u00d7` : "", run.text].filter(Boolean).join(
-                ", "));
+        put(real, [run.real_speed ? `${Number(run.real_speed).toPrecision(3)} \u00d7` : "", run.text].filter(Boolean)
+            .join(", "));
         put(pause, run.state === "running" ? "Pause" : "Go");
         past.hidden = !run.rewinds;
         pause.disabled = step.disabled = !may || run.state === "ended";
-        const all = [...new Set([...SPEEDS, run.speed])];
-        if (speed.childElementCount !== all.length)
-            speed.replaceChildren(...all.map((change) => h("option", {value: String(change)}, words(change))));
+        for (const factor of [...SPEEDS, run.speed]) speed.learn(String(factor), words(factor));
         if (document.activeElement !== speed) speed.value = String(run.speed);
         if (first || change.faults) faults();
     }
     function faults() {
-        const wanted = search.value.toLowerCase().split(/\s+/), all = run?.faults ?? [];
-        const matches = all.filter(({path, meaning}) =>
-            wanted.every((word) => `${path} ${meaning}`.toLowerCase().includes(word)));
-        body.replaceChildren(...matches.slice(0, 300).map((fault) => {
+        const fits = matcher(wanted.value);
+        const matches = (run?.faults ?? []).filter(({path, meaning}) => fits(`${path} ${meaning}`));
+        body.replaceChildren(...matches.slice(0, MOST).map((fault) => {
             const pick = () => {
                 path.value = fault.path;
                 value.value = JSON.stringify(fault.value);
                 value.focus();
                 value.select();
             };
-            return h("tr", {
-                tabIndex: 0,
-                title: fault.meaning,
-                onclick: pick,
-                onkeydown: (event) => event.key === "Enter" && (event.preventDefault(), pick())
-            },
-                h("td", {class: "mono"}, fault.path), h("td", {class: "mono"}, JSON.stringify(fault.value)),
-                h("td", {class: "soft unit"}, bare(fault.unit)), h("td", {class: "soft meaning"}, fault.meaning));
+            return row({tabIndex: 0, title: fault.meaning, onclick: pick,
+                onkeydown: (event) => event.key === "Enter" && (event.preventDefault(), pick())},
+                ["mono", fault.path], ["mono", JSON.stringify(fault.value)], ["soft unit", bare(fault.unit)],
+                ["soft meaning", fault.meaning]);
         }));
-        if (matches.length > 300)
-            body.append(h("tr", {}, h("td", {class: "soft", colSpan: 4}, `and ${matches.length - 300} more: search`)));
+        if (matches.length > MOST) body.append(h("tr", {},
+            h("td", {class: "soft", colSpan: 4}, `and ${matches.length - MOST} more: search`)));
     }
     root.append(h("div", {class: "tiles run"}, control, inject));
     const load = () => attempt(root, async () => update(await api.get(of(craft, "run"))));
-    on("run", (change) => change.craft === craft && update(change));
+    on("run", update);
     every(1000, () => {
         const now = live.craft(craft);
         if (run && now?.t_ns) update({t_ns: now.t_ns});
@@ -132,11 +105,9 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
     keys.add("+", "faster", () => faster(1));
     keys.add("-", "slower", () => faster(-1));
     function faster(by) {
-        const all = [...speed.options].map((option) => option.value);
-        speed.selectedIndex = Math.max(0, Math.min(all.length - 1, speed.selectedIndex + by));
+        speed.selectedIndex = Math.max(0, Math.min(speed.options.length - 1, speed.selectedIndex + by));
         speed.dispatchEvent(new Event("change"));
     }
-    keys.add("F", "inject a fault", () => search.focus());
+    keys.add("F", "inject a fault", () => wanted.focus());
     await load();
-    return undefined;
 }

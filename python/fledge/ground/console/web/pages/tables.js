@@ -2,9 +2,10 @@
 // Tables: the parameters of modules on board. They are read, edited beside the values on board, and loaded whole.
 import {of} from "../api.js";
 import {attempt, h, hint, put} from "../dom.js";
-import {bare, clock} from "../format.js";
-import {outcome, post as command, tick, STAGES} from "../forms.js";
-import {offer} from "../transfer.js";
+import {bare, matcher} from "../format.js";
+import {Followed, post as command, reached} from "../forms.js";
+import {answerLine, button, plain, row as rowOf, search} from "../parts.js";
+import {offer, opener} from "../transfer.js";
 
 export const title = "Tables", key = "t", role = "command";
 
@@ -50,61 +51,40 @@ export function parsed(leaf, text) {
 const same = (a, b) => a === b || String(a) === String(b) && a != null;
 const edits = new Map();  // "craft/table" -> values that the user has changed, while the console is open
 
-export async function open({root, api, live, keys, craft, selection, select, can, on}) {
-    const utc = live.craft(craft)?.clock === "utc", may = can("command");
-    let tables = [], table = null, all = [], waiting = new Map();
+export async function open(context) {
+    const {root, api, time, keys, craft, selection, select, can, on} = context, may = can("command");
+    let tables = [], table = null, all = [];
 
     const list = h("ul", {class: "choose", "aria-label": "tables"});
-    const search = h(
-        "input", {type: "search", placeholder: "Search tables", "aria-label": "search tables", oninput: () => names()});
+    const wanted = search("search tables", "Search tables", () => names());
     const name = h("h2"), meaning = h("p", {class: "soft"}), when = h("span", {class: "soft"}),
           count = h("span", {class: "soft"});
-    const read =
-        h("button", {disabled: true, title: "R", onclick: () => post({read: true})}, "Read from the spacecraft");
-    const load = h("button", {class: "primary", disabled: true, onclick: () => loadAll()}, "Load");
-    const undo = h("button", {
-        disabled: true,
-        onclick: () => {
-            edits.set(id(), table.values);
-            show();
-        }
-    },
-        "Undo the changes");
-    const save = h("button", {
-        disabled: true,
-        onclick: () => offer(
-            new Blob([`${JSON.stringify({kind: "fledge-table", table: table.name, values: edited()}, null, 1)}\n`],
-                {type: "application/json"}),
-            `${table.name}.json`)
-    },
-        "Save");
-    const file = h("input", {
-        type: "file",
-        accept: ".json,application/json",
-        hidden: true,
-        "aria-label": "a saved table",
-        onchange: () => attempt(pane,
-            async () => {
-                if (!file.files[0]) return;
-                const whole = JSON.parse(await file.files[0].text());
-                file.value = "";
-                if (whole?.kind !== "fledge-table" || typeof whole.values !== "object")
-                    throw new Error("This file is no table that was saved here.");
-                if (whole.table !== table.name)
-                    throw new Error(`This file has the table ${whole.table}; this is ${table.name}.`);
-                edits.set(id(), whole.values);
-                show();
-            })
+    const read = button("Read from the spacecraft", () => post({read: true}), {disabled: true, title: "R"});
+    const load = button("Load", () => loadAll(), {class: "primary", disabled: true});
+    const edit = (values) => {
+        edits.set(id(), values);
+        show();
+    };
+    const undo = button("Undo the changes", () => edit(table.values), {disabled: true});
+    const save = button("Save", () => offer(
+        `${JSON.stringify({kind: "fledge-table", table: table.name, values: edited()}, null, 1)}\n`,
+        `${table.name}.json`), {disabled: true});
+    const file = opener("a saved table", () => pane, (text) => {
+        const whole = JSON.parse(text);
+        if (whole?.kind !== "fledge-table" || typeof whole.values !== "object")
+            throw new Error("This file is no table that was saved here.");
+        if (whole.table !== table.name)
+            throw new Error(`This file has the table ${whole.table}; this is ${table.name}.`);
+        edit(whole.values);
     });
-    const from = h("button", {disabled: true, onclick: () => file.click()}, "Open a file");
-    const body = h("tbody"), ticks = h("p", {class: "answer", role: "status"});
+    const from = button("Open a file", () => file.click(), {disabled: true});
+    const body = h("tbody"), ticks = answerLine();
+    const followed = new Followed(context, (rows, {state, text}) => ticks.say(state === "bad" ?
+        `\u2717 refused: ${text}` : state === "good" ? "\u2713 done" : reached(rows), state === "bad"));
     const pane = h("section", {class: "panel pane", "aria-label": "the table"}, h("header", {}, name, meaning),
         h("div", {class: "row"}, read, load, undo, save, from, file, count, h("span", {class: "grow"}), when), ticks,
         h("div", {class: "frame"},
-            h("table", {class: "plain"},
-                h("thead", {}, h("tr", {}, ["parameter", "on board", "to load", "unit",
-                    "meaning"].map((title) => h("th", {class: title}, title)))),
-                body)));
+            plain(["parameter", "on board", "to load", "unit", "meaning"].map((title) => [title, title]), body)));
 
     const id = () => `${craft}/${table.name}`;
     const edited = () => edits.get(id()) ?? table.values ?? {};
@@ -113,37 +93,27 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const bad = () => body.querySelectorAll("[aria-invalid=true]").length;
 
     function names() {
-        const words = search.value.toLowerCase().split(/\s+/);
-        list.replaceChildren(
-            ...tables.filter((table) => words.every((word) => table.name.toLowerCase().includes(word)))
-                .map((candidate) => h("li", {},
-                         h("button", {
-                             class: candidate === table ? "at" : "",
-                             "aria-current": candidate === table ? "true" : undefined,
-                             onclick: () => choose(candidate)
-                         },
-                             candidate.name,
-                             h("span", {class: "soft"}, candidate.read_ns ? clock(candidate.read_ns, utc, 0) : "")))));
+        const fits = matcher(wanted.value);
+        list.replaceChildren(...tables.filter((known) => fits(known.name)).map((known) => h("li", {}, button(
+            [known.name, h("span", {class: "soft"}, known.read_ns ? time.text(known.read_ns, 0) : "")], () => choose(known),
+            {class: known === table ? "at" : "", "aria-current": known === table ? "true" : undefined}))));
     }
     function choose(chosen) {
         table = chosen;
         all = leaves(chosen.fields);
         select(chosen.name);
-        put(ticks, "");
+        ticks.say("");
         names();
         show();
     }
     function show() {
         put(name, table.name);
         put(meaning, table.meaning ?? "");
-        put(when, table.read_ns ? `read at ${clock(table.read_ns, utc, utc ? 0 : 1)}` : "not read yet");
+        put(when, table.read_ns ? `read at ${time.brief(table.read_ns)}` : "not read yet");
         const rows = all.map((leaf) => {
             const board = at(table.values, leaf.keys), now = at(edited(), leaf.keys);
-            const about = {
-                "aria-label": `${leaf.path}, to load`,
-                value: now === undefined ? "" : String(now),
-                disabled: !may
-            };
+            const about = {"aria-label": `${leaf.path}, to load`, value: now === undefined ? "" : String(now),
+                disabled: !may};
             const set = () => {
                 const {value, problem} = parsed(leaf, field.value);
                 field.toggleAttribute("aria-invalid", Boolean(problem));
@@ -157,11 +127,10 @@ export async function open({root, api, live, keys, craft, selection, select, can
                 h("select", {...about, onchange: set}, now === undefined && h("option", {value: ""}, "\u2013"),
                     leaf.choices.map((choice) => h("option", {selected: choice === String(now)}, choice))) :
                 h("input", {...about, oninput: set});
-            const row = h("tr", {class: now !== undefined && !same(board, now) ? "differs" : "", title: leaf.meaning},
-                h("td", {class: "mono"}, leaf.path),
-                h("td", {class: "num"}, board === undefined ? "\u2013" : String(board)), h("td", {}, field),
-                h("td", {class: "soft unit"}, bare(leaf.unit)),
-                h("td", {class: "soft meaning"}, leaf.meaning, leaf.rule ? ` (${leaf.rule})` : ""));
+            const row = rowOf({class: now !== undefined && !same(board, now) ? "differs" : "", title: leaf.meaning},
+                ["mono", leaf.path], ["num", board === undefined ? "\u2013" : String(board)], field,
+                ["soft unit", bare(leaf.unit)],
+                ["soft meaning", [leaf.meaning, leaf.rule ? ` (${leaf.rule})` : ""]]);
             return row;
         });
         body.replaceChildren(...rows);
@@ -184,32 +153,15 @@ export async function open({root, api, live, keys, craft, selection, select, can
         await attempt(pane, async () => {
             const answer = await command(api, craft, ["tables", loaded.name], body, `Loading ${loaded.name}`);
             if (!answer) return;
-            const {ids = []} = answer;
-            waiting = new Map(ids.map((k) => [k, null]));
-            put(ticks, body.read ? "requested \u2026" : "on its way \u2026");
-            for (const row of await live.rows(craft, "sent", "sent")) follow(row);
+            ticks.say(body.read ? "requested \u2026" : "on its way \u2026");
+            await followed.begin(answer.ids ?? []);
         });
     }
     /** Load the parameters that differ, each with all its elements. */
     const loadAll = () =>
         post({values: Object.fromEntries(different().map(({keys: [first]}) => [first, edited()[first]]))});
-    function follow(row) {
-        if (!waiting.has(row.id)) return;
-        waiting.set(row.id, row);
-        const rows = [...waiting.values()].filter(Boolean), outcomes = rows.map((row) => outcome(row)),
-              failed = outcomes.find(({state}) => state === "bad");
-        put(ticks,
-            failed ? `\u2717 refused: ${failed.text}` :
-                outcomes.length === waiting.size && outcomes.every(({state}) => state === "good") ?
-                     "\u2713 done" :
-                     STAGES.filter((stage) => rows.some((row) => tick(row, stage)[0] !== "\u00b7"))
-                         .map((stage) => `\u2713 ${stage}`)
-                         .join("  "));
-        ticks.className = `answer ${failed ? "problem" : ""}`;
-    }
-    on("sent", (row) => row.craft === craft && follow(row));
     on("table", (message) => {
-        const held = message.craft === craft && tables.find(({name: n}) => n === message.name);
+        const held = tables.find(({name: n}) => n === message.name);
         if (!held) return;
         const mine = edits.get(`${craft}/${held.name}`);
         const untouched = !mine || leaves(held.fields).every(({keys: k}) => same(at(mine, k), at(held.values, k)));
@@ -218,7 +170,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
         names();
         if (held === table) show();
     });
-    root.append(h("div", {class: "split tables"}, h("section", {class: "panel"}, search, list), pane));
+    root.append(h("div", {class: "split tables"}, h("section", {class: "panel"}, wanted, list), pane));
     keys.add("R", "read from the spacecraft", () => read.click());
     keys.add("j", "next table", () => choose(tables[Math.min(tables.length - 1, tables.indexOf(table) + 1)]));
     keys.add("k", "previous table", () => choose(tables[Math.max(0, tables.indexOf(table) - 1)]));
@@ -229,4 +181,5 @@ export async function open({root, api, live, keys, craft, selection, select, can
         else
             choose(tables.find((table) => table.name === selection) ?? tables[0]);
     });
+    return () => followed.close();
 }

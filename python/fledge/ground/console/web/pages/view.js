@@ -57,7 +57,6 @@ export async function open(context) {
     }
 
     context.on("truth", (message) => {
-        if (message.craft !== craft) return;
         if (message.again) {
             early = [];
             begin();
