@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import struct as packing
 import sys
-import weakref
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,10 +21,12 @@ from fledge.commands import (ALL, NUMBERS, TURNS, Action, Code, Dictionary, Pack
 from fledge.errors import SetupError, suggesting
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
+from fledge.objects.weak import weakly
 
 if TYPE_CHECKING:
-    from fledge.mission.process import Flight
+    from fledge.mission.process import Event, Flight, Mode
+    from fledge.objects.words import Instance
 
 
 class Counters(NamedTuple):
@@ -56,7 +57,7 @@ class Commands:
     """
 
     def __init__(self, process: Flight, core: Any) -> None:
-        self._process: Callable[[], Any] = weakref.ref(process)
+        self._process = weakly(process)
         self._core = core
         self.dictionary = dictionary(process)
         self._packets = Packets(self.dictionary)
@@ -99,11 +100,11 @@ class Commands:
 
     # --- the commands ---
 
-    def mode(self, mode: Any) -> list[Report]:
+    def mode(self, mode: Mode | str) -> list[Report]:
         """Request a mode, by its name or handle."""
         return self._send([self.packets.mode(mode)])
 
-    def write(self, module: Any, **values: Any) -> list[Report]:
+    def write(self, module: Instance | str, **values: object) -> list[Report]:
         """Write parameters of a module, with units as when it was made."""
         path, target = self._module(module)
         copy = type(target)(**values)
@@ -112,14 +113,14 @@ class Commands:
         return self._send(self.packets.write_bytes(path, {
             f.offset - start: block[f.offset - start:f.offset - start + f.size] for f in fields if f.name in values}))
 
-    def load(self, module: Any, like: Any) -> list[Report]:
+    def load(self, module: Instance | str, like: Instance) -> list[Report]:
         """Stage all parameters of `like`, a module of the same type, and commit them."""
         path, target = self._module(module)
         if type(like) is not type(target):
             raise SetupError(f"load: {path} is a {_core.struct(target).name}; found {like!r}")
         return self._send(self.packets.load(path, block_bytes(like)))
 
-    def publish(self, module: Any) -> list[Report]:
+    def publish(self, module: Instance | str) -> list[Report]:
         """Publish the parameters of a module of the configuration."""
         return self._send([self.packets.publish(self._module(module)[0])])
 
@@ -127,11 +128,11 @@ class Commands:
         """Let the process begin again; its parameters stay."""
         return self._send([self.packets.reset()])
 
-    def arm(self, event: Any, on: bool = True) -> list[Report]:
+    def arm(self, event: Event | str, on: bool = True) -> list[Report]:
         """Arm an event, by its name or handle, or disarm it."""
         return self._send([self.packets.arm(event, on)])
 
-    def read(self, module: Any, field: str | None = None) -> list[Report]:
+    def read(self, module: Instance | str, field: str | None = None) -> list[Report]:
         """Read back a parameter, or all: the reports of the execution have the bytes, big-endian."""
         return self._send(self.packets.read(self._module(module)[0], field))
 
@@ -153,11 +154,11 @@ class Commands:
         """Stop the procedure of a slot."""
         return self._send([self.packets.stop(slot)])
 
-    def at(self, time: Any, packet: bytes, step: int = 0) -> list[Report]:
+    def at(self, time: Time, packet: bytes, step: int = 0) -> list[Report]:
         """Store a command of `packets` that is executed at a time."""
         return self._send([self.packets.store(0, step, time_ns(time, "at"), packet)])
 
-    def sequence(self, number: int, steps: Iterable[tuple[Any, bytes]]) -> list[Report]:
+    def sequence(self, number: int, steps: Iterable[tuple[Time, bytes]]) -> list[Report]:
         """Store a block of commands as a list, 1 to 15: (time since its start, packet) of each."""
         return self._send(self.packets.store_sequence(number, [
             (time_ns(t, "sequence"), packet) for t, packet in steps]))
@@ -174,11 +175,11 @@ class Commands:
         """Ask for what a list has: fledge.commands.stored() reads the data of the report of the execution."""
         return self._send([self.packets.stored(number)])
 
-    def monitor(self, place: int, number: str = "", *, hold: Any = 0, **values: Any) -> list[Report]:
+    def monitor(self, place: int, number: str = "", *, hold: Time = 0, **values: Any) -> list[Report]:
         """Write one of the monitors, as Packets.monitor() says."""
         return self._send([self.packets.monitor(place, number, hold=time_ns(hold, "monitor"), **values)])
 
-    def rule(self, place: int, number: str = "", *, hold: Any = 0, **values: Any) -> list[Report]:
+    def rule(self, place: int, number: str = "", *, hold: Time = 0, **values: Any) -> list[Report]:
         """Write one of the rules of the fault protection, as Packets.rule() says."""
         return self._send([self.packets.rule(place, number, hold=time_ns(hold, "rule"), **values)])
 
@@ -204,7 +205,7 @@ class Commands:
             for name, value in _without_spares(values).items():
                 setattr(target, name, value)
 
-    def table(self, module: Any, like: Any = None, **values: Any) -> bytes:
+    def table(self, module: Instance | str, like: Instance | None = None, **values: Any) -> bytes:
         """The file of a table for packets.load_table(): the parameters of a module, or of `like`, another one of its
         type, with some values, in the units of its header, in their place."""
         path, target = self._module(module)
@@ -220,7 +221,8 @@ class Commands:
         """Write one of the filters of the log of events, as Packets.filter_events() says."""
         return self._send([self.packets.filter_events(place, output, **values)])
 
-    def housekeeping(self, place: int, numbers: Sequence[str] = (), *, every: Any = 0, on: bool = True) -> list[Report]:
+    def housekeeping(self, place: int, numbers: Sequence[str] = (), *, every: Time = 0,
+                     on: bool = True) -> list[Report]:
         """Define a report of chosen numbers, or turn one on or off, as Packets.housekeeping() says."""
         return self._send([self.packets.housekeeping(place, numbers, every=time_ns(every, "housekeeping"), on=on)])
 
@@ -318,7 +320,7 @@ class Commands:
         """As the link carries it."""
         return self.dictionary.frames.command(packet) if self.dictionary.frames else packet
 
-    def _module(self, module: Any) -> tuple[str, Any]:
+    def _module(self, module: Instance | str) -> tuple[str, Any]:
         """(path, object) of what a caller names."""
         process = self._process()
         names = {id(instance): name for name, instance in process.instances.items()}
@@ -345,7 +347,7 @@ def fill_store(stored: Any, packets: Sequence[bytes]) -> Any:
     return stored
 
 
-def block_bytes(module: Any, memory: bytes | None = None) -> bytes:
+def block_bytes(module: Instance, memory: bytes | None = None) -> bytes:
     """The parameters of a module, or in the memory of one like it, big-endian."""
     fields, start, end = parameters(_core.struct(module))
     block = (_core.memory(module) if memory is None else memory)[start:end]

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import ast
 import math
-import weakref
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Kind, Reason, Text
 from fledge.errors import SetupError
-from fledge.objects.si import time_ns
+from fledge.objects.si import Time, time_ns
+from fledge.objects.weak import weakly
 
 if TYPE_CHECKING:
     from fledge.mission.process import Flight, Process
@@ -29,7 +28,7 @@ class Procedures:
     """Runs those of a process, one at a time, at its instants."""
 
     def __init__(self, process: Flight, core: Any) -> None:
-        self.process: Callable[[], Any] = weakref.ref(process)
+        self.process = weakly(process)
         self.core = core
         self.texts: list[Text] = []
         self.sequence = 0
@@ -106,14 +105,14 @@ class Procedures:
             raise _OverLimit(f"it takes more than {self.turns} turns of loops and returns")
         return True
 
-    def _wait(self, time: Any) -> _Wait:
+    def _wait(self, time: Time) -> _Wait:
         ns = time_ns(time, "wait")
         if ns < 0:
             raise SetupError("wait: the time must be >= 0")
         self.wake, self.waits = self.t + ns, _Wait()
         return self.waits
 
-    def _print(self, *values: Any, sep: str = " ", end: str = "\n") -> None:
+    def _print(self, *values: object, sep: str = " ", end: str = "\n") -> None:
         for line in (sep.join(map(str, values)) + end).splitlines():
             self._say(Kind.PRINTED, line)
 
@@ -163,7 +162,7 @@ class _Seen:
                                  + ", ".join(process.instances))
         return process.instances[name]
 
-    def __setattr__(self, name: str, _: Any) -> None:
+    def __setattr__(self, name: str, _: object) -> None:
         raise SetupError(f"{self._seen[0].name}.{name} cannot be set here; set parameters, as in f.control.K = 3")
 
 

@@ -16,7 +16,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isfinite, prod
 from struct import iter_unpack
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias
 
 from fledge import _core
 from fledge.elements import ELEMENTS
@@ -26,20 +26,15 @@ from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import Time, enumerator_names, time_ns
 from fledge.objects.wires import Wire, as_shown, caller
+from fledge.objects.weak import weakly
 from fledge.objects.words import Instance, first_sentence
 
 if TYPE_CHECKING:
     from fledge.mission.commands import Commands
 
-T = TypeVar("T")
 Predicate: TypeAlias = "_core.Condition | _At | Callable[[], object]"
 Modes: TypeAlias = "Mode | str | Sequence[Mode | str]"
 Events: TypeAlias = "Event | str | Sequence[Event | str]"
-
-
-def _weakly(x: T) -> Callable[[], T]:
-    """What gives an object that still lives, and does not keep it alive."""
-    return weakref.ref(x)       # type: ignore[return-value]
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -199,7 +194,7 @@ class Mode:
     """A mode that was declared, for events."""
 
     def __init__(self, process: Process, name: str) -> None:
-        self._process = _weakly(process)
+        self._process = weakly(process)
         self.name = name
 
     def enter(self) -> None:
@@ -255,7 +250,7 @@ class Event:
     def __init__(self, process: Process, name: str, when: Predicate, do: Callable[[], object] | None,
                  set_text: Sequence[str] = ()) -> None:
         vars(self).update(name=name, when=when, do=do, set_text=list(set_text), declared_at=caller())
-        self._process = _weakly(process)
+        self._process = weakly(process)
         self._core: _core.Event = None     # type: ignore[assignment]    # until the kernel has it
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -353,13 +348,13 @@ class Event:
     # The kernel holds these two, which hold the event weakly: a callable that refers to its own
     # simulation would otherwise keep it alive for ever.
     def _predicate(self) -> Callable[[], bool]:
-        me = _weakly(self)
+        me = weakly(self)
         if isinstance(self.when, _At):
             return lambda: me()._process()._core_simulation.now >= me().when.ns
         return lambda: bool(me().when())
 
     def _action(self) -> Callable[[], object]:
-        me = _weakly(self)
+        me = weakly(self)
         return lambda: me().do()
 
     def __repr__(self) -> str:

@@ -7,6 +7,7 @@
     script.py    modules whose update is in Python
     project.py   the libraries of a user's own project
     vector.py    arrays with norm()
+    weak.py      references that do not keep an object alive
 
 Example:
 
