@@ -92,7 +92,6 @@ def config(mission: Mission, app: App, tables: Sequence[Any], simulated: bool = 
     """The headers that a mission may replace by its own: name -> text, of all in MISSION and PLATFORM."""
     prefix, name = app.prefix, app.name
     topics = app.topics(mission)
-    depth = 16 + 4 * len(mission.inputs)
 
     def defines(values: dict[str, Any]) -> list[str]:
         width = max(map(len, values), default=0)
@@ -118,8 +117,16 @@ def config(mission: Mission, app: App, tables: Sequence[Any], simulated: bool = 
         "tblstruct": (f"The tables of {prefix}: the parameters of its modules.", structs(app, tables)),
         "tbl": (f"The tables of {prefix}.", [f'#include "{name}_tbldefs.h"', f'#include "{name}_tblstruct.h"', ""]),
         "msgids": (f"The message ids of {prefix}, from its topics.", msgids(mission, app)),
-        "internal_cfg": (f"How {prefix} works inside.", [
-            "/* How long the app waits for a message before it looks whether it is to end [ms]. */",
+        "internal_cfg": (f"How {prefix} works inside.", internal(app, simulated)),
+        "platform_cfg": (f"What {prefix} needs of a processor.", platform(mission, app)),
+        "perfids": (f"The marks of {prefix} in performance logs.",
+                    [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
+    return {name: guarded(app, name, *headers[name]) for name in (*MISSION, *PLATFORM)}
+
+
+def internal(app: App, simulated: bool) -> list[str]:
+    prefix = app.prefix
+    return ["/* How long the app waits for a message before it looks whether it is to end [ms]. */",
             f"#define {prefix}_WAIT_MS 500", "",
             "/* An input is stale if nothing came for longer than so many times what lay between its last two. */",
             f"#define {prefix}_STALE_STEPS 10", "",
@@ -127,18 +134,18 @@ def config(mission: Mission, app: App, tables: Sequence[Any], simulated: bool = 
             " * 0: a step more than at the wake-up before. */", f"#ifndef {prefix}_TIME_FROM_MET",
             f"#define {prefix}_TIME_FROM_MET 1", "#endif", "",
             "/* 1: outputs that others read are sent from the start; 0: what a command turns on. */",
-            f"#define {prefix}_OUTPUTS_ON {0 if simulated else 1}", ""]),
-        "platform_cfg": (f"What {prefix} needs of a processor.", [
-            f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
+            f"#define {prefix}_OUTPUTS_ON {0 if simulated else 1}", ""]
+
+
+def platform(mission: Mission, app: App) -> list[str]:
+    prefix, name = app.prefix, app.name
+    files = ["/* Where flight's files are, and how many are open at most. */",
+             f'#define {prefix}_FILES_FOLDER "/cf/{name}"', f"#define {prefix}_OPEN_FILES 12", ""]
+    return [f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
             "/* At most 4 messages of each id wait in a pipe of this depth, so none keeps out another. */",
-            f"#define {prefix}_PIPE_DEPTH {depth}", "",
+            f"#define {prefix}_PIPE_DEPTH {16 + 4 * len(mission.inputs)}", "",
             "/* Of the child task that waits for registers. */", f"#define {prefix}_CHILD_PRIORITY 60", "",
-            *(["/* Where flight's files are, and how many are open at most. */",
-               f'#define {prefix}_FILES_FOLDER "/cf/{name}"', f"#define {prefix}_OPEN_FILES 12", ""]
-              if has_files(mission) else [])]),
-        "perfids": (f"The marks of {prefix} in performance logs.",
-                    [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
-    return {name: guarded(app, name, *headers[name]) for name in (*MISSION, *PLATFORM)}
+            *files * has_files(mission)]
 
 
 def msgids(mission: Mission, app: App) -> list[str]:
