@@ -123,8 +123,8 @@ def _recorded(path: str | os.PathLike[str], skip: int) -> Iterator[Piece]:
 
 
 def _archived(at: int, content: bytes) -> tuple[int, int, bytes]:
-    """(time, place, packet) of a message of the control room's archive: t, received, the packet's size, the packet; b"":
-    its sizes do not agree."""
+    """(time, place, packet) of a message of the control room's archive, which has t, received, the packet's size and
+    the packet; b"": its sizes do not agree."""
     time, _, n = struct.unpack_from("<qqI", content) if len(content) >= 20 else (0, 0, 0)
     return time, at + 35 + 20, content[20:] if len(content) == 20 + n else b""
 

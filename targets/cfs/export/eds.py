@@ -175,7 +175,7 @@ def sheet(mission: Mission, app: App, tables: Sequence[Table]) -> str:
 
 
 def packets_of(types: Types, mission: Mission, app: App, tables: Sequence[Table]) -> list[tuple[str, str, str]]:
-    """Add the tables and packets of an app to its types. Returns (name, kind, type of the packets) of each interface."""
+    """Add the tables and packets of an app to its types. Returns (name, kind, type of packets) of each interface."""
     for table in tables:             # first, so that a table has the name that it has in C
         types.container(table.name, [("Layout", base("u32"), ""), ("Check", base("u32"), ""), *(
             (f.name, types.field(table.name, f), f.doc + (f" [{f.unit}]" if f.unit else "")) for f in table.fields)],
