@@ -66,7 +66,7 @@ export function dress(node, name) {
 
 /** Run an action, and show its error in the element `place`. Returns its result; undefined after an error. */
 export async function attempt(place, action) {
-    place.querySelector(":scope > .problem")?.remove();
+    place.querySelector(":scope > .problem[role=alert]")?.remove();
     try {
         return await action();
     } catch (error) {

@@ -95,7 +95,8 @@ export async function open(context) {
     function names() {
         const fits = matcher(wanted.value);
         list.replaceChildren(...tables.filter((known) => fits(known.name)).map((known) => h("li", {}, button(
-            [known.name, h("span", {class: "soft"}, known.read_ns ? time.text(known.read_ns, 0) : "")], () => choose(known),
+            [known.name, h("span", {class: "soft"}, known.read_ns ? time.text(known.read_ns, 0) : "")],
+            () => choose(known),
             {class: known === table ? "at" : "", "aria-current": known === table ? "true" : undefined}))));
     }
     function choose(chosen) {
