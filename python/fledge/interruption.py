@@ -11,7 +11,11 @@ from typing import Any
 
 @contextmanager
 def handled(numbers: Iterable[int], handler: Callable[[int, Any], None] | signal.Handlers) -> Iterator[None]:
-    """These signals have this handler within the block, and their own again after it."""
+    """These signals have this handler within the block, and their own again after it. In another thread than the main
+    one, which alone may set handlers, they keep their own."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
