@@ -12,12 +12,12 @@ const PART = 200;
  *  path: of the list;  kind: of the messages that bring new entries, if there are any
  *  query(): parameters of the request;  fits(entry): whether the user's filter shows it
  *  text(entry): in which the words of the search must be;  searching: [label, placeholder, attributes] of its field
- *  whole(entry): the text that is shown below when the cursor stands on it
+ *  below(entry): the whole text, which is shown below the table when the cursor stands on the entry
  *  table: as for Table, but fill(cells, entry, element) and moved(entry)
  */
 export class List {
     constructor(context, {path, kind, query = () => ({}), fits = () => true, text = () => "", searching = [],
-                          whole = () => "", table}) {
+                          below = () => "", table}) {
         Object.assign(this, {context, path, query, entries: [], shown: [], whole: false, loading: null});
         this.fits = (entry) => fits(entry) && this.words(text(entry));
         this.words = searching.length ? matcher(context.selection) : () => true;
@@ -27,7 +27,7 @@ export class List {
             this.filter();
         }, {value: context.selection, ...searching[2]});
         this.line = h("p", {class: "whole"});
-        const {fill, moved = (entry) => put(this.line, whole(entry))} = table;
+        const {fill, moved = (entry) => put(this.line, below(entry))} = table;
         this.table = new Table({
             ...table, fill: (cells, row, element) => fill(cells, this.shown[row], element),
             moved: (row) => moved(this.shown[row]),
@@ -51,11 +51,12 @@ export class List {
     /** Read the newest part. */
     async load() {
         const turn = this.turn = {early: []};
-        const newest = await this.request({});
+        const newest = await this.request({}), {early} = turn;
+        turn.early = null;      // from now on, all entries are in the list
         if (this.turn !== turn || !newest) return;
         Object.assign(this, {entries: newest, whole: !newest.length});
         this.filter();
-        this.add(turn.early);
+        this.add(early);
     }
 
     async older() {
@@ -76,7 +77,7 @@ export class List {
     /** Add new entries, newest first. The entries in view stay where they are. */
     add(entries) {
         if (!this.context.time.isLive) return;
-        this.turn?.early.unshift(...entries);      // the answer that is awaited may lack them
+        this.turn?.early?.unshift(...entries);      // the answer that is awaited may lack them
         const known = new Set(this.entries.slice(0, 2 * PART).map(({id}) => id));
         const fresh = entries.filter(({id}) => !known.has(id));
         if (!fresh.length) return;

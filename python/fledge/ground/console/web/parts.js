@@ -22,11 +22,8 @@ export function toggle(text, changed, about = {}) {
 }
 
 /** A field to search in. changed(text): after each letter */
-export function search(label, placeholder, changed, about = {}) {
-    const node = h("input", {type: "search", placeholder, "aria-label": label, oninput: () => changed(node.value),
-        ...about});
-    return node;
-}
+export const search = (label, placeholder, changed, about = {}) => h("input", {type: "search", placeholder,
+    "aria-label": label, oninput: ({target}) => changed(target.value), ...about});
 
 /** A field to choose in. label: null if it stands in one;  options: texts, or [value, text];  changed(value) */
 export function choice(label, options, changed, about = {}) {

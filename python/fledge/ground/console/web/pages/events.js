@@ -17,7 +17,7 @@ export async function open(context) {
         path: of(craft, "events"), kind: "event", searching: ["search events", "search  ( / )"],
         fits: (event) => levelOf(event) >= Number(severity.value) && (!source.value || event.source === source.value),
         text: (event) => `${event.source} ${event.text}`,
-        whole: (event) => `${event.source}: ${event.text}`,
+        below: (event) => `${event.source}: ${event.text}`,
         table: {
             label: "events", empty: "No event fits",
             columns: [{title: "Time", width: "12rem", class: "tab", narrow: "5.6rem"},

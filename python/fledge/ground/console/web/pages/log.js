@@ -11,7 +11,7 @@ export async function open(context) {
     const list = new List(context, {
         path: "/api/log", searching: ["search the log", "search users, actions  ( / )", {size: 34}],
         text: ({user, craft, action, text}) => `${user} ${craft ?? ""} ${action} ${text}`,
-        whole: ({craft, action, text}) => [craft, action, text].filter(Boolean).join(" "),
+        below: ({craft, action, text}) => [craft, action, text].filter(Boolean).join(" "),
         table: {
             label: "operators' log",
             empty: "Nobody has done anything",
