@@ -598,7 +598,8 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
     (["montecarlo", "x", "--scheduler", "tcp://a:1"], "python3-distributed"),
     (["exec", "dask-worker"], "python3-distributed"), (["view", "x", "--film", "x.webp"], "python3-pil"),
     (["ground", "serve", "x.toml"], "python3-aiohttp"), (["load", "ssh:a", "x"], "openssh-client"),
-    (["ground", "run", "x.py", "--to", "http://a:1/sat"], "python3-aiohttp")])
+    (["ground", "run", "x.py", "--to", "http://a:1/sat"], "python3-aiohttp"),
+    (["ground", "run", "x.py", "--to", "https://a/sat"], "python3-aiohttp")])
 def test_what_an_option_needs_comes_with_it(launch, words, name):
     (launch.fake / "updated").touch()
     launch("list")

@@ -20,7 +20,7 @@ def add_update_limit(command: argparse.ArgumentParser) -> None:
 
 
 def add_mission(command: argparse.ArgumentParser, more: str = "") -> None:
-    """The position of every command that loads a mission. more: what it must have"""
+    """The argument of every command that loads a mission. more: what the help says besides"""
     command.add_argument("mission", help=f"the name of a mission, or its folder{more}")
 
 

@@ -57,7 +57,8 @@ def add(command: Callable) -> None:
 def _needs(options: argparse.Namespace) -> list[str]:
     if options.function == serve:
         return ["control_room", "build ground", "view"]
-    return ["control_room"] * ("http://" in getattr(options, "to", "")) + ["build ground"]
+    served = getattr(options, "to", "").startswith(("http://", "https://"))
+    return ["control_room"] * served + ["build ground"]
 
 
 M_ARENA_MAX = -8        # of mallopt(3)
@@ -145,14 +146,13 @@ def run(options: argparse.Namespace) -> int:
 def _ended_as_by_ctrl_c() -> AbstractContextManager[None]:
     """SIGTERM, too, ends a script so that its page is written; in the program's first thread."""
     import signal
-    import threading
 
     from fledge.interruption import handled
 
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    return handled([signal.SIGTERM] * (threading.current_thread() is threading.main_thread()), interrupt)
+    return handled([signal.SIGTERM], interrupt)
 
 
 def _craft(options: argparse.Namespace, kind: Any) -> Any:

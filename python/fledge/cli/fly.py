@@ -452,7 +452,7 @@ class _Comparison:
             text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
         return text, problem
 
-    def tell(self) -> None:
+    def show(self) -> None:
         """Print the table of all, and what else there is to know of a flight."""
         from fledge.cli.console import say
         from fledge.targets import table
@@ -504,7 +504,7 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
     flights = _Comparison(options, job, runs, bounds, lacking)
     say(flights.title + flights.through)
     flights.fly()
-    flights.tell()
+    flights.show()
     flights.judge()
     return _verdict({_title(name, runs): problems for name, problems in flights.wrong.items()}, flights.code)
 

@@ -217,7 +217,7 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
     if problem and sim.time_ns < 0:
         raise Failure(f"{title}: {problem}", code)
     say(f"  flown    {sim.time:g} s")
-    _tell_drawn(campaign, sim)
+    _show_drawn(campaign, sim)
     if not problem:
         problem = _judged(campaign, log, options.seed)
         code = int(problem != "")
@@ -258,7 +258,7 @@ def _attempt(campaign: Campaign, sim: Simulation) -> tuple[str, int]:
     return "", 0
 
 
-def _tell_drawn(campaign: Campaign, sim: Simulation) -> None:
+def _show_drawn(campaign: Campaign, sim: Simulation) -> None:
     """Print what was drawn for a run."""
     drawn, nominal = campaign.drawn(sim), campaign.drawn(campaign.nominal)
     width = max(map(len, drawn))

@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
             folder_of(options.name, options.replace)
         flight = _Run(options, sim, name, fly, folder)
         flight.fly()
-        flight.tell()
+        flight.show()
         return flight.verdict()
 
 
@@ -137,15 +137,15 @@ class _Run:
             self.problem, self.code = self.problem or f"failed: {in_words(error)}", self.code or 1
             return plots.saved
 
-    def tell(self) -> None:
+    def show(self) -> None:
         """Print what came of it, and write the summary and the page."""
         from fledge.cli import health
         from fledge.cli.judge import show_required
 
         sim = self.sim
-        self._tell_times()
+        self._show_times()
         record = sim.close_archive(outcome=self.problem or "passed", ended=f"{sim.time:g} s")
-        self._tell_record(record)
+        self._show_record(record)
         for plot in self.plots:
             say(f"  plot     {plot}")
         show_required(self.outcomes)
@@ -160,7 +160,7 @@ class _Run:
         if self.report:
             say(f"  report   {self._write_report(record)}")
 
-    def _tell_times(self) -> None:
+    def _show_times(self) -> None:
         sim = self.sim
         say(f"  flown    {sim.time:g} s in {sim.wall:.3g} s"
             + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else "")
@@ -173,7 +173,7 @@ class _Run:
             say(f"  pace     {late['overruns']} of {late['instants']} instants were late, by up to "
                 f"{1e3 * late['worst']:.1f} ms")
 
-    def _tell_record(self, record: Any) -> None:
+    def _show_record(self, record: Any) -> None:
         if record:
             say(f"  record   {record} ({size_of(record)})")
             return
