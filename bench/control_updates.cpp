@@ -120,7 +120,7 @@ double time_control_update(const char *module, long n)
         m.par.torque_max = 0.01;
         m.par.persistence = 5;
         return seconds_per_call(wheel_monitor_update, m, n,
-                                [](auto &module, long, int64_t t) { module.in.speeds.head.t = t; });
+                                [](auto &law, long, int64_t t) { law.in.speeds.head.t = t; });
     }
     if (is("ThrusterMapping") || is("ThrusterMapping, with a force") ||
         is("ThrusterMapping, another torque each time")) {
@@ -131,9 +131,9 @@ double time_control_update(const char *module, long n)
         m.in.torque = {good, {{0.01, 0.02, -0.03}}};
         m.in.thrusters = eight_thrusters();
         const bool turns = is("ThrusterMapping, another torque each time");
-        return seconds_per_call(thruster_mapping_update, m, n, [&](ThrusterMapping &module, long i, int64_t) {
+        return seconds_per_call(thruster_mapping_update, m, n, [&](ThrusterMapping &law, long i, int64_t) {
             if (turns) {
-                module.in.torque.torque_B = {{i & 1 ? 0.01 : -0.01, i & 2 ? 0.02 : -0.02, i & 4 ? 0.03 : -0.03}};
+                law.in.torque.torque_B = {{i & 1 ? 0.01 : -0.01, i & 2 ? 0.02 : -0.02, i & 4 ? 0.03 : -0.03}};
             }
         });
     }
@@ -143,7 +143,7 @@ double time_control_update(const char *module, long n)
         m.in.thrusters = eight_thrusters();
         m.par = {0.5, 0.02, 0.75, 0.25};
         return seconds_per_call(thruster_firing_update, m, n,
-                                [](ThrusterFiring &module, long, int64_t t) { module.in.forces.head.t = t; });
+                                [](ThrusterFiring &law, long, int64_t t) { law.in.forces.head.t = t; });
     }
     if (is("MomentumDump")) {
         MomentumDump m{};
