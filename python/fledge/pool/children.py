@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -30,15 +31,20 @@ def fork(deaf: bool = False) -> int:
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
     # Blocked until the copy ignores it: it would handle Ctrl-C as if it were this process.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    collects = gc.isenabled()
+    gc.disable()
     try:
         process = os.fork()
         if not process:
+            gc.freeze()     # garbage of this process may end its threads, which the copy does not have
             prctl(_DEATH_SIGNAL, signal.SIGKILL)
             if os.getppid() != parent:
                 os._exit(1)
             if deaf:
                 signal.signal(signal.SIGINT, lambda *_: None)
     finally:
+        if collects:
+            gc.enable()
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return process
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pools of processes: results in any order, a process that dies, errors, Ctrl-C; and all users of a pool."""
 
+import gc
 import os
 import signal
 import textwrap
@@ -176,6 +177,32 @@ def test_the_processes_end_with_this_one():
     assert os.waitpid(child, 0)[1] == signal.SIGKILL
     assert os.read(reader, 1) == b""    # the end of the pipe, which all of them had
     os.close(reader)
+
+
+class Threaded:
+    """Garbage that waits for its thread."""
+
+    def __init__(self):
+        self.myself, self.process = self, os.getpid()
+
+    def __del__(self):
+        if os.getpid() != self.process:
+            os._exit(9)     # in a copy, it would wait forever
+
+
+class Collecting(Work[int, bool]):
+    """Collects garbage."""
+
+    def fly(self, item):
+        gc.collect()
+        return gc.isenabled()
+
+
+def test_a_process_leaves_the_garbage_of_this_one_to_it():
+    gc.collect()
+    Threaded()
+    assert dict(Local(2).fly(Collecting(), range(3))) == {0: True, 1: True, 2: True}
+    assert gc.isenabled()
 
 
 # --- all users of pools ----------------------------------------------------------------------------
