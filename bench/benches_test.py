@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benches follow the tree that they measure."""
+"""Each bench builds and starts."""
 import json
+import math
 import os
 import subprocess
 import sys
@@ -28,4 +29,6 @@ def test_benches_build_and_start(tmp_path):
     for name in benches():
         bench(name, "--help")
     bench("sim", "--runs", "1", "--json", "sim.json")
-    assert all(row["value"] > 0 for row in json.loads((tmp_path / "sim.json").read_text(encoding="utf-8")))
+    rows = json.loads((tmp_path / "sim.json").read_text(encoding="utf-8"))
+    assert all(math.isfinite(row["value"]) for row in rows)     # a difference of two times may be 0 or less
+    assert {"hand_written_loop", "nadir_spin", "MrpFeedback", "world alone"} <= {row["case"] for row in rows}

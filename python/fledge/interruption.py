@@ -9,11 +9,16 @@ from types import TracebackType
 from typing import Any
 
 
+def _may_set_handlers() -> bool:
+    """Python lets the main thread alone set handlers of signals."""
+    return threading.current_thread() is threading.main_thread()
+
+
 @contextmanager
 def handled(numbers: Iterable[int], handler: Callable[[int, Any], None] | signal.Handlers) -> Iterator[None]:
     """These signals have this handler within the block, and their own again after it. In another thread than the main
-    one, which alone may set handlers, they keep their own."""
-    if threading.current_thread() is not threading.main_thread():
+    one, they keep their own."""
+    if not _may_set_handlers():
         yield
         return
     before = {number: signal.signal(number, handler) for number in numbers}
@@ -32,8 +37,7 @@ class Interruption:
 
     def __enter__(self) -> "Interruption":
         self._requested = False
-        self._replaced = (threading.current_thread() is threading.main_thread()
-                          and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        self._replaced = _may_set_handlers() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
         if self._replaced:
             signal.signal(signal.SIGINT, self._request)
         return self

@@ -31,12 +31,13 @@ def fork(deaf: bool = False) -> int:
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
     # Blocked until the copy ignores it: it would handle Ctrl-C as if it were this process.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    # The copy must not collect what this process made: a destructor may wait for a thread, and fork() copies none.
     collects = gc.isenabled()
     gc.disable()
     try:
         process = os.fork()
         if not process:
-            gc.freeze()     # garbage of this process may end its threads, which the copy does not have
+            gc.freeze()
             prctl(_DEATH_SIGNAL, signal.SIGKILL)
             if os.getppid() != parent:
                 os._exit(1)

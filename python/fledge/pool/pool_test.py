@@ -180,14 +180,15 @@ def test_the_processes_end_with_this_one():
 
 
 class Threaded:
-    """Garbage that waits for its thread."""
+    """In a cycle of references, so that only the collector deletes it. It stands for an object whose destructor waits
+    for a thread."""
 
     def __init__(self):
         self.myself, self.process = self, os.getpid()
 
     def __del__(self):
         if os.getpid() != self.process:
-            os._exit(9)     # in a copy, it would wait forever
+            os._exit(9)
 
 
 class Collecting(Work[int, bool]):
@@ -198,7 +199,7 @@ class Collecting(Work[int, bool]):
         return gc.isenabled()
 
 
-def test_a_process_leaves_the_garbage_of_this_one_to_it():
+def test_a_copy_does_not_collect_the_garbage_of_this_process():
     gc.collect()
     Threaded()
     assert dict(Local(2).fly(Collecting(), range(3))) == {0: True, 1: True, 2: True}
