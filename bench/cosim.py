@@ -29,7 +29,7 @@ NADIR_SPAN = 9600.0  # [s] of simulated time
 
 
 def program():
-    from fledge.files import build_folder
+    from fledge.disk import build_folder
     return str(build_folder() / "python" / "fledge_bench_cosim")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fledge.errors import Failure
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from fledge.targets import build
 from fledge.targets.leon3 import board
 

@@ -20,7 +20,7 @@ AGREE = 1e-12
 
 
 def library():
-    from fledge.files import build_folder
+    from fledge.disk import build_folder
     lib = ctypes.CDLL(str(build_folder() / "python" / "libfledge_bench.so"))
     lib.time_harmonics.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long]
     lib.time_harmonics.restype = ctypes.c_double

@@ -20,7 +20,7 @@ from pathlib import Path
 from bench import ground_archive, ground_server
 from bench.rows import PEER, Rows, in_turn, options, report
 from bench.sim import library
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.targets import TARGETS
 
 LAYERS = {"header": 1_000_000, "telemetry, framed": 100_000, "telemetry, read": 20_000, "command, as a CLTU": 20_000,

@@ -57,7 +57,7 @@ def wire(baud: int, terminal: str, program: str) -> None:
 
 
 def flights(mission: str, runs: int, rows: Rows) -> None:
-    from fledge.files import build_folder
+    from fledge.disk import build_folder
     from fledge.targets import Job, build, fly
     from fledge.targets.bare import Process
 

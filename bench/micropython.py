@@ -18,7 +18,7 @@ from typing import Any
 
 from fledge.archive import Archive
 from fledge.errors import Failure
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from fledge.profile import Profile, board, code, process, valgrind
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.linux import inputs
@@ -189,7 +189,7 @@ def sensor(rows: Rows) -> None:
 
 def interpreter(folder: Path, development: bool) -> Path:
     """The plain interpreter, with the example frozen."""
-    from fledge.files import write_files
+    from fledge.disk import write_files
     from fledge.targets.micropython import toolchain
 
     library = toolchain.library("host", development)

@@ -25,7 +25,7 @@ UPDATES = ["HillPointing", "EulerRotation", "TrackingError", "MrpFeedback", "Whe
 
 
 def library():
-    from fledge.files import build_folder
+    from fledge.disk import build_folder
     path = build_folder() / "python" / "libfledge_bench.so"
     lib = ctypes.CDLL(str(path))
     lib.hand_written_loop.argtypes = [ctypes.c_long, ctypes.POINTER(ctypes.c_double)]

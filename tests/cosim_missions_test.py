@@ -25,7 +25,7 @@ import pytest
 
 import fledge
 from fledge import cosim
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from tests.circles import long_after
 from tests.waiting import PATIENCE
 

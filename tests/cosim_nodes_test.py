@@ -12,7 +12,7 @@ from itertools import count
 import pytest
 
 from fledge import archive
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from tests.docs_test import BLOCK
 from tests.tree import ROOT
 

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from tests.circles import long_after
 from tests.tree import ROOT, files
 

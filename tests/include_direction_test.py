@@ -25,7 +25,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 
 # The parts that may use an extension; all others use the public functions of these.
 EXTENSIONS = {
-    "_core": {"errors", "files", "archive", "objects", "flight", "flight_math", "world", "prototype", "mission",
+    "_core": {"errors", "disk", "files", "archive", "objects", "flight", "flight_math", "world", "prototype", "mission",
               "requirements", "montecarlo", "cosim"},
     "_cosim": {"cosim"},
     "_emulator": {"emulator"},

@@ -85,10 +85,11 @@ RULES = {
 # The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
 # these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
-    ("units elements errors files columns display interruption programs", "what all others need"),
-    ("progress folders frames mean_elements elf serial_line", "a progress bar; the folders of a project and of "
-     "missions; the frames of a link; two-line elements and OMMs; what an ELF file says of itself; serial lines to "
+    ("units elements errors disk columns display interruption programs", "what all others need"),
+    ("progress folders frames elf serial_line", "a progress bar; the folders of a project and of "
+     "missions; the frames of a link; what an ELF file says of itself; serial lines to "
      "boards"),
+    ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
     ("records", "recorded fields by name, of a run in memory or of a file"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),

@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from tests import line_faults
 
 RUNS = os.environ.get("FLEDGE_LINE_FAULTS")

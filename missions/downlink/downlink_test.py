@@ -14,7 +14,7 @@ import pytest
 import fledge
 from fledge.archive import Archive
 from fledge.attitude import mrp_to_dcm
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from fledge.units import s
 
 HERE = Path(__file__).resolve().parent

@@ -43,6 +43,7 @@ _LAZY = {
     "attitude": ("attitude", None),
     "cosim": ("cosim", None),
     "emulator": ("emulator", None),
+    "files": ("files", None),
     "flight": ("flight", None),
     "flight_math": ("flight_math", None),
     "ground": ("ground", None),
@@ -50,7 +51,7 @@ _LAZY = {
     "limit_updates": ("mission.simulation", "limit_updates"),
     "linear": ("mission.linear", None),
     "load": ("mission", "load"),
-    "mean_elements": ("mean_elements", None),
+    "mean_elements": ("files.mean_elements", None),
     "missions": ("mission", "missions"),
     "montecarlo": ("montecarlo", None),
     "plot": ("plot", None),
@@ -75,10 +76,11 @@ if TYPE_CHECKING:       # the same for editors
     import _cosim as _cosim
     import _emulator as _emulator
     import _ground as _ground
-    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, mean_elements, mission as sim,
+    from fledge import (archive, attitude, cosim, emulator, files, flight, flight_math, ground, mission as sim,
                         montecarlo, plot, prototype, scene, units, world)
     from fledge.archive import Archive, ArchiveError
     from fledge.errors import CompositionError, RunError, SetupError
+    from fledge.files import mean_elements
     from fledge.mission import MissionError, learning, linear, load, missions
     from fledge.mission.simulation import Simulation, limit_updates
     from fledge.plot import scan, trajectory

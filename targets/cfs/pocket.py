@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.targets import build
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import around

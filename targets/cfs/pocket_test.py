@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from fledge.files import ROOT
+from fledge.disk import ROOT
 
 SOURCES = sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name not in ("host.c", "watch.c"))
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes", "-Werror",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.targets.cfs import Cfs
 from fledge.targets.cfs.export import around
 from fledge.targets.cfs.pocket import APP, write_app

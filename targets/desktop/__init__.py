@@ -44,7 +44,7 @@ class Desktop(Target):
 
         from fledge import commands
         from fledge.archive import Archive
-        from fledge.files import write_files
+        from fledge.disk import write_files
         from fledge.targets import flown
 
         sim = job.begun()

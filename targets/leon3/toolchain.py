@@ -13,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from fledge.errors import Failure
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.targets.build import once, run_ninja
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.export.c_text import wrap
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import around
 from fledge.targets.cfs.pocket import write_app

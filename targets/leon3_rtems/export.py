@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge import export
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 from fledge.targets.cfs.export import sources
 from fledge.targets.leon3 import board
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 from fledge.targets.cfs.export import around
 from fledge.targets.cfs.export.sources import renamed
 from fledge.targets.cfs.pocket import write_app

@@ -15,7 +15,7 @@ import pytest
 
 from fledge import cli
 from fledge.errors import Failure
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.targets import TARGETS, Job
 from fledge.targets.cfs.pocket import write_app
 from fledge.targets.fly_test import plays

@@ -17,7 +17,7 @@ from fledge import flight, objects, units
 from fledge.export import c_source, commands, names
 from fledge.targets.micropython.export.tables import emit_tables, visible
 from fledge.export.read import Mission, Module
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.objects.testing import kinds
 from fledge.targets import build
 from fledge.targets.micropython import toolchain

@@ -9,7 +9,7 @@ from fledge import export, flight
 from fledge.errors import SetupError
 from fledge.export import c_source, commands
 from fledge.targets.micropython.export.tables import emit_tables
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.mission.simulation import Simulation
 from fledge.objects.testing import kinds
 from fledge.targets import build

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.export.read import ExportError
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.objects import project
 from fledge.targets import build
 from fledge.targets.linux import runner_of

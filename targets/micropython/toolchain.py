@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fledge.errors import Failure
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.programs import without_preload
 from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, once, program, run_ninja
 from fledge.targets.leon3 import toolchain as leon3

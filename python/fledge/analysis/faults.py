@@ -27,7 +27,7 @@ from fledge import mission as missions, objects
 from fledge.analysis.comparison import Flight, Seen, compare, mode_at
 from fledge.analysis.matrix import Fault, Matrix, plant
 from fledge.errors import CompositionError, RunError, SetupError
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.mission.checks import has_checks
 from fledge.mission.log import Log
 from fledge.mission.scenario import chosen

@@ -15,7 +15,7 @@ from typing import Any
 from fledge.analysis.comparison import Flight
 from fledge.analysis.matrix import Matrix
 from fledge.columns import columns
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.mission.provenance import identity
 
 EFFECTS = {"failed": "the run did not come to its end", "violated": "a requirement or a check does not hold",

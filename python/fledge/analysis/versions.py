@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from fledge import folders
 from fledge.columns import columns
 from fledge.errors import Failure, SetupError, did_you_mean
-from fledge.files import build_folder, write_files
+from fledge.disk import build_folder, write_files
 from fledge.mission.provenance import GIT, ROOT, identity
 from fledge.montecarlo import Campaign, report
 

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from fledge.archive import mcap
 from fledge.errors import cell, listed, printable
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.archive.rosmsg import Field
 from fledge.records.series import (
     HEAD, Parts, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)

@@ -5,7 +5,7 @@ import pytest
 
 import fledge
 from fledge import cli
-from fledge.files import ROOT
+from fledge.disk import ROOT
 
 WRONG = {
     "flight.py": """\

@@ -116,7 +116,7 @@ def export_xtce(options: argparse.Namespace) -> int:
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.export import ground, packets, read, read_all, stations, xtce
-    from fledge.files import write_files
+    from fledge.disk import write_files
 
     for name in ("tasks", "outputs", "board"):
         if getattr(options, name) is not None:

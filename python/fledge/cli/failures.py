@@ -10,7 +10,7 @@ from fledge.errors import printable
 
 
 def say_warning(message: object, category: type, file: str, line: int, *_: object) -> None:
-    from fledge.files import shown
+    from fledge.disk import shown
 
     print(f"fledge: {shown(file)}, line {line}: {printable(str(message))}", file=sys.stderr)
 
@@ -40,7 +40,7 @@ def in_words(error: BaseException) -> str:
 
 def _package_of(module: str) -> str:
     """The package of Debian, among those that Fledge names, which has a module of Python; "" if there is none."""
-    from fledge.files import ROOT
+    from fledge.disk import ROOT
 
     package = f"python3-{module.partition('.')[0].lower()}"
     listed = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").split()

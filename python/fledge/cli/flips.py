@@ -45,7 +45,7 @@ def flips(options: argparse.Namespace) -> int:
     from fledge.cli.console import say
     from fledge.cli.runs import alone
     from fledge.emulator import flips as campaigns
-    from fledge.files import write_files
+    from fledge.disk import write_files
     from fledge.progress import Bar
 
     at, duration, after = map(parse_duration, (options.at, options.duration, options.after))

@@ -564,7 +564,7 @@ def _clock(job: Job, others: list[tuple[Part, Target]]) -> int:
 
     from fledge.cli.console import say
     from fledge.columns import columns
-    from fledge.files import write_files
+    from fledge.disk import write_files
     from fledge.plot import save
     from fledge.targets.linux import clock
 

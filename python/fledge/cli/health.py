@@ -51,7 +51,7 @@ def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findi
     """Write the facts of a run as JSON, the same bytes for the same run; returns the path."""
     import json
 
-    from fledge.files import Part
+    from fledge.disk import Part
     from fledge.records.activity import facts
 
     data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",

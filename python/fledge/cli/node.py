@@ -17,7 +17,7 @@ from time import monotonic, perf_counter, sleep
 from fledge.cli.arguments import add_mission, add_parameters, add_update_limit, given_parameters, number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
-from fledge.files import make
+from fledge.disk import make
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -315,7 +315,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
     name, function = scenarios.chosen(sim, scenario)
     again = _second_run(function)
     if again and not scripted:
-        from fledge.files import shown
+        from fledge.disk import shown
 
         others = [other for other in known if not _second_run(known[other])]
         raise SetupError(f"{shown(again[0])}, line {again[1]}: the scenario {name} runs again here, and what it "

@@ -49,7 +49,7 @@ def profile(options: argparse.Namespace) -> int:
     from fledge.cli.runs import alone
     from fledge.columns import columns
     from fledge.errors import Failure
-    from fledge.files import write_files
+    from fledge.disk import write_files
     from fledge.profile import page, profile as measure
     from fledge.progress import Bar
     from fledge.targets import Job
@@ -90,7 +90,7 @@ def _longest(options: argparse.Namespace, folder: Path, duration: float | None) 
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
     from fledge.errors import Failure
-    from fledge.files import write_files
+    from fledge.disk import write_files
     from fledge.progress import Bar
 
     if _names(options) != ["leon3"] or options.free:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fledge.errors import Failure, listed
-from fledge.files import make
+from fledge.disk import make
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from fledge.archive import mcap
 from fledge.cli.judge import reported
 from fledge.cli.runs import alone, find_run, folder_of
 from fledge.errors import Failure
-from fledge.files import Part, create
+from fledge.disk import Part, create
 from tests.circles import long_after
 from tests.waiting import wait_for
 

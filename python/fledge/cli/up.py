@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
-from fledge.files import build_folder
+from fledge.disk import build_folder
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:

@@ -187,7 +187,7 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
     import shlex
     from datetime import datetime, timezone
 
-    from fledge.files import ROOT, write_files
+    from fledge.disk import ROOT, write_files
     from fledge.mission.provenance import identity
     from fledge.verify import coverage, evidence, page, tables
     from fledge.verify.flight import dumps

@@ -37,7 +37,7 @@ def versions(options: argparse.Namespace) -> int:
     from fledge.analysis import versions as comparing
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
-    from fledge.files import write_files
+    from fledge.disk import write_files
 
     folder = Path(options.out) if options.out else Path("runs") / missions.find(options.mission).name / "versions"
     with alone(folder):

@@ -173,7 +173,7 @@ class Controller:
 # --- faults that prevent a split --------------------------------------------------------------------------
 
 def _at(place: tuple[str, int] | None) -> str:
-    from fledge.files import shown
+    from fledge.disk import shown
 
     return f"{shown(place[0])}, line {place[1]}: " if place else ""
 

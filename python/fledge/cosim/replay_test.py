@@ -35,7 +35,7 @@ def paths(monkeypatch):
 
 def build():
     """The build tree that the extension comes from."""
-    from fledge.files import build_folder
+    from fledge.disk import build_folder
 
     return build_folder()
 

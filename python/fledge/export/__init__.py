@@ -23,7 +23,7 @@ from fledge.export.commands import dictionary, emit_commands
 from fledge.export.host import emit_host
 from fledge.export.read import ExportError, read, read_all
 from fledge.export.write import write
-from fledge.files import write_files
+from fledge.disk import write_files
 
 __all__ = ["ExportError", "dictionary", "emit_board", "emit_c", "emit_commands", "emit_host", "leaves", "read",
            "read_all", "write", "write_files"]

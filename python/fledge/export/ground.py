@@ -24,7 +24,7 @@ from typing import Any
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, nearest
 from fledge.export.packets import Database
-from fledge.files import shown
+from fledge.disk import shown
 from registers.checked_toml import Tables, TomlError, parse, text_of
 
 FILE = "ground.toml"

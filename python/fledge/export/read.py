@@ -17,7 +17,7 @@ from fledge.commands import leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import CompositionError, SetupError
 from fledge.export import names
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
 from fledge.objects.script import function_text, prototype, script

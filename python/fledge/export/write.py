@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.export.c_source import emit
-from fledge.files import write_files
+from fledge.disk import write_files
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission

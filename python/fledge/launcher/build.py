@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher.context import Context, same
 from fledge.launcher.packages import need
 from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say

@@ -12,7 +12,7 @@ from pathlib import Path
 from shutil import which
 
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher import build
 from fledge.launcher.context import PRESETS, Context, same
 from fledge.launcher.packages import expanded, need, provide

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher.tools import say
 
 PRESETS = ("release", "debug", "asan")      # and tsan, for some tests

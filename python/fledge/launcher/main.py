@@ -14,7 +14,7 @@ from pathlib import Path
 import fledge
 from fledge import cli
 from fledge.errors import Failure, nearest, printable
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher import build, packages
 from fledge.launcher.commands import become
 from fledge.launcher.context import Context, project_around, project_named, say_if_in_another_checkout

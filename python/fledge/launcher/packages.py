@@ -19,7 +19,7 @@ from pathlib import Path
 from shutil import which
 
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher.context import Context
 from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.launcher import build
 from fledge.launcher.context import Context
 from fledge.launcher.packages import expanded, need, provide

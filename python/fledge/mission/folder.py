@@ -26,7 +26,7 @@ from pathlib import Path
 
 from fledge import folders
 from fledge.errors import CompositionError, SetupError, did_you_mean, nearest
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_kept, check_read

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.columns import columns
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.montecarlo.counts import BOUND
 from fledge.montecarlo.drivers import SIGNIFICANCE, drivers
 from fledge.montecarlo.sweep import Sweep, text as text_of

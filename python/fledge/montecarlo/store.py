@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.interruption import Interruption
 from fledge.mission.provenance import identity
 from fledge.mission.simulation import Finding

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from types import CodeType, FunctionType, GeneratorType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
-from fledge.files import shown
+from fledge.disk import shown
 
 _CONTAINERS = (list, dict, set, bytearray)
 _RANDOM = "the random numbers of Python or numpy"

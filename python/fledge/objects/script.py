@@ -10,7 +10,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.files import shown
+from fledge.disk import shown
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
 

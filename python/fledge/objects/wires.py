@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.objects.si import Time, time_ns
 
 # --- lines of the user's files ---------------------------------------------------------------------

@@ -343,7 +343,7 @@ def save(figure: Figure, folder: Path | str, name: str | None = None) -> Path:
     """Save a figure as PNG under a name, by default its own; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from fledge.files import Part
+    from fledge.disk import Part
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from fledge.errors import SetupError
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.objects.words import first_sentence
 
 if TYPE_CHECKING:

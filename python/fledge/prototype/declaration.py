@@ -15,7 +15,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.objects import outside, project
 from fledge.objects.script import check_function
 from introspect import comment, rules, units

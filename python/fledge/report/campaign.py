@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fledge import __version__
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.mission.provenance import Revisions
 from fledge.report.run import templates
 

@@ -20,7 +20,7 @@ from markupsafe import Markup
 
 from fledge import __version__, objects, scene
 from fledge.errors import SetupError
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.mission.log import dtype_of, leaves
 from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fledge import __version__
-from fledge.files import Part
+from fledge.disk import Part
 from fledge.report.run import templates
 
 Entry = dict[str, Any]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt, suggesting
-from fledge.files import shown
+from fledge.disk import shown
 from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.objects.si import time_ns

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.archive import Archive
 from fledge.archive.append import append
 from fledge.errors import SetupError
-from fledge.files import Part as PartFile
+from fledge.disk import Part as PartFile
 
 if TYPE_CHECKING:
     from os import PathLike

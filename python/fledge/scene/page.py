@@ -19,7 +19,7 @@ from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.files import Part as PartFile
+from fledge.disk import Part as PartFile
 from fledge.scene import bundle
 from fledge.scene.tracks import ATTITUDE, POSITION, SHARE
 

@@ -30,7 +30,7 @@ from importlib import import_module
 from pathlib import Path
 
 from fledge.errors import Failure, did_you_mean, listed
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.targets.target import Target
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command

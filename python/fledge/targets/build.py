@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fledge.errors import Failure
-from fledge.files import ROOT, build_folder, write_files
+from fledge.disk import ROOT, build_folder, write_files
 from fledge.programs import without_preload
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command

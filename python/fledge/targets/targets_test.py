@@ -9,7 +9,7 @@ import pytest
 
 from fledge import targets
 from fledge.errors import Failure
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.targets import PLACES, TARGETS, Targets
 
 OWN = "from fledge.targets.linux import Linux\n\n\nclass Own(Linux):\n    "

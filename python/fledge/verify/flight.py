@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fledge.files import ROOT
+from fledge.disk import ROOT
 
 FILE = "flight.json"        # of the results, in the folder of a flight
 

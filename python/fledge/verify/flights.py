@@ -15,7 +15,7 @@ from typing import Any
 
 from fledge import mission as missions
 from fledge.errors import Failure, SetupError
-from fledge.files import write_files
+from fledge.disk import write_files
 from fledge.pool import LAST_LINES, Died, Work, anywhere, open_pool
 from fledge.verify.flight import FILE, Flight, Flown
 from fledge.verify.judging import judged

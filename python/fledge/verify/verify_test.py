@@ -20,7 +20,7 @@ import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.report.report_test import Page
 from fledge.requirements import Requirements
 from fledge.verify import coverage, evidence, figure, tables

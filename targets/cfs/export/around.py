@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fledge.commands import HEADER, Reason
 from fledge.export.c_text import comment, wrap
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.targets.cfs.export import joint
 from fledge.targets.cfs.export.app import App, has_files
 from fledge.targets.cfs.export.packets import MISSION, PLATFORM, guarded, housekeeping

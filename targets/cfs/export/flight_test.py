@@ -16,7 +16,7 @@ from fledge.targets.cfs.export import around
 from fledge.targets.cfs.export.folder import flown_by
 from fledge.targets.cfs.testing import HERE, ROOT, Core, Outside, command, linked, telemetry
 from fledge.export.testing import Recorded, fly
-from fledge.files import write_files
+from fledge.disk import write_files
 
 NS = 1_000_000_000
 

@@ -13,7 +13,7 @@ from fledge.targets.cfs.export.app import CMD, TLM, App, check_taken, has_files
 from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
 from fledge.export.read import ExportError, Mission
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 
 if TYPE_CHECKING:
     from registers.description import Board

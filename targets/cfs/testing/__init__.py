@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fledge.targets.cfs.export.folder import flown_by
 from fledge.export.testing import STRICT, fly
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 
 HERE = ROOT / "targets/cfs/testing"
 LONG_NS = 60_000_000_000

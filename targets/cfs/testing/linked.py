@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from fledge.targets.cfs.export.around import app_list, pocket_sources, startup, wrappers
-from fledge.files import ROOT, write_files
+from fledge.disk import ROOT, write_files
 
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wstrict-prototypes", "-Wwrite-strings", "-Wpointer-arith", "-Werror",
          "-fno-common"]

@@ -24,7 +24,7 @@ from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
 from fledge.cosim.up.table import Lines, Progress, Row
-from fledge.files import make
+from fledge.disk import make
 from fledge.interruption import handled
 from fledge.serial_line import is_line
 

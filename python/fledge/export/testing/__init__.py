@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fledge import export
-from fledge.files import ROOT
+from fledge.disk import ROOT
 from fledge.targets import build
 
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from fledge.errors import did_you_mean
-from fledge.files import shown
+from fledge.disk import shown
 from registers.checked_toml import Tables, TomlError, parse, text_of
 
 KINDS = ("values", "large", "plot", "commands")

@@ -7,7 +7,7 @@ import fledge
 from fledge import export
 from fledge.ground.server.displays import displays
 from fledge.export import packets
-from fledge.files import ROOT
+from fledge.disk import ROOT
 
 NAMES = ["craft.attitude.sigma[0]", "craft.attitude.sigma[1]", "craft.attitude.sigmas", "craft.battery", "<b>odd</b>"]
 SLOTS = [{"slot": 10 + i, "name": name} for i, name in enumerate(NAMES)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fledge.commands import Dictionary
 from fledge.commands.fields import place_of
-from fledge.files import write_files
+from fledge.disk import write_files
 
 if TYPE_CHECKING:
     from fledge.ground.server.settings import CraftSettings

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fledge.files import build_folder
+from fledge.disk import build_folder
 from tests.waiting import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[5]

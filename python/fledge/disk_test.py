@@ -3,7 +3,7 @@
 
 import pytest
 
-from fledge.files import Part
+from fledge.disk import Part
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path):

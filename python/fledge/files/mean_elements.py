@@ -27,7 +27,7 @@ from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from fledge.errors import SetupError, did_you_mean, listed, printable
-from fledge.files import shown
+from fledge.disk import shown
 
 DAY = 86_400_000_000_000                    # [ns]
 J2000 = datetime(2000, 1, 1, 12)
