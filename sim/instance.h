@@ -22,6 +22,8 @@ struct Script {
     std::function<void(Instance &)> reset;        ///< of a flight module; may be empty
     std::function<void(Instance &)> prepare;      ///< of a world model, as Model::prepare(); may be empty
     std::function<void(Instance &, Tick)> begin;  ///< of a world model, as Model::reset(); may be empty
+    /// Of a world model: what other models ask for at t [s] and a place, an answer of numbers; may be empty.
+    std::function<void(Instance &, double t, std::span<const double, 3> place, std::span<double> answer)> at_place;
     bool shares = true; ///< whether it may keep data outside of the instance's memory, which clones would share
 };
 

@@ -4,6 +4,7 @@
 #include "world/dynamics/drag_model.h"
 #include "world/dynamics/gravity_gradient_model.h"
 #include "world/dynamics/solar_pressure_model.h"
+#include "world/environment/atmosphere_model.h"
 #include "world/environment/celestial_body_model.h"
 #include "world/environment/harmonics.h"
 #include "world/environment/testing/two_circles.h"

@@ -4,6 +4,8 @@
 
 #include "sim/model.h"
 
+#include <string>
+
 namespace fledge::world {
 
 /// A part of a spacecraft that uses another model, its source: of the environment, or the part on which it is mounted.
@@ -11,6 +13,12 @@ class Consumer {
 public:
     virtual ~Consumer() = default;
     virtual const char *source_kind() const = 0; ///< the type of that model
+
+    /// What it takes as its source, for messages.
+    virtual std::string source_text() const
+    {
+        return std::string("a model of the world, as in world.") + source_kind() + "(...)";
+    }
 
     /// Use this model. False if it is of another type.
     virtual bool set_source(sim::Model &source) = 0;

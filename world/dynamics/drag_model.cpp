@@ -15,7 +15,7 @@ void DragModel::check() const
 void DragModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
 {
     const auto &par = interface_.par;
-    const AtmosphereModel::State air = source_->at(motion.start, motion.tau, view(motion.r_BN_N));
+    const AirSource::State air = source_->at(motion.start, motion.tau, view(motion.r_BN_N));
     const Vec3 v_B = mat_vec(motion.C_BN, vec_sub(motion.v_BN_N, vec(air.velocity_N)));
     const Vec3 pressure_B = vec_scale(-0.5 * air.density * par.Cd * vec_norm(v_B), v_B);
     push(vec_scale(par.area, pressure_B), vec_unit(v_B), motion, loads,

@@ -6,13 +6,17 @@
 
 #include "world/dynamics/drag.h"
 #include "world/dynamics/surface.h"
-#include "world/environment/atmosphere_model.h"
+#include "world/environment/air_source.h"
 
 namespace fledge::world {
 
-class DragModel final : public Surface<Drag, AtmosphereModel, DRAG_FACETS_MAX> {
+class DragModel final : public Surface<Drag, AirSource, DRAG_FACETS_MAX> {
 public:
     using Surface::Surface;
+    std::string source_text() const override
+    {
+        return "a model of air: world.Atmosphere(...), or a prototype with a method air_at(self, t, r_BN_N)";
+    }
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
 
 private:

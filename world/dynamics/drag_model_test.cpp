@@ -2,6 +2,7 @@
 #include "world/dynamics/drag_model.h"
 
 #include "world/dynamics/orbit.h"
+#include "world/environment/atmosphere_model.h"
 #include "world/testing/flyer.h"
 
 #include <gtest/gtest.h>

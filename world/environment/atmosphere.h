@@ -14,7 +14,7 @@ typedef enum AtmosphereLaw {
 
 /** The atmosphere of a body, which turns with it: for the drag of spacecraft, and as a message. Altitudes are those
  *  over the body's ellipsoid. Python's `body` is the body, `sky` says where it is and how it turns.
- *  Assumptions: no winds; the density depends on altitude alone.
+ *  Assumptions: the density depends on altitude alone; the wind blows alike everywhere.
  *  Source: US Standard Atmosphere 1976. */
 typedef struct Atmosphere {
     struct {
@@ -31,6 +31,8 @@ typedef struct Atmosphere {
         double base;         ///< [m] >= -1e9, <= 1e9: altitude where it has that density; of the exponential law
         double scale_height; ///< [m] >= 0, <= 1e9: of the exponential law
         double spin;         ///< [rad/s] >= -1, <= 1: rate of the body about its pole, if there is no sky
+        double wind_east;    ///< [m/s] >= -1e4, <= 1e4: of the air relative to the body
+        double wind_north;   ///< [m/s] >= -1e4, <= 1e4: likewise
     } par;
 } Atmosphere;
 

@@ -1,24 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/environment/atmosphere_model.h"
 
+#include "flight/math/elementary.h"
 #include "sim/text.h"
-#include "world/eigen.h"
-
-#include <Eigen/Dense>
 
 #include <algorithm>
 
 namespace fledge::world {
 
-using Eigen::Vector3d;
-using sim::Ns;
+namespace {
 
-void AtmosphereModel::prepare(const sim::Setup &setup)
-{
-    EnvironmentModel::prepare(setup);
-    ellipsoid_ = Ellipsoid::of(bodies()[0]);
-    refresh();
-}
+constexpr double gas_constant = 8.314462618; // [J/mol/K]
+
+} // namespace
 
 void AtmosphereModel::refresh()
 {
@@ -46,42 +40,22 @@ void AtmosphereModel::refresh()
     }
 }
 
-void AtmosphereModel::reset(Ns)
-{
-    interface_.out = {};
-}
-
-double AtmosphereModel::density(double altitude) const
+AirSource::State AtmosphereModel::air(const Place &place) const
 {
     const auto &par = interface_.par;
+    State state;
     if (standard_) {
-        return standard_->at(altitude).density;
+        const Air air = standard_->at(place.altitude);
+        state.density = air.density;
+        state.temperature = air.temperature;
+        state.molar_mass = air.density * gas_constant * air.temperature / air.pressure;
+    } else if (par.law == ATMOSPHERE_CONSTANT) {
+        state.density = par.density;
+    } else {
+        // Where it would be thicker than anything the craft is inside the body, and its run ends.
+        state.density = par.density * fm_exp(std::min((par.base - place.altitude) / par.scale_height, 100.0));
     }
-    if (par.law == ATMOSPHERE_CONSTANT) {
-        return par.density;
-    }
-    // Where it would be thicker than anything the craft is inside the body, and its run ends.
-    return par.density * fm_exp(std::min((par.base - altitude) / par.scale_height, 100.0));
-}
-
-AtmosphereModel::State AtmosphereModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
-{
-    const BodyAttitude &turned = attitude(start, tau);
-    const Vector3d r_P = turned.dcm_PN * (r_BN_N - r_PN_N(0, start, tau));
-    const double altitude = ellipsoid_.altitude(r_P);
-    return {density(altitude), altitude,
-            v_PN_N(0, start, tau) + turned.dcm_PN.transpose() * turned.omega_PN_P.cross(r_P)};
-}
-
-void AtmosphereModel::publish(Ns t)
-{
-    const CraftState &truth = interface_.in.truth;
-    if (!head_written(truth.head)) {
-        return;
-    }
-    const State state = at(t, 0.0, view(truth.r_BN_N));
-    interface_.out.air = {head_next(interface_.out.air.head, t, quality_through(truth.head)), state.density,
-                          state.altitude, vec(state.velocity_N)};
+    return state;
 }
 
 } // namespace fledge::world

@@ -2,38 +2,28 @@
 // The behaviour behind world/environment/atmosphere.h.
 #pragma once
 
+#include "world/environment/air_model.h"
 #include "world/environment/atmosphere.h"
-#include "world/environment/environment_model.h"
 #include "world/environment/standard_atmosphere.h"
 
 namespace fledge::world {
 
-class AtmosphereModel final : public EnvironmentModel {
+class AtmosphereModel final : public AirModel {
 public:
-    static constexpr const char *kind = "Atmosphere";
+    explicit AtmosphereModel(Atmosphere &interface)
+        : AirModel(interface.in.truth, interface.out.air), interface_(interface)
+    {
+    }
 
-    explicit AtmosphereModel(Atmosphere &interface) : EnvironmentModel("body", true), interface_(interface) {}
-
-    struct State {
-        double density;             ///< [kg/m^3]
-        double altitude;            ///< [m]
-        Eigen::Vector3d velocity_N; ///< [m/s] of the air relative to N
-    };
-
-    /// At r_BN_N [m] and start + tau [s].
-    State at(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N) const;
-
-    void prepare(const sim::Setup &setup) override;
     void refresh() override;
-    void reset(sim::Ns t) override;
+    bool has_temperature() const override { return standard_; }
 
 private:
-    double density(double altitude) const;
+    State air(const Place &place) const override;
+    Wind wind(const Place &) const override { return {interface_.par.wind_east, interface_.par.wind_north}; }
     double spin() const override { return interface_.par.spin; }
-    void publish(sim::Ns t) override;
 
     Atmosphere &interface_;
-    Ellipsoid ellipsoid_;
     const StandardAtmosphere *standard_ = nullptr;
 };
 

@@ -110,16 +110,21 @@ private:
     std::uint64_t version_ = 1;
 };
 
-/// The source of a part of a spacecraft: an environment model of the same process.
+/// The source of a part of a spacecraft: a model of the same process, or what Source::of() makes of it.
 template <class Source> class SourceOf {
 public:
-    bool set(const sim::Model &source)
+    bool set(const sim::Model &model)
     {
-        source_ = dynamic_cast<const Source *>(&source);
-        return source_;
+        if constexpr (requires { Source::of(model); }) {
+            source_ = Source::of(model);
+        } else {
+            source_ = std::shared_ptr<const Source>(std::shared_ptr<void>(), dynamic_cast<const Source *>(&model));
+        }
+        model_ = source_ ? &model : nullptr;
+        return model_;
     }
-    const Source *operator->() const { return source_; }
-    const Source *model() const { return source_; }
+    const Source *operator->() const { return source_.get(); }
+    const sim::Model *model() const { return model_; }
 
     /// `part`: the part's name; `port`: what it calls the source. When all models are prepared.
     void check(const std::string &part, const char *port) const
@@ -146,11 +151,14 @@ public:
 
     void copy(const SourceOf &original, const std::function<sim::Model *(const sim::Model *)> &counterpart)
     {
-        source_ = original.source_ ? dynamic_cast<const Source *>(counterpart(original.source_)) : nullptr;
+        if (const sim::Model *model = original.model_ ? counterpart(original.model_) : nullptr) {
+            set(*model);
+        }
     }
 
 private:
-    const Source *source_ = nullptr;
+    std::shared_ptr<const Source> source_;
+    const sim::Model *model_ = nullptr;
     std::uint64_t seen_ = 0;
 };
 

@@ -9,9 +9,11 @@
 /** The air about a spacecraft. */
 typedef struct AirState {
     Head head;
-    double density;  ///< [kg/m^3] of the air
-    double altitude; ///< [m] of the spacecraft over the ellipsoid of the body
-    Vec3 v_AN_N;     ///< [m/s] velocity of the air relative to N, N components
+    double density;     ///< [kg/m^3] of the air
+    double altitude;    ///< [m] of the spacecraft over the ellipsoid of the body
+    Vec3 v_AN_N;        ///< [m/s] velocity of the air relative to N, N components
+    double temperature; ///< [K] of the air; 0: the model does not know it
+    double molar_mass;  ///< [kg/mol] mean; 0: the model does not know it
 } AirState;
 
 /** The magnetic field at a spacecraft. */

@@ -7,7 +7,13 @@
 #include "sim/health.h"
 #include "sim/text.h"
 
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
+#include <span>
 #include <utility>
 
 namespace py = pybind11;
@@ -63,6 +69,24 @@ public:
         const py::object m = object_of(instance.shared_from_this());
         run(m, &tick, {m.ptr(), t.ptr()}, "at its reset");
     }
+    /// What a model of air says of a place: see prototype.Model.
+    void air_at(sim::Instance &instance, double t, std::span<const double, 3> place, std::span<double> answer) const
+    {
+        const py::gil_scoped_acquire gil;
+        const py::object m = object_of(instance.shared_from_this());
+        const py::float_ time(t);
+        const py::tuple r_BN_N = py::make_tuple(place[0], place[1], place[2]);
+        const std::string when = "at " + sim::format_time(std::llround(1e9 * t));
+        const py::object answered = run(m, nullptr, {m.ptr(), time.ptr(), r_BN_N.ptr()}, when.c_str());
+        PyObject *numbers = hook("air_numbers");
+        if (!numbers) {
+            throw py::error_already_set();
+        }
+        const auto found =
+            py::reinterpret_borrow<py::object>(numbers)(py::str(instance.path + ".air_at()"), py::str(when), answered)
+                .cast<std::array<double, 6>>();
+        std::copy(found.begin(), found.end(), answer.begin());
+    }
     void operator()(sim::Instance &instance) const { outside_update(instance, "at its reset"); }
     void outside_update(sim::Instance &instance, const char *when) const
     {
@@ -75,8 +99,8 @@ private:
     static std::string at(Tick tick) { return "at " + sim::format_time(tick.t); }
 
     /// when: for the text of an error; null: at the time of the tick.
-    void run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments,
-             const char *when = nullptr) const
+    py::object run(py::handle m, const Tick *tick, std::initializer_list<PyObject *> arguments,
+                   const char *when = nullptr) const
     {
         Root &root = *as_root(m.ptr());
         const sim::Instance *const outer = std::exchange(now_running, root.instance.get());
@@ -87,8 +111,7 @@ private:
         root.tick = nullptr;
         now_running = outer;
         if (done) {
-            Py_DECREF(done);
-            return;
+            return py::reinterpret_steal<py::object>(done);
         }
         const bool interrupted = !PyErr_ExceptionMatches(PyExc_Exception);
         py::error_already_set error;
@@ -196,6 +219,12 @@ void give_class(sim::Instance &instance, PyObject *cls)
         instance.script.begin = [call = Call(reset.ptr(), cls)](sim::Instance &self, Tick t) { call.begin(self, t); };
     } else if (reset) {
         instance.script.reset = Call(reset.ptr(), cls);
+    }
+    if (const py::object air = method("air_at"); air && instance.model()) {
+        instance.script.at_place = [call = Call(air.ptr(), cls)](sim::Instance &self, double t, auto place,
+                                                                 std::span<double> answer) {
+            call.air_at(self, t, place, answer);
+        };
     }
     if (prepare && instance.model()) {
         instance.script.prepare = [call = Call(prepare.ptr(), cls)](sim::Instance &self) {

@@ -93,8 +93,7 @@ void set_source(const AnyInstance &object, const AnyInstance &source, const char
 {
     auto &part = model_of<world::Consumer>(object, "a part that asks a model");
     if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.set_source(*instance_of(source)->model())) {
-        throw sim::SetupError(path_of(object.ptr()) + "." + port + ": expected a model of the world, as in world." +
-                              part.source_kind() + "(...); found " +
+        throw sim::SetupError(path_of(object.ptr()) + "." + port + ": expected " + part.source_text() + "; found " +
                               (is_object(source.ptr()) ? path_of(source.ptr()) : std::string(py::repr(source))));
     }
     Py_XSETREF(as_root(object.ptr())->parts, py::make_tuple(source).release().ptr());

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import RunError, SetupError
 from fledge.disk import shown
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
@@ -59,6 +59,22 @@ def script_failed(path: str, when: str, error: BaseException, trace: TracebackTy
     own = [line for line in lines if not line.filename.startswith(_PACKAGE)] or lines
     place = f"{shown(own[-1].filename)}, line {own[-1].lineno}: " if own else ""
     return f"{place}{path} {when}: {type(error).__name__}: {error}"
+
+
+def air_numbers(what: str, when: str, found: Any) -> list[float]:
+    """[density, v, v, v, temperature, molar mass] of what the method air_at() of a model returned."""
+    import math
+
+    parts = found if isinstance(found, tuple) and len(found) in (2, 4) else (found,)
+    try:
+        velocity = tuple(parts[1]) if len(parts) > 1 else (0.0, 0.0, 0.0)
+        numbers = [float(x) for x in (parts[0], *velocity, *(parts[2:] or (0.0, 0.0)))]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)) or not numbers[0] >= 0.0:
+        raise RunError(f"{what} {when}: expected density >= 0 [kg/m^3], or (density, v_AN_N [m/s]), or (density, "
+                       f"v_AN_N, temperature [K], molar_mass [kg/mol]), all finite; found {found!r}")
+    return numbers
 
 
 def script(obj: Any) -> tuple[Callable[..., Any], Callable[..., Any] | None] | None:

@@ -139,7 +139,11 @@ class Module(_Base, metaclass=_Class):
 
 class Model(_Base, metaclass=_Class):
     """A world model in Python. As Module, but `reset(self, t)` may publish for the time t [s], and `prepare(self)`,
-    before the run, may refuse parameters by an exception."""
+    before the run, may refuse parameters by an exception.
+
+    A model with a method `air_at(self, t, r_BN_N)` is air for `Drag(air=...)`, which calls it at each stage of the
+    integrator, for t [s] and a position in N [m]. It returns the density [kg/m^3], or (density, v_AN_N), the velocity
+    of the air relative to N [m/s], or (density, v_AN_N, temperature [K], molar_mass [kg/mol])."""
 
     _kind = Kind.MODEL
 

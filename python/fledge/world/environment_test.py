@@ -176,7 +176,7 @@ def test_wrong_set_ups_are_refused_before_the_first_step():
     models = surroundings()
     del models["drag"]
     says("a part of the spacecraft that asks a world.Atmosphere is itself in no world", lambda: fly(1, **models))
-    says("Drag.air: expected a model of the world, as in world.Atmosphere(...); found",
+    says("Drag.air: expected a model of air: world.Atmosphere(...), or a prototype with a method air_at",
          lambda: world.Drag(air=models["light"]))
     says("SolarPressure.light: expected a model of the world, as in world.Sunlight(...); found 5",
          lambda: world.SolarPressure(light=5))
