@@ -38,6 +38,17 @@ double without_last_bits(double x)
     return std::floor(0x1p44 * x + 0.5) * 0x1p-44;
 }
 
+Matrix3d without_last_bits(const double (&dcm)[3][3])
+{
+    Matrix3d rounded;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            rounded(i, j) = without_last_bits(dcm[i][j]);
+        }
+    }
+    return rounded;
+}
+
 double wrapped(double angle)
 {
     return angle - two_pi * std::floor(angle / two_pi + 0.5);
@@ -366,13 +377,17 @@ Matrix3d true_of_date(EarthData::Theory theory, const TimeSystem &time, Epoch ep
     const double tt = static_cast<double>(time.tt(epoch)) / static_cast<double>(day_ns);
     double to_date[3][3];
     (theory == EarthData::Theory::iau2006 ? eraPnm06a : eraPnm80)(j2000, tt, to_date);
-    Matrix3d dcm;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            dcm(i, j) = without_last_bits(to_date[i][j]);
-        }
-    }
-    return dcm;
+    return without_last_bits(to_date);
+}
+
+Matrix3d teme_of_date(const TimeSystem &time, Epoch epoch)
+{
+    const double tt = static_cast<double>(time.tt(epoch)) / static_cast<double>(day_ns);
+    double dpsi, deps, to_date[3][3];
+    eraNut80(j2000, tt, &dpsi, &deps);
+    eraPnm80(j2000, tt, to_date);
+    eraRz(dpsi * std::cos(eraObl80(j2000, tt)), to_date);
+    return without_last_bits(to_date);
 }
 
 } // namespace fledge::world

@@ -86,4 +86,7 @@ private:
 /// Maps N to the Earth's true equator and equinox of date, by precession and nutation alone.
 Eigen::Matrix3d true_of_date(EarthData::Theory theory, const TimeSystem &time, Epoch epoch);
 
+/// Maps N to TEME, the Earth's true equator and mean equinox of date, in which two-line elements are, by IAU 1976/1980.
+Eigen::Matrix3d teme_of_date(const TimeSystem &time, Epoch epoch);
+
 } // namespace fledge::world

@@ -36,7 +36,7 @@ Ellipsoid Ellipsoid::of(const GravityBody &body)
     return {body.radius, body.radius * ratio};
 }
 
-double Ellipsoid::altitude(const Vector3d &r_P) const
+Ellipsoid::Height Ellipsoid::height(const Vector3d &r_P) const
 {
     // Bowring's formula for the geodetic latitude, with tangents in the place of angles, twice.
     const double p = std::sqrt(r_P[0] * r_P[0] + r_P[1] * r_P[1]), z = std::abs(r_P[2]);
@@ -53,7 +53,7 @@ double Ellipsoid::altitude(const Vector3d &r_P) const
         up = b * sine;
         out = a * cosine;
     }
-    return p * cosine + z * sine - a * std::sqrt(1.0 - e2 * sine * sine);
+    return {p * cosine + z * sine - a * std::sqrt(1.0 - e2 * sine * sine), std::copysign(sine, r_P[2]), cosine};
 }
 
 Vector3d Ellipsoid::point(double latitude, double longitude, double altitude) const

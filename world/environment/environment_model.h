@@ -28,8 +28,14 @@ struct Ellipsoid {
     /// WGS 84 for the Earth. Else the body's radius, with the flattening of the IAU's report of 2000 if that has it.
     static Ellipsoid of(const GravityBody &body);
 
-    /// [m] of a point at r_P, within 1 um down to half the radius.
-    double altitude(const Eigen::Vector3d &r_P) const;
+    struct Height {
+        double altitude;     ///< [m]
+        double sine, cosine; ///< [-] of the geodetic latitude
+    };
+
+    /// Of a point at r_P, the altitude within 1 um down to half the radius.
+    Height height(const Eigen::Vector3d &r_P) const;
+    double altitude(const Eigen::Vector3d &r_P) const { return height(r_P).altitude; }
 
     /// [m] of a point at geodetic coordinates [rad, rad, m].
     Eigen::Vector3d point(double latitude, double longitude, double altitude) const;
@@ -111,8 +117,12 @@ private:
 };
 
 /// The source of a part of a spacecraft: a model of the same process, or what Source::of() makes of it.
-template <class Source> class SourceOf {
+template <class Source> class SourceOf final : public Consumer {
 public:
+    const char *source_kind() const override { return Source::kind; }
+    bool set_source(sim::Model &source) override { return set(source); }
+    const sim::Model *source() const override { return model_; }
+
     bool set(const sim::Model &model)
     {
         if constexpr (requires { Source::of(model); }) {

@@ -54,6 +54,9 @@ public:
     /// Maps N to the Earth's true equator and equinox at t, by the theory of `earth`, or else IAU 2006/2000A.
     Eigen::Matrix3d true_of_date(sim::Ns t) const;
 
+    /// Maps N to the true equator and mean equinox of date, the frame of two-line elements.
+    Eigen::Matrix3d teme_of_date(sim::Ns t) const { return world::teme_of_date(time_, epoch_at(t)); }
+
 private:
     Ephemeris ephemeris_;
     TimeSystem time_;

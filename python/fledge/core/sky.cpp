@@ -130,6 +130,8 @@ void bind_sky(py::module_ &m)
         .def(
             "true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); }, "t"_a)
         .def(
+            "teme_of_date", [](const Sky &sky, Ns t) { return rows(sky.teme_of_date(t)); }, "t"_a)
+        .def(
             "gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); }, "t"_a)
         .def(
             "seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); }, "t"_a)

@@ -167,6 +167,13 @@ class Sky:
 
         return array(self._core.true_of_date(time_ns(t, "Sky.true_of_date: t")))
 
+    def teme_of_date(self, t: Any = 0) -> Any:
+        """The axes, in N, of the Earth's true equator and mean equinox, the frame TEME of two-line elements, at a time of
+        the run: the rows of a (3, 3) array. By IAU 1976/1980."""
+        from numpy import array
+
+        return array(self._core.teme_of_date(time_ns(t, "Sky.teme_of_date: t")))
+
     def gps(self, t: Any = 0) -> tuple[int, float]:
         """The week and the seconds of GPS time at a time of the run; weeks count from 1980-01-06 and do not wrap."""
         week, rest = divmod(self._core.gps(time_ns(t, "Sky.gps: t")), 604_800 * 10**9)
