@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 OF_N = ("ICRF", "ICRF1", "ICRF2", "ICRF3", "GCRF", "GCRF1", "GCRF2", "GCRF3", "EME2000", "J2000")
 TRUE_OF_DATE = ("TOD", "TOD_EARTH", "TRUE_OF_DATE", "TRUEOFDATE")
 TEME = ("TEME", "TEMEOFDATE", "TEME_OF_DATE")
-FIXED = ("ITRF", "ITRF1993", "ITRF1997", "ITRF2000", "ITRF2005", "ITRF2008", "ITRF2014", "ITRF2020", "ITRF-93", "ITRF-97",
-         "ITRF93", "EARTH_FIXED", "FIXED")
+FIXED = ("ITRF", "ITRF1993", "ITRF1997", "ITRF2000", "ITRF2005", "ITRF2008", "ITRF2014", "ITRF2020", "ITRF-93",
+         "ITRF-97", "ITRF93", "EARTH_FIXED", "FIXED")
 KNOWN = "ICRF, GCRF, EME2000, J2000, TOD, TEME, ITRF... (with world.EarthOrientation), IAU_BODY"
 STEP = 10 * 10**9     # [ns] over which the rate of a slow frame is taken
 
@@ -28,9 +28,9 @@ STEP = 10 * 10**9     # [ns] over which the rate of a slow frame is taken
 def turning(sky: Sky, frame: str, times: np.ndarray, where: str = "frame") -> tuple[np.ndarray, np.ndarray]:
     """The axes of a frame at times of the run.
 
-    times: (n,) [ns] of the run. Returns dcm_FN (n, 3, 3), which maps N to the frame, and omega_FN_F (n, 3) [rad/s], its
-    rate relative to N in its own axes. Raises SetupError, which begins with `where`, for a frame that is not known here,
-    and where the sky does not say how a body turns.
+    times: (n,) [ns] of the run. Returns dcm_FN (n, 3, 3), which maps N to the frame, and omega_FN_F (n, 3) [rad/s],
+    its rate relative to N in its own axes. Raises SetupError, which begins with `where`, for a frame that is not known
+    here, and where the sky does not say how a body turns.
     """
     import numpy as np
 

@@ -168,8 +168,8 @@ class Sky:
         return array(self._core.true_of_date(time_ns(t, "Sky.true_of_date: t")))
 
     def teme_of_date(self, t: Any = 0) -> Any:
-        """The axes, in N, of the Earth's true equator and mean equinox, the frame TEME of two-line elements, at a time of
-        the run: the rows of a (3, 3) array. By IAU 1976/1980."""
+        """The axes, in N, of the Earth's true equator and mean equinox, the frame TEME of two-line elements, at a time
+        of the run: the rows of a (3, 3) array. By IAU 1976/1980."""
         from numpy import array
 
         return array(self._core.teme_of_date(time_ns(t, "Sky.teme_of_date: t")))
