@@ -5,6 +5,8 @@
 #include "sim/model.h"
 
 #include <string>
+#include <string_view>
+#include <vector>
 
 namespace fledge::world {
 
@@ -25,6 +27,14 @@ public:
 
     /// The model in use; none before set_source().
     virtual const sim::Model *source() const = 0;
+
+    struct Further {
+        std::string_view port; ///< its name in Python
+        Consumer *consumer;
+    };
+
+    /// What it takes besides: each its own model. Constant.
+    virtual std::vector<Further> further() { return {}; }
 };
 
 } // namespace fledge::world

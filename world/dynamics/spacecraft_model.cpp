@@ -188,11 +188,15 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
                               (coupled_ ? "moves masses" : "adds forces") + ": give the spacecraft its mass");
     }
     for (const Part &part : parts_) {
-        const auto *consumer = dynamic_cast<const Consumer *>(part.effector);
-        const auto *source = consumer ? dynamic_cast<const SkyUser *>(consumer->source()) : nullptr;
-        if (sky() && source && source->sky() && !source->sky()->has_frame_of(*sky())) {
-            throw sim::SetupError(name_ + ".sky: the " + consumer->source_kind() +
-                                  " that one of its parts asks is in a sky of another center or epoch");
+        auto *consumer = dynamic_cast<Consumer *>(part.effector);
+        auto ports = consumer ? consumer->further() : std::vector<Consumer::Further>{};
+        ports.push_back({"", consumer});
+        for (const Consumer::Further &port : ports) {
+            const auto *source = port.consumer ? dynamic_cast<const SkyUser *>(port.consumer->source()) : nullptr;
+            if (sky() && source && source->sky() && !source->sky()->has_frame_of(*sky())) {
+                throw sim::SetupError(name_ + ".sky: the " + port.consumer->source_kind() +
+                                      " that one of its parts asks is in a sky of another center or epoch");
+            }
         }
     }
     integrator_ = setup.integrator->fresh();

@@ -357,8 +357,11 @@ Typed<py::dict, "dict[str, Module | Model]"> wrap_instances(const sim::Process &
     for (const auto &[model, object] : models) {
         py::list parts;
         std::vector<const sim::Model *> uses;
-        if (const auto *consumer = dynamic_cast<const world::Consumer *>(model)) {
+        if (auto *consumer = dynamic_cast<world::Consumer *>(model)) {
             uses.push_back(consumer->source());
+            for (const auto &further : consumer->further()) {
+                uses.push_back(further.consumer->source());
+            }
         } else {
             const auto of_craft = model->parts();
             uses.assign(of_craft.begin(), of_craft.end());

@@ -88,15 +88,36 @@ world::EnvironmentModel &environment_of(py::handle object)
     return model_of<world::EnvironmentModel>(object, "a model of the environment");
 }
 
-/// The object holds a reference to the source, because the model only has a pointer.
-void set_source(const AnyInstance &object, const AnyInstance &source, const char *port)
+/// Of the part, what takes the source of this name.
+world::Consumer &consumer_of(py::handle object, std::string_view port)
 {
     auto &part = model_of<world::Consumer>(object, "a part that asks a model");
+    for (const auto &further : part.further()) {
+        if (further.port == port) {
+            return *further.consumer;
+        }
+    }
+    return part;
+}
+
+/// The objects of its sources.
+py::list sources_of(py::handle object)
+{
+    PyObject *parts = as_root(object.ptr())->parts;
+    return parts ? py::list(py::reinterpret_borrow<py::tuple>(parts)) : py::list();
+}
+
+/// The object holds references to its sources, because the model only has pointers.
+void set_source(const AnyInstance &object, const AnyInstance &source, const char *port)
+{
+    auto &part = consumer_of(object, port);
     if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.set_source(*instance_of(source)->model())) {
         throw sim::SetupError(path_of(object.ptr()) + "." + port + ": expected " + part.source_text() + "; found " +
                               (is_object(source.ptr()) ? path_of(source.ptr()) : std::string(py::repr(source))));
     }
-    Py_XSETREF(as_root(object.ptr())->parts, py::make_tuple(source).release().ptr());
+    py::list sources = sources_of(object);
+    sources.append(source);
+    Py_XSETREF(as_root(object.ptr())->parts, py::tuple(sources).release().ptr());
 }
 
 } // namespace
@@ -141,12 +162,16 @@ void bind_world(py::module_ &m)
         "object"_a);
     m.def("set_source", set_source, "object"_a, "source"_a, "port"_a);
     m.def(
-        "source", [](const AnyInstance &object) -> Typed<py::object, "Model | None"> {
-            PyObject *parts = as_root(object.ptr())->parts;
-            return parts && PyTuple_GET_SIZE(parts) ? py::reinterpret_borrow<py::tuple>(parts)[0].cast<py::object>()
-                                                    : py::none();
+        "source", [](const AnyInstance &object, const char *port) -> Typed<py::object, "Model | None"> {
+            const sim::Model *model = consumer_of(object, port).source();
+            for (const py::handle source : sources_of(object)) {
+                if (instance_of(source)->model() == model) {
+                    return py::reinterpret_borrow<py::object>(source);
+                }
+            }
+            return py::none();
         },
-        "object"_a);
+        "object"_a, "port"_a);
     m.def(
         "set_coefficients",
         [](const AnyInstance &object, const std::string &path) {

@@ -176,7 +176,7 @@ def _source_of(name: str, doc: str) -> property:
         _changes(part)
         _core.set_source(part, source, name)
 
-    return property(_core.source, set_source, None, doc)
+    return property(lambda part: _core.source(part, name), set_source, None, doc)
 
 
 class _Signature:
