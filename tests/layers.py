@@ -131,7 +131,7 @@ THIRD_PARTIES = {
                    "jinja2", "jsonschema", "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial",
                    "yaml", "zmq"},
     "cosim":      {"zmq"},
-    "missions":   {"fledge_node", "numpy", "scipy"},   # a node in Python imports fledge_node and nothing else of Fledge
+    "missions":   {"PIL", "fledge_node", "numpy", "scipy"},     # a node in Python imports fledge_node alone of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy", "pytest"},
 }

@@ -26,16 +26,18 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="default: beside the record")
 
     sub = command("view", view, "view earth_imager")
-    sub.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film)])
+    sub.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film or options.picture)])
     sub.add_argument("run", metavar="RUN", help=WHAT)
     kind = sub.add_mutually_exclusive_group()
     kind.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
                       "Foxglove's 3-D panel, in place of a page")
     kind.add_argument("--film", metavar="FILE.webp", help="write a film in place of a page")
+    kind.add_argument("--picture", metavar="FILE", help="write a picture (.webp, .png) in place of a page")
     sub.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
-    sub.add_argument("--look", default="", metavar="TEXT", help="of a film: what follows # in the page's address")
+    sub.add_argument("--look", default="", metavar="TEXT", help="of both: what follows # in the page's address")
     sub.add_argument("--from", dest="begin", metavar="TIME", help="of a film: its first frame (90s, 1h23m)")
     sub.add_argument("--to", dest="end", metavar="TIME", help="of a film: its last frame")
+    sub.add_argument("--at", metavar="TIME", help="of a picture; default: the end")
     sub.add_argument("--frames", type=int, default=180, metavar="N",
                      help="of a film, 12.5 a second; default: %(default)s")
 
@@ -76,7 +78,10 @@ def view(options: argparse.Namespace) -> int:
     import fledge.scene.foxglove
 
     archive = open_run(options.run)
-    if options.film:
+    if options.picture:
+        at = parse_duration(options.at, "--at") if options.at else None
+        path = scene.film.picture(scene.of(archive), options.picture, options.look, at)
+    elif options.film:
         begin, end = (parse_duration(text, name) if text else None for text, name in
                       ((options.begin, "--from"), (options.end, "--to")))
         path = scene.film.write(scene.of(archive), options.film, options.look, begin, end, options.frames)

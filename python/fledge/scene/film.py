@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A film of a page of a scene, as Chromium shows it: an animated WebP."""
+"""A film of a page of a scene, as Chromium shows it, an animated WebP; or a picture."""
 from __future__ import annotations
 
 import io
@@ -12,6 +12,8 @@ from fledge.scene import browser, page
 
 if TYPE_CHECKING:
     from os import PathLike
+
+    from PIL import Image
 
     from fledge.scene.scene import Scene
 
@@ -30,27 +32,44 @@ def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float 
 
     Raises SetupError without Chromium, without such frames, or beyond the scene.
     """
-    from PIL import Image
-
     begin, end = scene.begin if begin is None else begin, scene.end if end is None else end
     if not scene.begin <= begin < end <= scene.end or frames < 2:
         raise SetupError(f"a film has two frames or more, from a time to a later one, both from {scene.begin:g} s to "
                          f"{scene.end:g} s; this has {frames}, from {begin:g} s to {end:g} s")
+    path = Path(path)
+    times = [begin + (end - begin) * k / (frames - 1) for k in range(frames)]
+    first, *others = _pictures(scene, path, look, times, "filmed")
+    first.save(path, "WEBP", save_all=True, append_images=others, duration=EACH, loop=0, quality=QUALITY, method=4)
+    return path
+
+
+def picture(scene: Scene, path: str | PathLike[str], look: str = "", at: float | None = None) -> Path:
+    """Write a picture without controls and numbers, at a time [s]; None: the end of the scene. Else as write()."""
+    at = scene.end if at is None else at
+    if not scene.begin <= at <= scene.end:
+        raise SetupError(f"a picture is of a time from {scene.begin:g} s to {scene.end:g} s; this is of {at:g} s")
+    path = Path(path)
+    _pictures(scene, path, look, [at], "bare")[0].resize((480, 270)).save(path, quality=QUALITY, method=6)
+    return path
+
+
+def _pictures(scene: Scene, path: Path, look: str, times: list[float], style: str) -> list[Image.Image]:
+    """Pictures of the page at times [s], with a class of view.css, and the progress under the name of a file."""
+    from PIL import Image
+
     if not browser.PROGRAM:
-        raise SetupError("a film needs Chromium; as root, run: apt-get install chromium (Ubuntu has it as a snap only)")
-    path, pictures = Path(path), []
+        raise SetupError("this needs Chromium; as root, run: apt-get install chromium (Ubuntu has it as a snap only)")
+    pictures = []
     shown = page.write(scene, path.with_name(f"{path.name}.html"))
     try:
         with browser.Browser(WIDTH, HEIGHT) as chromium, Bar(path.name) as bar:
             chromium.open(shown, f"#map=0&{look}")
-            chromium.evaluate("fledgeView.root.classList.add('filmed')")
-            for k in range(frames):
-                bar.at(k / frames, f"{k} of {frames} frames")
-                chromium.evaluate(f"fledgeView.seek({begin + (end - begin) * k / (frames - 1)!r})")
+            chromium.evaluate(f"fledgeView.root.classList.add('{style}')")
+            for k, t in enumerate(times):
+                bar.at(k / len(times), f"{k} of {len(times)} frames")
+                chromium.evaluate(f"fledgeView.seek({t!r})")
                 chromium.wait_for("!fledgeView.dirty")
                 pictures.append(Image.open(io.BytesIO(chromium.picture())).convert("RGB"))
     finally:
         shown.unlink(missing_ok=True)
-    pictures[0].save(path, "WEBP", save_all=True, append_images=pictures[1:], duration=EACH, loop=0, quality=QUALITY,
-                     method=4)
-    return path
+    return pictures

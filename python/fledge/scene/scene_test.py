@@ -496,6 +496,13 @@ def test_a_film_shows_the_given_span(record, tmp_path, capsys):
     for wrong in (["--from", "10min", "--to", "1min"], ["--to", "9h"], ["--frames", "1"]):
         assert cli.main([*arguments, *wrong]) == 2
         assert "a film has two frames or more" in capsys.readouterr().err
+    path = tmp_path / "picture.png"
+    arguments = ["view", str(record), "--picture", str(path), "--look", look]
+    assert cli.main([*arguments, "--at", "1min"]) == 0
+    with image.open(path) as shown:
+        assert shown.size == (480, 270) and np.asarray(shown.convert("L"), float).std() > 5, "something is there"
+    assert cli.main([*arguments, "--at", "9h"]) == 2
+    assert "a picture is of a time from" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")
