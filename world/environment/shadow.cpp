@@ -37,4 +37,16 @@ double hidden_share(const Vector3d &r_SB, double sun_radius, const Vector3d &r_P
     return std::clamp(area / (std::numbers::pi * sun * sun), 0.0, 1.0);
 }
 
+double hidden_share(const Vector3d &r_SB, double sun_radius, const Vector3d &r_PB, double equatorial, double polar,
+                    const Vector3d &pole)
+{
+    const auto stretched = [&](const Vector3d &r) -> Vector3d {
+        return r + (equatorial / polar - 1.0) * pole.dot(r) * pole;
+    };
+    const Vector3d sun = stretched(r_SB), body = stretched(r_PB);
+    const Vector3d across = body - body.dot(sun) / sun.squaredNorm() * sun; // from the Sun's centre to the body's
+    const double length = across.norm(), reach = length > 0.0 ? stretched(across).norm() / length : 1.0;
+    return hidden_share(sun, reach * sun_radius, body, equatorial);
+}
+
 } // namespace fledge::world

@@ -4,6 +4,11 @@
 // The edges of umbra, penumbra and of the cone in which an eclipse is annular are exact: they are where the circles
 // touch. Between them the circles are taken as flat, which is wrong by less than 3e-4 of the Sun's disc, also in low
 // orbits.
+//
+// An oblate body becomes a sphere when space is stretched along its pole, and lines of sight stay straight. The Sun
+// then is an ellipse, for which stands a circle that reaches as far towards the body. That is as exact as between
+// spheres where the body looks larger than the Sun; where both look alike, it is wrong by up to the flattening, of the
+// Sun's disc.
 // Source: Montenbruck and Gill, section 3.4.2.
 #pragma once
 
@@ -14,5 +19,9 @@ namespace fledge::world {
 /// The hidden share of the Sun's disc, 0 to 1. r_SB, r_PB: the observer relative to the centres of the Sun and of the
 /// body [m]. 1 inside the body; 0 if the body is behind the Sun.
 double hidden_share(const Eigen::Vector3d &r_SB, double sun_radius, const Eigen::Vector3d &r_PB, double body_radius);
+
+/// The same of an ellipsoid of revolution about its pole, a unit vector; its radii at the equator and the poles [m].
+double hidden_share(const Eigen::Vector3d &r_SB, double sun_radius, const Eigen::Vector3d &r_PB, double equatorial,
+                    double polar, const Eigen::Vector3d &pole);
 
 } // namespace fledge::world

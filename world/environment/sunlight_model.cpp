@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/environment/sunlight_model.h"
 
+#include "world/constants.h"
 #include "world/eigen.h"
 #include "world/environment/shadow.h"
 
@@ -20,14 +21,66 @@ constexpr double solar_constant = 1361.0;            // [W/m^2]
 
 } // namespace
 
+void SunlightModel::prepare(const sim::Setup &setup)
+{
+    EnvironmentModel::prepare(setup);
+    shapes_.clear();
+    for (const GravityBody &body : bodies()) {
+        Shape &shape = shapes_.emplace_back(Ellipsoid::of(body));
+        if (sky() && shape.ellipsoid.b != shape.ellipsoid.a && !body.pole_stays) {
+            shape.orientation = sky()->orientation(*body.naif);
+        }
+    }
+}
+
+void SunlightModel::ensure_data_until(Ns until)
+{
+    EnvironmentModel::ensure_data_until(until);
+    for (const Shape &shape : shapes_) {
+        if (interface_.par.oblate && shape.orientation) {
+            try {
+                sky()->require(*shape.orientation, 0, until);
+            } catch (const sim::SetupError &error) {
+                refuse(std::string(": ") + error.what());
+            }
+        }
+    }
+}
+
+double SunlightModel::hidden_by(std::size_t i, Ns start, double tau, const Vector3d &r_BN_N, const Vector3d &r_SB) const
+{
+    const double sun_radius = bodies()[0].radius;
+    Vector3d r_PB = r_BN_N - r_PN_N(i, start, tau);
+    if (interface_.par.light_time) { // light goes straight where the Sun stands still
+        r_PB += r_PB.norm() / speed_of_light * (v_PN_N(i, start, tau) - v_PN_N(0, start, tau));
+    }
+    if (!interface_.par.oblate) {
+        return hidden_share(r_SB, sun_radius, r_PB, bodies()[i].radius);
+    }
+    const auto &[ellipsoid, orientation] = shapes_[i];
+    const Vector3d pole = orientation ? Vector3d(orientation->at(sky()->epoch_at(start), tau).dcm_PN.row(2).transpose())
+                                      : bodies()[i].pole_N;
+    return hidden_share(r_SB, sun_radius, r_PB, ellipsoid.a, ellipsoid.b, pole);
+}
+
 SunlightModel::State SunlightModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
 {
     const Vector3d r_SB = r_BN_N - r_PN_N(0, start, tau);
     double hidden = 0.0;
     for (std::size_t i = 1; i < bodies().size(); i++) {
-        hidden += hidden_share(r_SB, bodies()[0].radius, r_BN_N - r_PN_N(i, start, tau), bodies()[i].radius);
+        hidden += hidden_by(i, start, tau, r_BN_N, r_SB);
     }
-    const double visible = std::max(1.0 - hidden, 0.0), distance = r_SB.norm();
+    return light(std::max(1.0 - hidden, 0.0), r_SB);
+}
+
+SunlightModel::State SunlightModel::unhidden(Ns start, double tau, const Vector3d &r_BN_N) const
+{
+    return light(1.0, r_BN_N - r_PN_N(0, start, tau));
+}
+
+SunlightModel::State SunlightModel::light(double visible, const Vector3d &r_SB) const
+{
+    const double distance = r_SB.norm();
     const double at_1_AU = interface_.par.irradiance > 0.0 ? interface_.par.irradiance : solar_constant;
     const double AU = astronomical_unit / distance;
     return {visible, visible * at_1_AU * AU * AU, r_SB / -distance};

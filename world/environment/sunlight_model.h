@@ -13,6 +13,9 @@ public:
 
     explicit SunlightModel(Sunlight &interface) : EnvironmentModel("sun", false), interface_(interface) {}
 
+    void prepare(const sim::Setup &setup) override;
+    void ensure_data_until(sim::Ns until) override;
+
     struct State {
         double visible;      ///< [-] share of the Sun's disc
         double irradiance;   ///< [W/m^2] with the eclipse
@@ -22,12 +25,25 @@ public:
     /// At r_BN_N [m] and start + tau [s].
     State at(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N) const;
 
+    /// The same where nothing hides the Sun.
+    State unhidden(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N) const;
+
     void reset(sim::Ns) override { interface_.out = {}; }
 
 private:
+    /// Of a body that may hide the Sun.
+    struct Shape {
+        Ellipsoid ellipsoid;
+        std::optional<Orientation> orientation; ///< without it its pole stands still
+    };
+
+    double hidden_by(std::size_t body, sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N,
+                     const Eigen::Vector3d &r_SB) const;
+    State light(double visible, const Eigen::Vector3d &r_SB) const;
     void publish(sim::Ns t) override;
 
     Sunlight &interface_;
+    std::vector<Shape> shapes_; ///< in the order of bodies()
 };
 
 } // namespace fledge::world

@@ -102,6 +102,69 @@ TEST(Shadow, PartsOfTheDiscAreThoseOfRingsOfTheSky)
     }
 }
 
+/// The share of the Sun's disc, by rays from all over it, that meet an ellipsoid with the pole p.
+double hidden_rays(const Vector3d &r_SB, const Vector3d &r_PB, double a, double b, const Vector3d &p)
+{
+    const double angle = std::asin(Rs / r_SB.norm());
+    const Vector3d z = -r_SB.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
+    const auto scaled = [&](const Vector3d &r) -> Vector3d { return r / a + (1.0 / b - 1.0 / a) * p.dot(r) * p; };
+    constexpr int rings = 300, rays = 300;
+    int met = 0;
+    for (int i = 0; i < rings; i++) {
+        const double cosine = 1.0 - (i + 0.5) / rings * (1.0 - std::cos(angle)), sine = std::sqrt(1 - cosine * cosine);
+        for (int j = 0; j < rays; j++) {
+            const double turn = 2.0 * pi * (j + 0.5 * (i % 2)) / rays;
+            const Vector3d ray = scaled(cosine * z + sine * (std::cos(turn) * x + std::sin(turn) * y));
+            const Vector3d r = scaled(r_PB);
+            const double along = ray.dot(r);
+            met += along < 0.0 && along * along > ray.squaredNorm() * (r.squaredNorm() - 1.0);
+        }
+    }
+    return static_cast<double>(met) / (rings * rays);
+}
+
+TEST(Shadow, OfAnOblateBodyIsThatOfRaysPastItsEllipsoid)
+{
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> share(-1.2, 1.2);
+    const auto any = [&]() -> Vector3d {
+        return Vector3d(normal(random), normal(random), normal(random)).normalized();
+    };
+    struct Case {
+        double a, b, D, altitude, within;
+    };
+    constexpr double earth = 6378137.0, saturn = 60268e3;
+    for (const Case &c : {Case{earth, 6356752.3, AU, 500e3, 4e-4},
+                          {earth, 6356752.3, AU, 3.6e7, 2e-4},
+                          {earth, 6356752.3, AU, 1.5e9, 2e-3},
+                          {saturn, 54364e3, 9.5 * AU, 1e7, 4e-4},
+                          {saturn, 54364e3, 9.5 * AU, 1e9, 4e-4}}) {
+        double worst = 0.0, by_sphere = 0.0;
+        for (int round = 0; round < 40; round++) {
+            // A ray that touches the body in q, on which the observer is; the Sun is up to 1.2 of its radius beside.
+            const Vector3d p = any(), e = any();
+            const Vector3d q = c.a * e + (c.b - c.a) * p.dot(e) * p;
+            const Vector3d n = (q + ((c.a * c.a) / (c.b * c.b) - 1.0) * p.dot(q) * p).normalized();
+            const Vector3d t = n.cross(any()).normalized();
+            const double distance = c.a + c.altitude;
+            const Vector3d r_PB = q + std::sqrt(distance * distance - q.squaredNorm()) * t;
+            const Vector3d r_SB = c.D * t - share(random) * Rs * n;
+            const double rays = hidden_rays(r_SB, r_PB, c.a, c.b, p);
+            worst = std::max(worst, std::abs(hidden_share(r_SB, Rs, r_PB, c.a, c.b, p) - rays));
+            by_sphere = std::max(by_sphere, std::abs(hidden_share(r_SB, Rs, r_PB, c.a) - rays));
+        }
+        EXPECT_LT(worst, c.within) << c.altitude;
+        EXPECT_GT(by_sphere, 1.2 * c.within) << c.altitude;
+    }
+    // Annular, on the axis and beside it; a sphere is a sphere.
+    const Vector3d r_SB(AU, 0, 0), r_PB(2e9, 1e3, 2e3), z(0, 0, 1);
+    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth, 6356752.3, z), hidden_rays(r_SB, r_PB, earth, 6356752.3, z),
+                3.4e-3);
+    EXPECT_GT(hidden_share(r_SB, Rs, {2e9, 0, 0}, earth, 6356752.3, z), 0.4);
+    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth, earth, z), hidden_share(r_SB, Rs, r_PB, earth), 1e-15);
+}
+
 TEST(Shadow, IsBehindTheBodyOnly)
 {
     const double R = 6378e3;
@@ -165,6 +228,32 @@ TEST_F(Light, FallsWithTheSquareOfTheDistanceAndWithEachEclipse)
     EXPECT_EQ(i.out.light.visible, 1.0 - hidden);
     EXPECT_EQ(i.out.light.irradiance, model.at(5, 0.0, edge).irradiance);
     EXPECT_EQ(i.out.light.head.t, 5);
+}
+
+TEST_F(Light, ComesPastEllipsoidsAndBodiesThatMoveOn)
+{
+    GravityBody earth = body("EARTH", 6378137.0, {0, 0, 0});
+    earth.naif = 399;
+    earth.pole_N = Vector3d(0.4, 0, 1).normalized();
+    earth.v_PN_N = {0, 3e4, 0};
+    model.set_body(body("SUN", Rs, {AU, 0, 0}));
+    model.add_body(earth);
+    model.prepare({"world.light", 1, nullptr});
+    const Vector3d r(-4.2e7, 4.4e6, 4.45e6), r_SB = r - Vector3d(AU, 0, 0);
+    const double sphere = 1.0 - hidden_share(r_SB, Rs, r, 6378137.0);
+    EXPECT_EQ(model.at(0, 0.0, r).visible, sphere);
+    EXPECT_EQ(model.unhidden(0, 0.0, r).visible, 1.0);
+    EXPECT_NEAR(model.unhidden(0, 0.0, r).irradiance * sphere, model.at(0, 0.0, r).irradiance, 1e-9);
+    i.par.oblate = 1;
+    const double polar = 6378137.0 * (1 - 1 / 298.257223563);
+    EXPECT_NEAR(model.at(0, 0.0, r).visible, 1.0 - hidden_share(r_SB, Rs, r, 6378137.0, polar, earth.pole_N), 1e-12);
+    EXPECT_GT(std::abs(model.at(0, 0.0, r).visible - sphere), 1e-3);
+    // Light that passed the body 0.14 s ago: it was 4.2 km behind then.
+    i.par.oblate = 0;
+    i.par.light_time = 1;
+    const Vector3d late = r + 3e4 * r.norm() / 299792458.0 * Vector3d::UnitY();
+    EXPECT_NEAR(model.at(0, 0.0, r).visible, 1.0 - hidden_share(r_SB, Rs, late, 6378137.0), 1e-12);
+    EXPECT_GT(std::abs(model.at(0, 0.0, r).visible - sphere), 1e-3);
 }
 
 TEST_F(Light, NamesWhatIsWrong)

@@ -130,6 +130,40 @@ def test_in_a_sky_the_moon_eclipses_the_sun():
 
 
 @needs_de405
+@pytest.mark.parametrize("epoch, centre, l1, l2", [
+    ("2017-08-21T18:00:00 TT", (-0.129571, 0.485416), 0.542093, 0.004025),
+    ("2024-04-08T18:00:00 TT", (-0.318244, 0.219764), 0.535814, 0.010272)])
+def test_the_moons_shadow_has_the_published_besselian_elements(epoch, centre, l1, l2):
+    # Espenak: the shadow's axis in the fundamental plane through the Earth's centre, x to the east and y to the north,
+    # and the radii of penumbra and umbra there, all in Earth radii, with these radii of the Sun and the Moon.
+    R, sun_radius, k1, k2 = 6378137.0, 149597870700 * np.tan(np.radians(959.63 / 3600)), 0.272488, 0.272281
+    sky = world.Sky(epoch, center=EARTH)
+    z = sky.state(world.SUN).r_PN_N - sky.state(world.MOON).r_PN_N
+    x = np.cross(sky.true_of_date()[2], z)
+    axes = [axis / np.linalg.norm(axis) for axis in (x, np.cross(z, x))]
+
+    def beyond(radius, k, limit, light_time):
+        """How far [m] beyond a radius more of the Sun than `limit` is seen: west, east, south, north."""
+        off = np.linspace(-3000, 3000, 121)
+        places = [np.multiply(R, centre) + (R * radius + d) * np.array(side)
+                  for side in ((-1, 0), (1, 0), (0, -1), (0, 1)) for d in off]
+        moon = world.Body("MOON", mu=world.MOON.mu, radius=k * R, naif=301)
+        sun = world.Body("SUN", mu=world.SUN.mu, radius=sun_radius, naif=10)
+        sim = Simulation("eclipse")
+        sim.world.light = light = world.Sunlight(sun=sun, shadows=[moon], sky=sky, light_time=light_time)
+        sim.world.task("scan", every=1e-6 * s, run=[light])
+        sim.feed(light.truth, time=1e-6 * np.arange(len(places)), r_BN_N=np.array(places) @ axes)
+        log = sim.record(light.light, every=1e-6 * s)
+        sim.run(1e-6 * (len(places) - 1))
+        hidden = log["visible"].reshape(4, -1) <= limit
+        return off[np.minimum(hidden.sum(axis=1), 120)]
+
+    assert np.abs(beyond(l1, k1, limit=1 - 1e-9, light_time=1)).max() < 200
+    assert np.abs(beyond(l2, k2, limit=0, light_time=1)).max() < 200
+    assert np.abs(beyond(l1, k1, limit=1 - 1e-9, light_time=0)).max() > 2900    # the Moon 1.3 s later, 34 km further
+
+
+@needs_de405
 def test_the_world_magnetic_model_in_a_sky():
     sky = world.Sky("2025-01-01", center=EARTH)
     # A published test value at 80 N, 0 E, 100 km: north 6216.0, east 92.4, down 52598.8 nT.
