@@ -24,17 +24,18 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple, NoReturn
-from xml.parsers import expat
 
 from fledge.errors import SetupError, did_you_mean, listed, printable
 from fledge.disk import shown
+from fledge.files import kvn, xml
+from fledge.files.kvn import Token, refuse
+from fledge.files.values import NUMBER
 
 DAY = 86_400_000_000_000                    # [ns]
 J2000 = datetime(2000, 1, 1, 12)
 RADIUS, MU = 6378.135e3, 398600.8e9         # of WGS 72, as SGP4 has them
 
 TURN = 2 * math.pi
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d)(?:\.(\d+))?Z?")
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"        # of Alpha-5: from 10 on, without I and O
 
@@ -278,13 +279,7 @@ _ASSUMED = {"CENTER_NAME": ["EARTH"], "REF_FRAME": ["TEME"], "TIME_SYSTEM": ["UT
             "MEAN_ELEMENT_THEORY": ["SGP4", "SGP/SGP4"]}
 
 
-class _Value(NamedTuple):
-    text: str
-    line: int
-    unit: str = ""
-
-
-def _of_omm(fields: Mapping[str, _Value], where: str, line: int, strict: bool) -> MeanElements:
+def _of_omm(fields: Mapping[str, Token], where: str, line: int, strict: bool) -> MeanElements:
     """The elements of an OMM that begins at a line. strict: what says which elements they are must not be missing."""
     def place(key: str) -> str:
         return f"{where}, line {fields[key].line if key in fields else line}"
@@ -306,8 +301,9 @@ def _of_omm(fields: Mapping[str, _Value], where: str, line: int, strict: bool) -
         if value(key) and value(key).upper() not in allowed:
             _refuse(place(key), f"{key}: expected {' or '.join(allowed)}; found {value(key)}")
     for key, unit in _REQUIRED.items():
-        if fields[key].unit and fields[key].unit.lower() != unit.lower():
-            _refuse(place(key), f"{key}: expected the unit {unit or 'of a bare number'}; found {fields[key].unit}")
+        found = fields[key].unit or ""
+        if found and found.lower() != unit.lower():
+            _refuse(place(key), f"{key}: expected the unit {unit or 'of a bare number'}; found {found}")
     if value("EPHEMERIS_TYPE") not in ("", "0", "2", "3", "SGP", "SGP4"):
         _refuse(place("EPHEMERIS_TYPE"), f"EPHEMERIS_TYPE: expected 0, elements of SGP4; found "
                                          f"{value('EPHEMERIS_TYPE')}")
@@ -338,57 +334,39 @@ def _epoch(text: str, place: str) -> int:
 
 
 def _kvn(text: str, where: str) -> Iterator[MeanElements]:
-    fields: dict[str, _Value] = {}
+    fields: dict[str, Token] = {}
     begin = 1
-    for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1):
-        key, equals, rest = (part.strip() for part in line.partition("="))
-        if not line.strip() or line.split()[0] == "COMMENT" or line.strip() in (
-                "META_START", "META_STOP", "DATA_START", "DATA_STOP"):
+    for token in kvn.tokens(text):
+        if token.kind == "row":
+            refuse(where, token.line, f"expected KEYWORD = value; found {token.text!r}")
+        if token.kind != "key":
             continue
-        if not equals or not re.fullmatch(r"[A-Z][A-Z0-9_]*", key):
-            _refuse(f"{where}, line {number}", f"expected KEYWORD = value; found {line!r}")
-        if key == "CCSDS_OMM_VERS":
+        if token.name == "CCSDS_OMM_VERS":
             if fields:
                 yield _of_omm(fields, where, begin, True)
-            fields, begin = {}, number
+            fields, begin = {}, token.line
         elif not fields:
-            _refuse(f"{where}, line {number}", f"expected CCSDS_OMM_VERS = ... first; found {line!r}")
-        if key in fields:
-            _refuse(f"{where}, line {number}", f"{key} is given twice; the first is in line {fields[key].line}")
-        unit = re.fullmatch(r"(.*?)\s*\[(.*)\]", rest)
-        fields[key] = _Value(unit[1], number, unit[2].strip()) if unit else _Value(rest, number)
+            refuse(where, token.line, f"expected CCSDS_OMM_VERS = ... first; found {token.name} = {token.text}")
+        _add(fields, token, where)
     yield _of_omm(fields, where, begin, True)
 
 
 def _xml(text: str, where: str) -> Iterator[MeanElements]:
-    entries: list[tuple[int, dict[str, _Value]]] = []
-    open_ones: list[tuple[str, int, str, list[str]]] = []       # name, line, unit, pieces of its text
-    parser = expat.ParserCreate()
-    before = text.index("<")            # no line feed may stand before the declaration
-    skipped = text.count("\n", 0, before)
+    entries: list[dict[str, Token]] = []
+    for token in xml.tokens(text, where):
+        if token.kind == "key" and token.name == "CCSDS_OMM_VERS":
+            entries.append({})
+        if token.kind == "key" and entries:
+            _add(entries[-1], token, where)
+    for fields in entries:
+        yield _of_omm(fields, where, fields["CCSDS_OMM_VERS"].line, True)
 
-    def start(name: str, attributes: dict[str, str]) -> None:
-        name, line = name.rpartition(":")[2], parser.CurrentLineNumber + skipped
-        if name == "omm":
-            entries.append((line, {}))
-        open_ones.append((name, line, attributes.get("units", ""), []))
 
-    def end(_: str) -> None:
-        name, line, unit, pieces = open_ones.pop()
-        if entries and name.isupper():
-            fields = entries[-1][1]
-            if name in fields and name in _REQUIRED:
-                _refuse(f"{where}, line {line}", f"{name} is given twice; the first is in line {fields[name].line}")
-            fields[name] = _Value("".join(pieces), line, unit)
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = lambda data: open_ones[-1][3].append(data)
-    try:
-        parser.Parse(text[before:], True)
-    except expat.ExpatError as error:
-        _refuse(f"{where}, line {error.lineno + skipped}", f"expected XML; {expat.ErrorString(error.code)}")
-    for line, fields in entries:
-        yield _of_omm(fields, where, line, True)
+def _add(fields: dict[str, Token], token: Token, where: str) -> None:
+    if token.name in fields:
+        refuse(where, token.line, f"{token.name} is given twice; the first is in line {fields[token.name].line}")
+    text, unit = token.split()
+    fields[token.name] = token._replace(text=text, unit=unit)
 
 
 def _json(text: str, where: str) -> Iterator[MeanElements]:
@@ -407,7 +385,7 @@ def _json(text: str, where: str) -> Iterator[MeanElements]:
             if isinstance(value, (dict, list, bool)):
                 _refuse(f"{where}, line {line}", f"{key}: expected a text or a number; found {value!r}")
             end = max(end, text.find(f'"{key}"', at))
-            fields[key] = _Value("" if value is None else str(value), text.count("\n", 0, max(end, 0)) + 1)
+            fields[key] = Token("key", key, "" if value is None else str(value), text.count("\n", 0, max(end, 0)) + 1)
         yield _of_omm(fields, where, line, False)
         at = max(end, at) + 1
 
@@ -425,7 +403,7 @@ def _csv(text: str, where: str) -> Iterator[MeanElements]:
                 continue
             if len(row) != len(keys):
                 _refuse(place, f"expected {len(keys)} columns, as the first line names; found {len(row)}")
-            yield _of_omm({key: _Value(cell, rows.line_num) for key, cell in zip(keys, row)}, where, rows.line_num,
-                          False)
+            fields = {key: Token("key", key, cell, rows.line_num) for key, cell in zip(keys, row)}
+            yield _of_omm(fields, where, rows.line_num, False)
     except csv.Error as error:
         _refuse(f"{where}, line {rows.line_num}", f"expected CSV; {error}")

@@ -1,0 +1,516 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of CCSDS: values against those written by hand, round trips of random messages, and each refusal."""
+
+import itertools
+import math
+import random
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from fledge import attitude, files
+from fledge.errors import SetupError
+from fledge.files import messages, ndm, tables, values
+from fledge.files.ephemeris import AemSegment, OemSegment
+from fledge.files.sections import Section, Segment
+
+OPM = """CCSDS_OPM_VERS = 3.0
+COMMENT of the header
+CREATION_DATE = 2026-01-02T03:04:05
+ORIGINATOR = TEAM
+OBJECT_NAME = CRAFT
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = GCRF
+TIME_SYSTEM = TT
+COMMENT of the state
+EPOCH = 2000-001T12:00:01.000000001
+X = 6878.137 [km]
+Y = -1.5E+1
+Z = 0
+X_DOT = 0
+Y_DOT = 7.6125 [km/s]
+Z_DOT = 1e-3 [km/s]
+MASS = 100 [kg]
+COV_REF_FRAME = RTN
+CX_X = 4e-6
+CY_X = 0
+CY_Y = 4e-6
+CZ_X = 0
+CZ_Y = 0
+CZ_Z = 4e-6
+CX_DOT_X = 1e-9
+CX_DOT_Y = 0
+CX_DOT_Z = 0
+CX_DOT_X_DOT = 1e-12
+CY_DOT_X = 0
+CY_DOT_Y = 0
+CY_DOT_Z = 0
+CY_DOT_X_DOT = 0
+CY_DOT_Y_DOT = 1e-12
+CZ_DOT_X = 0
+CZ_DOT_Y = 0
+CZ_DOT_Z = 0
+CZ_DOT_X_DOT = 0
+CZ_DOT_Y_DOT = 0
+CZ_DOT_Z_DOT = 1e-12
+MAN_EPOCH_IGNITION = 2000-01-02T00:00:00
+MAN_DURATION = 10 [s]
+MAN_DELTA_MASS = -1 [kg]
+MAN_REF_FRAME = RTN
+MAN_DV_1 = 0
+MAN_DV_2 = 0.01
+MAN_DV_3 = 0
+MAN_EPOCH_IGNITION = 2000-01-03T00:00:00
+MAN_DURATION = 0
+MAN_DELTA_MASS = 0
+MAN_REF_FRAME = RTN
+MAN_DV_1 = 0
+MAN_DV_2 = -0.01
+MAN_DV_3 = 0
+USER_DEFINED_MODEL = A = [b]
+"""
+OEM = """CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-01-02T03:04:05
+ORIGINATOR = TEAM
+
+META_START
+OBJECT_NAME = CRAFT
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+START_TIME = 2016-12-31T23:59:59
+STOP_TIME = 2017-01-01T00:00:01
+INTERPOLATION = LAGRANGE
+INTERPOLATION_DEGREE = 1
+META_STOP
+COMMENT over a leap second
+2016-12-31T23:59:59 7000 0 0 0 7.5 0
+2016-12-31T23:59:60 7000 7.5 0 0 7.5 0
+2017-01-01T00:00:00 7000 15 0 0 7.5 0
+2017-01-01T00:00:01 7000 22.5 0 0 7.5 0
+
+COVARIANCE_START
+EPOCH = 2016-12-31T23:59:60
+1e-6
+0 1e-6
+0 0 1e-6
+0 0 0 1e-12
+0 0 0 0 1e-12
+0 0 0 0 0 1e-12
+EPOCH = 2017-01-01T00:00:01
+COV_REF_FRAME = RTN
+1e-6
+2e-6 1e-6
+0 0 1e-6
+0 0 0 1e-12
+0 0 0 0 1e-12
+0 0 0 0 0 1e-12
+COVARIANCE_STOP
+"""
+AEM = """CCSDS_AEM_VERS = 1.0
+CREATION_DATE = 2026-01-02T03:04:05
+ORIGINATOR = TEAM
+META_START
+OBJECT_NAME = CRAFT
+OBJECT_ID = 2026-001A
+REF_FRAME_A = EME2000
+REF_FRAME_B = SC_BODY_1
+ATTITUDE_DIR = A2B
+TIME_SYSTEM = TAI
+START_TIME = 2026-01-01T00:00:00
+STOP_TIME = 2026-01-01T00:00:10
+ATTITUDE_TYPE = QUATERNION
+QUATERNION_TYPE = FIRST
+META_STOP
+DATA_START
+2026-01-01T00:00:00 1 0 0 0
+2026-01-01T00:00:10 -0.7071067811865476 0 0 -0.7071067811865476
+DATA_STOP
+"""
+OCM = """CCSDS_OCM_VERS = 3.0
+CREATION_DATE = 2026-01-02T03:04:05
+ORIGINATOR = TEAM
+META_START
+TIME_SYSTEM = UTC
+EPOCH_TZERO = 2016-12-31T23:59:59
+META_STOP
+TRAJ_START
+TRAJ_TYPE = KEPLERIAN
+TRAJ_UNITS = [km, n/a, deg, deg, deg, deg]
+0 7000 0.001 90 0 0 180
+2.5 7000 0.001 90 0 0 181
+TRAJ_STOP
+COV_START
+COV_TYPE = CARTP
+COV_ORDERING = UTMWCC
+0 1e-6 5e-7 0 0.5 1e-6 0 0 0 1e-6
+COV_STOP
+MAN_START
+MAN_ID = 1
+MAN_DEVICE_ID = THR
+MAN_COMPOSITION = TIME_RELATIVE, MAN_DURA, DV_X, DEPLOY_ID
+MAN_UNITS = [s, km/s, n/a]
+1 10 0.001 BEE
+MAN_STOP
+"""
+
+
+def refused(text, expected):
+    with pytest.raises(SetupError) as error:
+        files.read_all(text)
+    assert expected in str(error.value), str(error.value)
+
+
+def test_values_are_in_si_and_stand_by_keyword():
+    opm = files.read(OPM)
+    state = opm["STATE"]
+    assert (opm.kind, opm.version, opm.header["ORIGINATOR"]) == ("OPM", "3.0", "TEAM")
+    assert opm.header.comments == ["of the header"] and state.comments == ["of the state"]
+    assert [state[key] for key in ("X", "Y", "Z", "Y_DOT", "Z_DOT")] == [6878137.0, -15000.0, 0.0, 7612.5, 1.0]
+    # TDB - TT is within 2 ms, and is -0.1 ms or so at J2000.
+    assert abs(state["EPOCH"] - 1_000_000_001) < 200_000
+    assert opm.segment.clock.text(state["EPOCH"]) == "2000-01-01T12:00:01.000000001"
+    assert [maneuver["MAN_DV_2"] for maneuver in opm.segment.all("MANEUVER")] == [10.0, -10.0]
+    assert opm["USER"]["USER_DEFINED_MODEL"] == "A = [b]" and opm["SPACECRAFT"]["MASS"] == 100.0
+    covariance = opm["COVARIANCE"].covariance()
+    assert covariance.shape == (6, 6) and covariance[0, 3] == covariance[3, 0] == 1e-3
+    assert np.diag(covariance).tolist() == [4.0] * 3 + [1e-6] * 3
+    with pytest.raises(SetupError, match="line 11: STATE has no Q; it has EPOCH, X, "):
+        state["Q"]
+    with pytest.raises(SetupError, match="the segment has no KEPLERIAN; it has META, STATE, SPACECRAFT, COVARIANCE"):
+        opm["KEPLERIAN"]
+
+
+def test_an_ephemeris_counts_leap_seconds_and_is_interpolated_within_its_span():
+    segment = files.read(OEM).segment
+    assert np.abs(np.diff(segment.times) - 10**9).max() <= 1      # TDB, rounded
+    r, v = segment.at(segment.times[0] + np.array([0, 1_500_000_000, 3 * 10**9]))
+    assert np.allclose(r, [[7e6, 0, 0], [7e6, 11250, 0], [7e6, 22500, 0]], atol=2e-5) and np.all(v == [0, 7500, 0])
+    first, last = segment.span
+    for t, text in ((first - 1, "2016-12-31T23:59:58.999999999"), (last + 1, "00:00:01.00000000")):
+        with pytest.raises(SetupError, match=f"from 2016-12-31T23:59:59 to 2017-01-01T00:00:01 UTC; found .*{text}"):
+            segment.at(t)
+    with pytest.raises(SetupError, match="expected times \\[ns\\] as whole numbers; found float64"):
+        segment.at(0.5)
+    assert segment.covariances[0].covariance().shape == (6, 6)
+    with pytest.raises(SetupError, match="line 30: expected a covariance that is positive semi-definite; found the "
+                                         "least eigenvalue -1 "):
+        segment.covariances[1].covariance()
+
+
+def test_the_times_are_those_of_erfa():
+    erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
+    for scale, seconds in (("TAI", 32.184), ("GPS", 51.184), ("TT", 0.0)):
+        for date in ((1999, 12, 31), (2016, 7, 1), (2031, 2, 3)):
+            day, part = erfa.dtf2d("TT", *date, 1, 2, 3.0)
+            tt = (day - 2451545.0 + part) * 86400 + seconds
+            ours = values.Clock(scale).ns("{}-{:02}-{:02}T01:02:03".format(*date)) / 1e9
+            assert abs(ours - tt - erfa.dtdb(day, part, 0, 0, 0, 0)) < 1e-4
+    tai = erfa.utctai(*erfa.dtf2d("UTC", 2016, 12, 31, 23, 59, 60.5))
+    ours = values.Clock("TAI").text(values.Clock("UTC").ns("2016-12-31T23:59:60.5"))
+    assert ours == "2017-01-01T00:00:36.5" and (tai[0] - 2457754.5 + tai[1]) * 86400 == pytest.approx(36.5, abs=1e-5)
+
+
+def test_attitudes_are_quaternions_and_turn_about_a_fixed_axis():
+    segment = files.read(AEM).segment
+    found = segment.at(segment.times[0] + np.arange(3) * 5 * 10**9)
+    half = np.radians([0, 22.5, 45])
+    assert np.allclose(found, np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=-1), atol=1e-15)
+    opposite = files.read(AEM.replace("A2B", "B2A")).segment.at(segment.times[-1])
+    assert np.allclose(opposite, found[2] * [1, -1, -1, -1])
+    euler = AEM.replace("= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGLE\nEULER_ROT_SEQ = 321").replace(
+        "1 0 0 0", "30 20 10").replace("-0.7071067811865476 0 0 -0.7071067811865476", "31 20 10")
+    beta = files.read(euler).segment.beta_BA[0]
+    assert np.allclose(beta, attitude.euler_to_quaternion(np.radians([30, 20, 10]), "321"), atol=1e-15)
+
+
+def test_orbits_of_an_ocm_count_seconds_of_si_from_their_zero():
+    ocm = files.read(OCM)
+    clock, trajectory = ocm.segment.clock, ocm["TRAJ"].columns
+    assert [clock.text(t) for t in trajectory["TIME"].tolist()] == ["2016-12-31T23:59:59", "2017-01-01T00:00:00.5"]
+    assert [trajectory[f"KEPLERIAN_{i}"][0] for i in (1, 2, 3, 6)] == [7e6, 0.001, math.pi / 2, math.pi]
+    _, (matrix,) = tables.history(ocm["COV"])
+    assert matrix.tolist() == [[1, 0.5, 0], [0.5, 1, 0], [0, 0, 1]]
+    assert ocm["MAN"].columns["DEPLOY_ID"].tolist() == ["BEE"] and ocm["MAN"].columns["DV_X"].tolist() == [1.0]
+
+
+@pytest.mark.parametrize("method, degree, tolerance", [
+    ("LAGRANGE", 7, 3e-3), ("LAGRANGE", 8, 1e-3), ("HERMITE", 7, 2e-5), ("HERMITE", 11, 1e-6),
+    ("LINEAR", 1, 7e6 * (0.001078 * 30)**2 / 8)])     # the height of the arc over its chord
+def test_interpolation_follows_an_orbit(method, degree, tolerance):
+    n = math.sqrt(3.986004418e14 / 7e6**3)
+    times = np.arange(0, 3000, 30)
+
+    def orbit(t):
+        zero = np.zeros_like(t, dtype=float)
+        return (7e6 * np.stack([np.cos(n * t), np.sin(n * t), zero], axis=-1),
+                7e6 * n * np.stack([-np.sin(n * t), np.cos(n * t), zero], axis=-1))
+
+    meta = {"TIME_SYSTEM": "TDB", "INTERPOLATION": method, "INTERPOLATION_DEGREE": degree}
+    segment = OemSegment.of(meta, times * 10**9, *orbit(times))
+    t = np.linspace(0, 2970, 1000).round(3)
+    r, v = segment.at(np.round(t * 1e9).astype(np.int64))
+    inside = (t > 150) & (t < 2820)
+    assert np.abs(r - orbit(t)[0])[inside].max() < tolerance
+    assert np.abs(v - orbit(t)[1])[inside].max() < tolerance * n * 50
+    for i in range(0, 100, 7):      # through the lines themselves
+        assert np.abs(segment.at(segment.times[i])[0][0] - segment.r[i]).max() < 1e-8
+
+
+def test_interpolation_is_that_of_another_program():
+    scipy = pytest.importorskip("scipy.interpolate", reason="python3-scipy is not installed")
+    generator = np.random.default_rng(1)
+    times = np.sort(generator.choice(1000, 4, replace=False)) * 10**9
+    r, v = generator.normal(size=(2, 4, 3)) * 1e6
+    segment = OemSegment.of({"TIME_SYSTEM": "TDB", "INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": 7}, times, r, v)
+    t = generator.integers(times[0], times[-1], 20)
+    theirs = scipy.KroghInterpolator(np.repeat(times / 1e9, 2), np.stack([r, v], axis=1).reshape(8, 3))
+    ours = segment.at(t)
+    assert np.allclose(ours[0], theirs(t / 1e9), rtol=1e-9, atol=1e-2)
+    assert np.allclose(ours[1], theirs.derivative(t / 1e9), rtol=1e-9, atol=1e-2)
+
+
+def test_a_frame_of_pandas_goes_there_and_back(tmp_path):
+    pytest.importorskip("pandas", reason="python3-pandas is not installed")
+    segment = files.read(OEM).segment
+    frame = segment.to_pandas()
+    assert frame["Y"].tolist() == [0, 7500, 15000, 22500] and len(frame) == 4
+    meta = {key: value for key, value in segment.meta.values.items() if not key.startswith("INTERP")}
+    again = OemSegment.from_pandas(frame, meta)
+    files.write(ndm.create("OEM", [again], originator="TEAM", created="2026-01-01T00:00:00"), tmp_path / "a.oem")
+    found = files.read(tmp_path / "a.oem").segment
+    assert np.array_equal(found.times, segment.times) and np.array_equal(found.r, segment.r)
+    attitudes = files.read(AEM).segment
+    again = AemSegment.from_pandas(attitudes.to_pandas(), attitudes.meta.values)
+    assert np.array_equal(again.beta_BA, attitudes.beta_BA)
+
+
+def test_a_number_has_the_same_bits_after_a_round_trip():
+    generator = random.Random(1)
+    for _ in range(3000):
+        unit = generator.choice(sorted(values.UNITS))
+        value = generator.choice([-1, 1]) * generator.random() * 10.0 ** generator.randint(-12, 12)
+        text = values.from_si(value, values.UNITS[unit])
+        assert values.to_si(text, values.UNITS[unit]) == value
+    assert values.to_si("6878.1370", 3) == 6878137.0 and values.from_si(6878137.0, 3) == "6878.137"
+    assert values.to_si("180", values.DEG) == math.pi and values.from_si(math.pi, values.DEG) == "180.0"
+    assert values.to_si("0.1", values.UNITS["rev/day"]) == pytest.approx(0.2 * math.pi / 86400, rel=1e-15)
+    assert float(values.PI / 180) == pytest.approx(math.pi / 180, rel=1e-15)
+    assert float(values.times(3, values.DEG)) == pytest.approx(1000 * math.pi / 180, rel=1e-15)
+    assert values.times(3, 3) == 6 and isinstance(values.DEG, Decimal)
+
+
+SPAN = ("START_TIME", "USEABLE_START_TIME", "USEABLE_STOP_TIME", "STOP_TIME")
+
+
+def random_value(generator, name, kind, clock):
+    if name in messages.CHOICES:
+        return messages.CHOICES[name][0]
+    if name == "EULER_ROT_SEQ":
+        return generator.choice(["321", "ZXZ"])
+    if kind == "date":
+        return f"20{generator.randint(10, 30)}-{generator.randint(1, 365):03}T00:00:00"
+    if kind == "time":
+        return clock.ns(f"20{generator.randint(10, 30)}-01-02T03:04:05.{generator.randrange(10**9):09}")
+    if kind == "int":
+        return generator.randint(1, 9)
+    if kind == "text":
+        return generator.choice(["EARTH", "A B", "a < b & c", "x = [1, 2]"])
+    return generator.uniform(-1, 1) * 10.0 ** generator.randint(-9, 9)
+
+
+def random_section(generator, block, clock, settings):
+    chosen = {}
+    for name, item in block.fields.items():
+        optional = block.name == "COVARIANCE" and name.startswith(("CDRG", "CSRP", "CTHR"))
+        if name.endswith("_UNITS"):
+            continue
+        if name in settings or (not optional and name not in block.either and name not in messages.PAIRS and (
+                item.required or generator.random() < 0.5)) or name in block.either[:1]:
+            chosen[name] = settings.get(name) or random_value(generator, name, item.type, clock)
+    if block.name == "USER":
+        chosen = {"USER_DEFINED_A": "1", "USER_DEFINED_B": "x <y>"}
+    return Section(block.name, chosen, ["of " + block.name, "a < b"])
+
+
+def random_columns(generator, columns, clock):
+    rows, first = range(generator.randint(1, 5)), clock.ns("2020-01-01T00:00:00")
+    draw = {"time": lambda i: first + i * 10**9 + generator.randrange(10**9),
+            "text": lambda i: generator.choice(["ON", "OFF"])}
+    return {name: np.array([draw.get(unit, lambda i: generator.uniform(-1e3, 1e3))(i) for i in rows],
+                           dtype=object if unit == "text" else None) for name, unit in columns}
+
+
+def random_message(generator):
+    form = generator.choice(list(messages.FORMS.values()))
+    version = generator.choice(form.versions)
+    scale = "UTC" if form.name == "CDM" else generator.choice([*values.SCALES, "UT1"])
+    clock, blocks = values.Clock(scale), form.of(version)
+    settings = {"TIME_SYSTEM": scale, "TRAJ_TYPE": generator.choice(sorted(messages.ORBITS)), "COV_TYPE": "CARTPV",
+                "COV_ORDERING": generator.choice(tables.ORDERINGS), "OBJECT_NAME": "A", "OBJECT_ID": "B",
+                "MAN_COMPOSITION": "TIME_ABSOLUTE, DV_X, ACC_INTERP, THR_DIR_SIGMA", "EULER_ROT_SEQ": "321",
+                "QUATERNION_TYPE": "FIRST" if version[0] == "1" else "LAST",
+                "ATTITUDE_TYPE": generator.choice(sorted(messages.ATTITUDES.get(version[0], "-")))}
+    if form.name in ("OEM", "AEM"):
+        settings |= dict.fromkeys(SPAN, clock.ns("2020-01-01T00:00:00"))
+    front = [random_section(generator, block, values.Clock("UTC"), {}) for block in blocks[:1 + len(form.front)]]
+    segments = []
+    for number in range(2 if form.name == "CDM" else generator.randint(1, 3) if form.segments else 1):
+        sections = []
+        for block in blocks[1 + len(form.front):]:
+            needed = block.required or (block.name in form.some and version == "2.0")
+            for _ in range((needed or generator.random() < 0.6) * (generator.randint(1, 3) if block.many else 1)):
+                keep = {key: value for key, value in settings.items() if key in block.fields}
+                section = random_section(generator, block, clock, keep)
+                section.values |= {"OBJECT": f"OBJECT{number + 1}"} if "OBJECT" in block.fields else {}
+                if block.rows and block.name != "COVARIANCE":
+                    section.values = {key: value for key, value in section.values.items() if block.mark}
+                    columns = tables.columns_of(section, sections[0], form.name, version, generator.choice([7, 10]))
+                    section.columns = random_columns(generator, columns, clock)
+                sections += [section] if section.values or section.columns else []
+        segments.append(sections)
+    return ndm.message_of(form.name, version, front, segments)
+
+
+def is_same(a, b):
+    assert (a.kind, a.version, len(a.segments)) == (b.kind, b.version, len(b.segments))
+    for x, y in zip([*a.front, *(s for part in a.segments for s in part.sections)],
+                    [*b.front, *(s for part in b.segments for s in part.sections)], strict=True):
+        assert (x.name, x.values, x.comments, sorted(x.columns)) == (y.name, y.values, y.comments, sorted(y.columns))
+        assert all(np.array_equal(x.columns[name], y.columns[name]) for name in x.columns)
+
+
+def test_random_messages_are_the_same_after_a_round_trip():
+    generator = random.Random(1)
+    kinds = set()
+    for _ in range(300):
+        message = random_message(generator)
+        euler = message.version == "1.0" and any(
+            section.name == "EULER" or "ANGLE_1" in section.columns or "ANGLE_1_DOT" in section.columns
+            for part in message.segments for section in part.sections)
+        for form in ("kvn",) if euler else ("kvn", "xml"):
+            is_same(message, ndm.read(ndm.text_of(message, form)))
+            kinds.add((message.kind, message.version, form))
+    assert len(kinds) == 2 * sum(len(form.versions) for form in messages.FORMS.values())
+
+
+def replaced(text, old, new):
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+XML = ndm.text_of(files.read(OPM), "xml")
+BOMB = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>\n'
+EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGLE")
+
+
+@pytest.mark.parametrize("text, expected", [
+    (replaced(OPM, "3.0", "4.0"), "line 1: CCSDS_OPM_VERS: expected 1.0 or 2.0 or 3.0; found '4.0'"),
+    (replaced(OPM, "OPM", "TDM"), "line 1: expected a message of OPM, OMM, OEM, OCM, AEM, APM, CDM; found TDM"),
+    ("COMMENT x\n" + OPM, "line 1: expected CCSDS_..._VERS = ... first"),
+    (replaced(OPM, "[km]", "[m]"), "line 12: X: expected the unit km, or none; found m: convert the value"),
+    (replaced(OPM, "6878.137", "6878,137"), "line 12: X: expected a number; found '6878,137 [km]'"),
+    (replaced(OPM, "6878.137", "nan"), "line 12: X: expected a number; found 'nan [km]'"),
+    (replaced(OPM, "Z = 0\n", ""), "line 11: expected Z in STATE; there is none"),
+    (replaced(OPM, "Z = 0\n", "X = 0\n"), "line 14: X is given twice; the first is in line 12"),
+    (replaced(OPM, "REF_FRAME", "REF_FRAMES"), "line 8: OPM 3.0 has no REF_FRAMES; did you mean 'REF_FRAME'?"),
+    (replaced(OPM, "MASS = 100 [kg]\n", "") + "MASS = 1\n", "line 55: MASS: expected in SPACECRAFT, before USER"),
+    (replaced(OPM, "TT", "TTT"), "line 9: TIME_SYSTEM: expected UTC, TAI, TT, TDB, GPS, UT1, "),
+    (replaced(OPM, "TT", "UTC").replace("2000-001", "1970-001"), "line 11: EPOCH: time \"1970-01-01T12:00:01 UTC\": "
+     "UTC had no whole leap seconds before 1972-01-01"),
+    (replaced(OPM, "2000-001T", "2001-366T"), "line 11: EPOCH: expected a time on TT, 2020-10-13T04:52:48.472 or"),
+    (replaced(OPM, "TT", "MET").replace("2000-001T12:00:01.000000001", "12.5"), "EPOCH: expected a time on MET"),
+    (replaced(OPM, "2026-01-02T", "2 January "), "line 3: CREATION_DATE: expected a time, 2020-10-13T04:52:48; found"),
+    (OPM + "KEY\n", "line 56: expected KEYWORD = value; found 'KEY'"),
+    (replaced(OEM, "2017-01-01T00:00:00 ", "2016-12-31T23:59:59 "),
+     "line 19: expected a time after 2016-12-31T23:59:60, that of the line before; found 2016-12-31T23:59:59"),
+    (replaced(OEM, "15 0 0 7.5 0", "15 0 0 7.5"),
+     "line 19: expected 7 columns, EPOCH, X, Y, Z, X_DOT, Y_DOT, Z_DOT; found 6"),
+    (replaced(OEM, "0 0 0 1e-12\n", "0 0 1e-12\n"), "line 27: expected 4 numbers, line 4 of a lower triangle "),
+    (replaced(OEM, "0 0 0 0 0 1e-12\nE", "E"), "line 29: expected six lines of a lower triangle; found 5"),
+    (replaced(OEM, "META_STOP", ""), "line 17: expected KEYWORD = value; found '2016-12-31T23:59:59 7000 0 0 0 7.5 0'"),
+    (replaced(OEM, "META_STOP", "DATA_STOP"), "line 15: expected META_STOP; found DATA_STOP"),
+    (replaced(OEM, "COVARIANCE_STOP\n", ""), "COVARIANCE: expected its end, COVARIANCE_STOP; found the end of "),
+    (replaced(OEM, "INTERPOLATION_DEGREE = 1\n", ""), "line 13: expected INTERPOLATION_DEGREE with INTERPOLATION"),
+    (replaced(OEM, "START_TIME = 2016", "START_TIME = 2018"), "line 5: START_TIME: expected before STOP_TIME"),
+    (OEM + OEM[OEM.index("META_START"):OEM.index("COV")].replace("001A", "002A"),
+     "OBJECT_ID: expected 2026-001A, as in the first segment, for an OEM is of a single object; found 2026-002A"),
+    (replaced(OEM, "2.0", "1.0"), "line 22: expected META_START; found COVARIANCE_START"),
+    (replaced(AEM, "= QUATERNION\n", "= RODRIGUES\n"), "ATTITUDE_TYPE: expected QUATERNION, QUATERNION/DERIVATIVE, "),
+    (replaced(AEM, "1.0", "2.0"), "QUATERNION_TYPE: expected LAST, which is fixed since version 2.0; found FIRST"),
+    (replaced(AEM, "A2B", "A2C"), "line 9: ATTITUDE_DIR: expected A2B or B2A; found A2C"),
+    (replaced(EULER_AEM, "META_STOP", "EULER_ROT_SEQ = 331\nMETA_STOP"), "EULER_ROT_SEQ: expected three axes of "),
+    (replaced(OCM, "TRAJ_UNITS = [km", "TRAJ_UNITS = [m"),
+     "TRAJ_UNITS: expected [km,1,deg,deg,deg,deg], those of KEPLERIAN"),
+    (replaced(OCM, "KEPLERIAN", "KEPLER"), "TRAJ_TYPE: expected CARTP, CARTPV, CARTPVA, "),
+    (replaced(OCM, "UTMWCC", "UPPER"), "COV_ORDERING: expected LTM, UTM, FULL, LTMWCC, UTMWCC; found UPPER"),
+    (replaced(OCM, "MAN_UNITS = [s,", "MAN_UNITS = [kg,"), "MAN_UNITS: expected [s,km/s,1], those of MAN_COMPOSITION"),
+    (replaced(OCM, "TIME_RELATIVE, ", ""), "MAN_COMPOSITION: expected TIME_ABSOLUTE or TIME_RELATIVE, then of "),
+    (XML.replace("<opm", BOMB + "<opm"), "line 2: expected no document type, whose entities could fill the memory"),
+    (replaced(XML, "</opm>", ""), "expected XML; no element found"),
+    (replaced(XML, 'units="km"', 'units="m"'), "X: expected the unit km, or none; found m"),
+    (replaced(XML, "<stateVector>", "<stateVector>\n<GM>1</GM>"), "the block STATE has no GM; "),
+    ("<ndm></ndm>", "the text: expected a message of OPM, OMM, OEM, OCM, AEM, APM, CDM, in KVN or XML; it has none"),
+    (OPM + OPM.replace("3.0", "5.0"), "line 56: CCSDS_OPM_VERS: expected 1.0 or 2.0 or 3.0; found '5.0'"),
+], ids=map(str, itertools.count()))
+def test_bad_messages_are_refused(text, expected):
+    refused(text, expected)
+
+
+def test_several_messages_in_a_file_are_read_one_by_one():
+    both = files.read_all("CCSDS_NDM_VERS = 1.0\nCOMMENT two\n" + OPM + OEM)
+    assert [message.kind for message in both] == ["OPM", "OEM"]
+    document = XML[XML.index("<opm"):]
+    assert len(files.read_all(f"<ndm>\n<COMMENT>two</COMMENT>{document}{document}</ndm>")) == 2
+    with pytest.raises(SetupError, match="the text: has 2 messages, OPM, OEM: choose among read_all"):
+        files.read(OPM + OEM)
+    with pytest.raises(SetupError, match="line 1: expected a single segment; found 2: choose among .segments"):
+        files.read(OEM + OEM[OEM.index("META_START"):]).segment
+
+
+def test_mean_elements_are_known_by_their_content():
+    two = ("1 25544U 98067A   20287.20334972  .00001264  00000-0  31212-4 0  9995\n"
+           "2 25544  51.6431 132.5211 0001357  54.3017  42.4190 15.49309239250274\n")
+    assert files.read(two).number == 25544
+
+
+def test_other_clocks_are_kept_and_refused_where_an_instant_is_needed():
+    opm = files.read(OPM.replace("TIME_SYSTEM = TT", "TIME_SYSTEM = UT1"))
+    assert not opm.segment.clock.absolute and opm["STATE"]["EPOCH"] == 1_000_000_001
+    is_same(opm, ndm.read(ndm.text_of(opm, "xml")))
+
+
+@pytest.mark.parametrize("change, expected", [
+    ({"X": math.nan}, "a message has finite numbers only; found nan"),
+    ({"QQ": 1.0}, "STATE: expected of EPOCH, X, Y, Z, X_DOT, Y_DOT, Z_DOT; found QQ"),
+])
+def test_what_would_not_read_back_is_not_written(tmp_path, change, expected):
+    opm = files.read(OPM)
+    opm["STATE"].values.update(change)
+    with pytest.raises(SetupError) as error:
+        files.write(opm, tmp_path / "a.opm")
+    assert expected in str(error.value) and not list(tmp_path.iterdir())
+    with pytest.raises(SetupError, match="form: expected 'kvn' or 'xml'; found 'json'"):
+        ndm.text_of(opm, "json")
+    with pytest.raises(SetupError, match="expected Z_DOT in STATE"):
+        ndm.write(ndm.create("OPM", [Segment([files.read(OPM).segment.meta, Section("STATE", {
+            "EPOCH": 0, "X": 1.0, "Y": 0.0, "Z": 0.0, "X_DOT": 0.0, "Y_DOT": 0.0})])], originator="T",
+            created="2026-01-01T00:00:00"), tmp_path / "b")
+
+
+def test_any_damage_is_refused_or_harmless():
+    """No error but SetupError, whatever a character turns into."""
+    generator = random.Random(2)
+    texts = [OPM, OEM, AEM, OCM, XML, ndm.text_of(files.read(OCM), "xml")]
+    for _ in range(1500):
+        text = generator.choice(texts)
+        for _ in range(generator.randint(1, 3)):
+            at = generator.randrange(len(text))
+            text = text[:at] + generator.choice("0123456789-+. \n\t\0ABCxyz<>[]/{}\",=é") + text[at + 1:]
+        try:
+            files.read_all(text + "\n")
+        except SetupError:
+            pass
