@@ -97,6 +97,7 @@ PARTS = [
     ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
     ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
     ("world", "the world's models by name, bodies, orbits, the sky"),
+    ("motion", "where a spacecraft was by a run, written in the forms of others and compared with their files"),
     ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins; reset "
      "and step of reinforcement learning"),
     ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),

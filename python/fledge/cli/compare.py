@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge compare RUN RUN`: where two records first differ, and with which parameters and revisions they began.
+`fledge compare RUN FILE`: how far a spacecraft is from an orbit or attitude that others publish.
 
-Exit codes: 0 the same bits, 1 a difference of messages, 2 the command line or a file is wrong.
+Exit codes: 0 the same bits, or within the tolerance; 1 a difference; 2 the command line or a file is wrong.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ from fledge.cli.runs import WHAT
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     sub = command("compare", compare, "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
-    sub.add_argument("runs", nargs=2, metavar="RUN", help=WHAT)
+    sub.add_argument("runs", nargs=2, metavar="RUN", help=f"{WHAT}; the second may be a file of an orbit or attitude: "
+                     "an OEM, AEM, two-line elements, a kernel of SPICE or an ephemeris of STK")
     sub.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error, or "
                      "those of a process or module, as in chief; default: all")
     sub.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
                      "head.sequence")
     sub.add_argument("--tolerance", type=number(), default=0.0, metavar="X", help="differences of numbers up to this "
-                     "do not count, in each field's unit; default: 0, the same bits")
+                     "do not count, in each field's unit; default: 0, the same bits; with a file in m, m/s and deg, "
+                     "default: any")
+    sub.add_argument("--craft", default="", metavar="NAME", help="with a file: which spacecraft of several")
+    sub.add_argument("--csv", metavar="FILE", help="with a file: write the differences over time")
     sub.add_argument("--all", action="store_true", help="the first difference of each field, how often and how far; "
                      "default: the first of each topic")
 
@@ -34,6 +39,8 @@ def compare(options: argparse.Namespace) -> int:
     from fledge.cli.console import counted, say
     from fledge.cli.runs import open_run
 
+    if _is_motion(options.runs[1]):
+        return _with_file(options)
     a, b = map(open_run, options.runs)
     if a.path.resolve() == b.path.resolve():
         print(f"{a.path}: compared with itself", file=sys.stderr)
@@ -64,6 +71,44 @@ def compare(options: argparse.Namespace) -> int:
     if left := len(differences) - len(shown):
         say(f"  and {counted(left, 'more field')} of these: --all shows them")
     return 1
+
+
+def _is_motion(name: str) -> bool:
+    """Whether a file is no record."""
+    from pathlib import Path
+
+    path = Path(name)
+    return path.is_file() and path.suffix != ".mcap" and b"\x89MCAP0" not in path.open("rb").read(8)
+
+
+def _with_file(options: argparse.Namespace) -> int:
+    """Print how far a run is from a file of others; returns the exit code."""
+    import numpy as np
+
+    from fledge import motion
+    from fledge.cli.console import counted, say
+    from fledge.cli.runs import open_run
+    from fledge.columns import columns
+
+    run = motion.of_run(open_run(options.runs[0]), options.craft)
+    other = motion.of_file(options.runs[1], run.sky)
+    table = motion.differences(run, other)
+    t = table.pop("t")
+    say(f"{run.name} less {other.name}: {counted(len(t), 'instant')}, {run.sky.utc(t[0])} to {run.sky.utc(t[-1])}")
+    rows = [("", "rms", "largest", "at", "at the end")]
+    for name, values in table.items():
+        unit, size = motion.UNITS[name], np.abs(values)
+        worst = int(np.argmax(size))
+        rows.append((name, f"{np.sqrt(np.mean(values**2)):.6g} {unit}", f"{values[worst]:.6g} {unit}",
+                     f"{t[worst]:.6g} s", f"{values[-1]:.6g} {unit}"))
+    for line in columns(rows, right={1, 2, 3, 4}, indent="  "):
+        say(line)
+    if options.csv:
+        heads = ",".join(["t [s]", *(f"{name} [{motion.UNITS[name]}]" for name in table)])
+        lines = np.stack([t, *table.values()], axis=1)
+        np.savetxt(options.csv, lines, delimiter=",", header=heads, comments="", fmt="%.17g")
+        say(options.csv)
+    return int(any(np.abs(values).max() > options.tolerance > 0 for values in table.values()))
 
 
 def _short(text: str) -> str:

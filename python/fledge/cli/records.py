@@ -46,9 +46,19 @@ def add(command: Callable) -> None:
     kind = sub.add_mutually_exclusive_group(required=True)
     kind.add_argument("--csv", action="store_true", help="a file per topic")
     kind.add_argument("--hdf5", action="store_true", help="one file")
+    kind.add_argument("--oem", action="store_true", help="the orbit as a CCSDS OEM")
+    kind.add_argument("--aem", action="store_true", help="the attitude as a CCSDS AEM")
+    kind.add_argument("--spk", action="store_true", help="the orbit as a SPICE kernel, type 13")
+    kind.add_argument("--stk", action="store_true", help="orbit and attitude as ephemerides of STK, .e and .a")
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
-    sub.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
+    sub.add_argument("--out", metavar="PATH", help="a folder for --csv, else a file; default: beside the record")
+    sub.add_argument("--xml", action="store_true", help="an OEM or AEM as XML, in place of KEYWORD = value")
+    sub.add_argument("--craft", default="", metavar="NAME", help="which spacecraft of several")
+    sub.add_argument("--frame", default="ICRF", metavar="NAME", help="of an OEM or AEM: ICRF, TOD, TEME, "
+                     "IAU_BODY, ...; default: %(default)s")
+    sub.add_argument("--epoch", metavar="DATE", help="UTC of time 0, of a run without a sky; with --center")
+    sub.add_argument("--center", metavar="BODY", help="what N is about, as EARTH, of a run without a sky")
 
 
 def plot(options: argparse.Namespace) -> int:
@@ -98,6 +108,8 @@ def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if options.about:
         return _about(archive)
+    if options.oem or options.aem or options.spk or options.stk:
+        return _motion(archive, options)
     topics = [channel.topic for channel in _decodable(archive)]
     if not topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
@@ -106,6 +118,21 @@ def convert(options: argparse.Namespace) -> int:
     else:
         for path in archive.to_csv(options.out or archive.path.parent, topics):
             say(str(path))
+    return 0
+
+
+def _motion(archive: Archive, options: argparse.Namespace) -> int:
+    """Write a spacecraft's motion in a form of others."""
+    from fledge import motion
+    from fledge.world import Sky
+
+    if bool(options.epoch) != bool(options.center):
+        raise Failure("convert: --epoch and --center go together: the date of time 0, and the body that N is about", 2)
+    sky = Sky(options.epoch, options.center) if options.epoch else None
+    run = motion.of_run(archive, options.craft, sky)
+    form = next(form for form in ("oem", "aem", "spk", "stk") if getattr(options, form))
+    for path in motion.write(run, form, options.out or archive.path, options.frame, options.xml):
+        say(str(path))
     return 0
 
 

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from os import PathLike
 from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError, suggesting
 from fledge.objects.plausible import check_orbit
-from fledge.objects.si import to_number, to_si, to_vector
+from fledge.objects.si import time_ns, to_number, to_si, to_vector
 from fledge.units import Quantity
 from fledge.world.bodies import ANGLE, EARTH, LENGTH, NUMBER, SPEED, Body, body_of
 from fledge.world.sky import TIME, Sky
@@ -82,19 +83,10 @@ def _local_time(sky: Sky, t: Any, direction: Sequence[float], body: Body, appare
     if apparent:
         sun = ascension(sky.state("SUN", t, body).r_PN_N)
     elif earth:     # that of the mean Sun, as sidereal time has it
-        sun = radians(280.46061837 + 0.98564736629 * _utc(sky, t) / 86400e9)
+        sun = radians(280.46061837 + 0.98564736629 * sky.utc_ns(t) / 86400e9)
     else:
         raise SetupError(f"mean local time is the Earth's, found {body.name}: write apparent=True for that of the Sun")
     return (43200 + 43200 / pi * (ascension(direction) - sun)) % 86400
-
-
-def _utc(sky: Sky, t: Any) -> int:
-    """[ns] of UTC since 2000-01-01T12:00:00, 86,400 s a day."""
-    from datetime import datetime
-
-    text, _, part = sky.utc(t).rstrip("Z").partition(".")
-    whole = datetime.fromisoformat(text.replace(":60", ":59")) - datetime(2000, 1, 1, 12)   # a leap second repeats
-    return (whole.days * 86400 + whole.seconds) * 10**9 + int(part.ljust(9, "0"))
 
 
 def _node_at(sky: Sky, t: Any, local: float, body: Body, apparent: bool, frame: Sequence[Sequence[float]]) -> float:
@@ -193,15 +185,35 @@ class Orbit:
         elements: parameters of fsw.OrbitOnBoard, so that flight and world begin alike. Raises SetupError where SGP4
         gives no position.
         """
-        from fledge import flight
+        from fledge.world.file_motion import by_sgp4
 
-        sgp4 = flight.OrbitOnBoard(**elements)
-        sgp4.time.head.quality, sgp4.time.time = "GOOD", _utc(sky, t)
-        sgp4.update(t=0)
-        if not int(sgp4.orbit.head.quality):
-            raise SetupError("Orbit.from_elements: SGP4 gives no position from these elements at "
-                             f"{sky.utc(t)}: {sgp4.state.code.name}")
-        return cls.from_state(EARTH, [float(x) for x in sgp4.orbit.r_BN_N], [float(x) for x in sgp4.orbit.v_BN_N])
+        return cls.from_state(EARTH, *by_sgp4(elements, sky, t))
+
+    @classmethod
+    def from_file(cls, sky: Sky, source: str | PathLike[str], t: Any = 0, *, body: Body | str = EARTH) -> Orbit:
+        """The orbit about a body at a time of the run, by a file of others: an OPM of that time, an OEM, an OMM or
+        two-line elements.
+
+            sky = world.Sky("2026-03-20T10:00:00", center=world.EARTH)
+            w.craft.orbit = Orbit.from_file(sky, "craft.opm")
+
+        Raises SetupError where the file says nothing of that time.
+        """
+        from numpy import array
+
+        from fledge.world import file_motion
+
+        ns = time_ns(t, "Orbit.from_file: t")
+        motion = file_motion.of_file(source, sky)
+        begin, end = motion.span
+        if not motion.orbits or not begin - 1000 <= ns <= end + 1000:     # [ns] by which dates are rounded
+            raise SetupError(f"{source}: " + (
+                f"its orbit is of {sky.utc(begin / 1e9)} to {sky.utc(end / 1e9)}, and the time {ns / 1e9:g} s of the "
+                f"run is {sky.utc(ns / 1e9)}: begin the sky within it" if motion.orbits else "has no orbit"))
+        found = motion.at(array([min(max(ns, begin), end)]))
+        assert found.r_N is not None and found.v_N is not None
+        about = sky.state(body, ns / 1e9)
+        return cls.from_state(body, found.r_N[0] - about.r_PN_N, found.v_N[0] - about.v_PN_N)
 
     @classmethod
     def sun_synchronous(cls, sky: Sky, altitude: Any, *, ltan: Any, u: Any = 0.0, body: Body | str = EARTH,

@@ -25,6 +25,12 @@ KNOWN = "ICRF, GCRF, EME2000, J2000, TOD, TEME, ITRF... (with world.EarthOrienta
 STEP = 10 * 10**9     # [ns] over which the rate of a slow frame is taken
 
 
+def is_known(frame: str) -> bool:
+    """Whether turning() knows a frame by its name, if the sky has what it needs."""
+    name = frame.upper().replace(" ", "")
+    return name in OF_N + TRUE_OF_DATE + TEME + FIXED or name.startswith("IAU_")
+
+
 def turning(sky: Sky, frame: str, times: np.ndarray, where: str = "frame") -> tuple[np.ndarray, np.ndarray]:
     """The axes of a frame at times of the run.
 
@@ -61,9 +67,9 @@ def to_N(sky: Sky, frame: str, center: Any, times: np.ndarray, r: np.ndarray, v:
     import numpy as np
 
     dcm_FN, omega = turning(sky, frame, times, where)
-    origins = _origins(sky, center, times)
+    about = origins(sky, center, times)
     v_F = v + np.cross(omega, r)
-    return (np.einsum("nij,ni->nj", dcm_FN, r) + origins[:, 0], np.einsum("nij,ni->nj", dcm_FN, v_F) + origins[:, 1])
+    return (np.einsum("nij,ni->nj", dcm_FN, r) + about[:, 0], np.einsum("nij,ni->nj", dcm_FN, v_F) + about[:, 1])
 
 
 def from_N(sky: Sky, frame: str, center: Any, times: np.ndarray, r: np.ndarray, v: np.ndarray,
@@ -72,13 +78,13 @@ def from_N(sky: Sky, frame: str, center: Any, times: np.ndarray, r: np.ndarray, 
     import numpy as np
 
     dcm_FN, omega = turning(sky, frame, times, where)
-    origins = _origins(sky, center, times)
-    r_F = np.einsum("nij,nj->ni", dcm_FN, r - origins[:, 0])
-    return r_F, np.einsum("nij,nj->ni", dcm_FN, v - origins[:, 1]) - np.cross(omega, r_F)
+    about = origins(sky, center, times)
+    r_F = np.einsum("nij,nj->ni", dcm_FN, r - about[:, 0])
+    return r_F, np.einsum("nij,nj->ni", dcm_FN, v - about[:, 1]) - np.cross(omega, r_F)
 
 
-def _origins(sky: Sky, center: Any, times: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) [m], [m/s] of a body in N."""
+def origins(sky: Sky, center: Any, times: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) Positions [m] and velocities [m/s] of a body in N at times of the run [ns] (n,)."""
     import numpy as np
 
     states = (sky.state(center, _seconds(t)) for t in times)

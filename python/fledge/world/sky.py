@@ -183,6 +183,14 @@ class Sky:
         """The date and time in UTC at a time of the run, as text."""
         return self._core.text(time_ns(t, "Sky.utc: t"), "UTC")
 
+    def utc_ns(self, t: Any = 0) -> int:
+        """[ns] of UTC since 2000-01-01T12:00:00 at a time of the run, 86,400 s a day: as flight's clocks count."""
+        from datetime import datetime
+
+        text, _, part = self.utc(t).rstrip("Z").partition(".")
+        whole = datetime.fromisoformat(text.replace(":60", ":59")) - datetime(2000, 1, 1, 12)   # a leap second repeats
+        return (whole.days * 86400 + whole.seconds) * 10**9 + int(part.ljust(9, "0"))
+
     def tdb(self, t: Any = 0) -> str:
         """The date and time in TDB at a time of the run, as text."""
         return self._core.text(time_ns(t, "Sky.tdb: t"), "TDB")
