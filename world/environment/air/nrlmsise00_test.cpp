@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// Against the values that NRL publishes with the model, against tables that NASA's CCMC computed with it, and against
+// the laws that it follows.
+#include "world/environment/air/nrlmsise00.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace fledge::world {
+namespace nrlmsise00_test {
+
+constexpr double degree = M_PI / 180.0, unit = 1.66e-27;
+
+AirPlace place_at(double km, double latitude, double longitude, int day, double seconds, double local_hours)
+{
+    AirPlace place;
+    place.altitude = 1e3 * km;
+    place.latitude = latitude * degree;
+    place.longitude = longitude * degree;
+    place.day_of_year = day;
+    place.seconds_of_day = seconds;
+    place.hour_angle = (local_hours - 12.0) * M_PI / 12.0;
+    return place;
+}
+
+SolarActivity activity_of(double F107, double F107_average, double ap)
+{
+    SolarActivity sun;
+    sun.F107 = F107;
+    sun.F107_average = F107_average;
+    sun.ap[0] = ap;
+    return sun;
+}
+
+/// [kg/m^3] without anomalous oxygen.
+double plain_density(const AirComposition &air)
+{
+    return air.density - 16.0 * unit * air.species.anomalous_O;
+}
+
+struct Published {
+    int day;
+    double seconds, km, latitude, longitude, hours, F107_average, F107, ap;
+    bool history; ///< ap of 100 for 57 h
+    // 1/cm^3, g/cm^3 without anomalous oxygen, K
+    double He, O, N2, O2, Ar, density, H, N, anomalous_O, exosphere, temperature;
+};
+
+constexpr Published published[] = {
+    {172,        29000,      400,        60,         -70,        16,         150,        150,
+     4,          false,      6.665177e5, 1.138806e8, 1.998211e7, 4.022764e5, 3.557465e3, 4.074714e-15,
+     3.475312e4, 4.095913e6, 2.667273e4, 1250.540,   1241.416},
+    {81,         29000,      400,        60,         -70,        16,         150,        150,
+     4,          false,      3.407293e6, 1.586333e8, 1.391117e7, 3.262560e5, 1.559618e3, 5.001846e-15,
+     4.854208e4, 4.380967e6, 6.956682e3, 1166.754,   1161.710},
+    {172,        75000,      1000,       60,         -70,        16,          150,         150,
+     4,          false,      1.123767e5, 6.934130e4, 4.247105e1, 1.322750e-1, 2.618848e-5, 2.756772e-18,
+     2.016750e4, 5.741256e3, 2.374394e4, 1239.892,   1239.891},
+    {172,        29000,      100,          60,          -70,         16,          150,         150,
+     4,          false,      5.411554e7,   1.918893e11, 6.115826e12, 1.225201e12, 6.023212e10, 3.584426e-10,
+     1.059880e7, 2.615737e5, 2.819879e-42, 1027.318,    206.888},
+    {172,        29000,      400,        0,          -70,        16,         150,        150,
+     4,          false,      1.851122e6, 1.476555e8, 1.579356e7, 2.633795e5, 1.588781e3, 4.809630e-15,
+     5.816167e4, 5.478984e6, 1.264446e3, 1212.396,   1208.135},
+    {172,        29000,      400,        60,         0,          16,         150,        150,
+     4,          false,      8.673095e5, 1.278862e8, 1.822577e7, 2.922214e5, 2.402962e3, 4.355866e-15,
+     3.686389e4, 3.897276e6, 2.667273e4, 1220.146,   1212.712},
+    {172,        29000,      400,        60,         -70,        4,          150,        150,
+     4,          false,      5.776251e5, 6.979139e7, 1.236814e7, 2.492868e5, 1.405739e3, 2.470651e-15,
+     5.291986e4, 1.069814e6, 2.667273e4, 1116.385,   1112.999},
+    {172,        29000,      400,        60,         -70,        16,         70,         150,
+     4,          false,      3.740304e5, 4.782720e7, 5.240380e6, 1.759875e5, 5.501649e2, 1.571889e-15,
+     8.896776e4, 1.979741e6, 9.121815e3, 1031.247,   1024.848},
+    {172,        29000,      400,        60,         -70,        16,         150,        180,
+     4,          false,      6.748339e5, 1.245315e8, 2.369010e7, 4.911583e5, 4.578781e3, 4.564420e-15,
+     3.244595e4, 5.370833e6, 2.667273e4, 1306.052,   1293.374},
+    {172,        29000,        400,        60,         -70,        16,         150,
+     150,        40,           false,      5.528601e5, 1.198041e8, 3.495798e7, 9.339618e5,
+     1.096255e4, 4.974543e-15, 2.686428e4, 4.889974e6, 2.805445e4, 1361.868,   1347.389},
+    {172, 29000,       0,           60,          -70,         16,  150, 150, 4,        false,  1.375488e14,
+     0.0, 2.049687e19, 5.498695e18, 2.451733e17, 1.261066e-3, 0.0, 0.0, 0.0, 1027.318, 281.465},
+    {172, 29000,       10,          60,          -70,         16,  150, 150, 4,        false,  4.427443e13,
+     0.0, 6.597567e18, 1.769929e18, 7.891680e16, 4.059139e-4, 0.0, 0.0, 0.0, 1027.318, 227.418},
+    {172, 29000,       30,          60,          -70,         16,  150, 150, 4,        false,  2.127829e12,
+     0.0, 3.170791e17, 8.506280e16, 3.792741e15, 1.950822e-5, 0.0, 0.0, 0.0, 1027.318, 237.439},
+    {172, 29000,       50,          60,          -70,         16,  150, 150, 4,        false,  1.412184e11,
+     0.0, 2.104370e16, 5.645392e15, 2.517142e14, 1.294709e-6, 0.0, 0.0, 0.0, 1027.318, 279.555},
+    {172, 29000,       70,          60,          -70,         16,  150, 150, 4,        false,  1.254884e10,
+     0.0, 1.874533e15, 4.923051e14, 2.239685e13, 1.147668e-7, 0.0, 0.0, 0.0, 1027.318, 219.073},
+    {172,        29000,      400,        60,         -70,        16,         150,        150,
+     4,          true,       5.196477e5, 1.274494e8, 4.850450e7, 1.720838e6, 2.354487e4, 5.881940e-15,
+     2.500078e4, 6.279210e6, 2.667273e4, 1426.412,   1408.608},
+    {172,        29000,      100,          60,          -70,         16,          150,         150,
+     4,          true,       4.260860e7,   1.241342e11, 4.929562e12, 1.048407e12, 4.993465e10, 2.914304e-10,
+     8.831229e6, 2.252516e5, 2.415246e-42, 1027.318,    193.407}};
+
+AirComposition of(const Published &row)
+{
+    SolarActivity sun = activity_of(row.F107, row.F107_average, row.ap);
+    if (row.history) {
+        std::fill(sun.ap.begin() + 1, sun.ap.end(), 100.0);
+        sun.history = true;
+    }
+    return nrlmsise00(place_at(row.km, row.latitude, row.longitude, row.day, row.seconds, row.hours), sun);
+}
+
+TEST(Nrlmsise00, HasThePublishedTestValues)
+{
+    for (const Published &row : published) {
+        const AirComposition air = of(row);
+        const AirSpecies &n = air.species;
+        const double found[] = {n.He, n.O, n.N2, n.O2, n.Ar, 1e3 * plain_density(air), n.H, n.N, n.anomalous_O};
+        const double expected[] = {row.He, row.O, row.N2, row.O2, row.Ar, row.density, row.H, row.N, row.anomalous_O};
+        for (int i = 0; i < 9; i++) {
+            EXPECT_NEAR(1e-6 * found[i], expected[i], 5e-7 * expected[i])
+                << "row " << &row - published << " value " << i;
+        }
+        EXPECT_NEAR(air.exosphere, row.exosphere, 5.1e-4) << &row - published;
+        EXPECT_NEAR(air.temperature, row.temperature, 5.1e-4) << &row - published;
+    }
+}
+
+/// A row of a table: km; O, N2, O2 [1/cm^3]; g/cm^3 without anomalous oxygen; K there and of the exosphere; He, Ar, H,
+/// N, anomalous oxygen [1/cm^3].
+using Row = std::vector<double>;
+
+void compare(const Row &row, const AirComposition &air, double tolerance, double kelvin)
+{
+    const AirSpecies &n = air.species;
+    const double found[] = {n.O, n.N2, n.O2, 1e3 * plain_density(air), 0.0, 0.0, n.He, n.Ar, n.H, n.N, n.anomalous_O};
+    for (std::size_t i = 0; i < 11; i++) {
+        if (i != 4 && i != 5) {
+            EXPECT_NEAR(1e-6 * found[i], row[i + 1], tolerance * row[i + 1] + 1e-9) << row[0] << " km, value " << i;
+        }
+    }
+    EXPECT_NEAR(air.temperature, row[5], kelvin) << row[0];
+    EXPECT_NEAR(air.exosphere, row[6], 0.51) << row[0];
+}
+
+TEST(Nrlmsise00, HasTheTableOfCcmcForADailyAp)
+{
+    // 1986-06-19 21:30 UT.
+    const Row table[] = {
+        {0, 0, 1.918e+19, 5.145e+18, 0.00118, 297.7, 1027, 1.287e+14, 2.294e+17, 0, 0, 0},
+        {100, 4.244e+11, 9.498e+12, 2.24e+12, 5.783e-10, 165.9, 1027, 1.061e+08, 9.883e+10, 2.209e+07, 367000, 0},
+        {200, 2.636e+09, 2.248e+09, 1.59e+08, 1.838e-13, 829.3, 909, 5.491e+06, 1.829e+06, 236500, 3.125e+07,
+         1.802e-09},
+        {300, 3.321e+08, 6.393e+07, 2.881e+06, 1.212e-14, 900.6, 909, 3.173e+06, 11560, 171700, 6.708e+06, 4.938},
+        {400, 5.088e+07, 2.414e+06, 68380, 1.51e-15, 907.7, 909, 1.979e+06, 107.4, 151800, 1.274e+06, 1237},
+        {500, 8.34e+06, 102000, 1839, 2.41e-16, 908.5, 909, 1.259e+06, 1.17, 135500, 260800, 4047},
+        {600, 1.442e+06, 4729, 55, 4.543e-17, 908.6, 909, 811900, 0.01455, 121400, 56170, 4167},
+        {700, 262200, 239.4, 1.817, 1.097e-17, 908.6, 909, 530100, 0.000205, 109200, 12640, 3173},
+        {800, 49990, 13.17, 0.06608, 3.887e-18, 908.6, 909, 350300, 3.254e-06, 98430, 2964, 2246},
+        {900, 9980, 0.7852, 0.002633, 1.984e-18, 908.6, 909, 234200, 5.794e-08, 89000, 723.7, 1571},
+        {1000, 2082, 0.05055, 0.0001146, 1.244e-18, 908.6, 909, 158200, 1.151e-09, 80690, 183.6, 1103}};
+    for (const Row &row : table) {
+        compare(row,
+                nrlmsise00(place_at(row[0], -16.0, 312.0, 170, 77400.0, 21.5 + 312.0 / 15.0 - 24.0),
+                           activity_of(121.0, 80.0, 7.0)),
+                5.1e-4, 0.051);
+    }
+}
+
+TEST(Nrlmsise00, HasTheTableOfCcmcForAQuietDay)
+{
+    // 2016-06-01 11:00 UT, with the fluxes and the ap that the table states: rounded to 0.1, which in the mean flux is
+    // 0.15 K. The table has a history of ap too, but not its effect.
+    const Row table[] = {
+        {0, 0, 1.919e+19, 5.149e+18, 0.001181, 296, 1027, 1.288e+14, 2.296e+17, 0, 0, 0},
+        {100, 6.009e+11, 9.392e+12, 2.213e+12, 5.764e-10, 165.2, 1027, 1.339e+08, 9.58e+10, 2.654e+07, 273700, 0},
+        {200, 3.882e+09, 1.978e+09, 1.341e+08, 2.028e-13, 687.5, 706, 2.048e+07, 971900, 517200, 1.632e+07, 1.399e-09},
+        {300, 3.14e+08, 2.481e+07, 934000, 9.666e-15, 705.5, 706, 1.082e+07, 1879, 386000, 2.205e+06, 3.876},
+        {400, 2.855e+07, 373700, 7743, 8.221e-16, 706, 706, 5.938e+06, 4.688, 331700, 263300, 973.8},
+        {500, 2.787e+06, 6372, 73.82, 9.764e-17, 706, 706, 3.319e+06, 0.01397, 286800, 34240, 3186},
+        {600, 291000, 122.2, 0.8047, 2.079e-17, 706, 706, 1.887e+06, 4.919e-05, 249000, 4742, 3281},
+        {700, 32400, 2.622, 0.009973, 8.474e-18, 706, 706, 1.09e+06, 2.034e-07, 217100, 694.6, 2498},
+        {800, 3835, 0.06264, 0.0001398, 4.665e-18, 706, 706, 639300, 9.809e-10, 190000, 107.4, 1768},
+        {900, 481.6, 0.001659, 2.204e-06, 2.817e-18, 706, 706, 380600, 5.481e-12, 166900, 17.47, 1236},
+        {1000, 64, 4.853e-05, 3.891e-08, 1.772e-18, 706, 706, 229800, 3.528e-14, 147100, 2.988, 867.5}};
+    for (const Row &row : table) {
+        compare(row, nrlmsise00(place_at(row[0], -23.0, -45.0, 153, 39600.0, 8.0), activity_of(89.0, 89.4, 4.9)), 5e-3,
+                0.15);
+    }
+}
+
+/// Places and activities all over the Earth, the year and the Sun's cycle.
+template <class Check> void everywhere(double km, Check check)
+{
+    for (int i = 0; i < 200; i++) {
+        const double longitude = std::remainder(137.0 * i, 360.0), seconds = std::fmod(12345.0 * i, 86400.0);
+        const AirPlace place =
+            place_at(km, -88.0 + 0.88 * i, longitude, 1 + 53 * i % 365, seconds, seconds / 3600.0 + longitude / 15.0);
+        SolarActivity sun = activity_of(70.0 + 7 * i % 180, 75.0 + 11 * i % 150, 3 * i % 100);
+        sun.history = i % 2 == 1;
+        check(place, sun);
+    }
+}
+
+TEST(Nrlmsise00, MassesOfTheSpeciesMakeTheDensityAndTheMeanMass)
+{
+    // By CODATA's unit of mass and IUPAC's weights; the model has whole ones.
+    for (const double km : {0.0, 30.0, 60.0, 68.0, 90.0, 120.0, 200.0, 400.0, 600.0}) {
+        everywhere(km, [&](const AirPlace &place, const SolarActivity &sun) {
+            const AirComposition air = nrlmsise00(place, sun);
+            const AirSpecies &n = air.species;
+            const double number = n.He + n.O + n.N2 + n.O2 + n.Ar + n.H + n.N + n.anomalous_O;
+            const double mass = 1.66053907e-27 * (4.0026 * n.He + 15.999 * (n.O + n.anomalous_O) + 28.0134 * n.N2 +
+                                                  31.998 * n.O2 + 39.948 * n.Ar + 1.008 * n.H + 14.007 * n.N);
+            EXPECT_NEAR(air.density / mass, 1.0, 1e-3) << km;
+            EXPECT_NEAR(air.molar_mass * number / (6.02214076e23 * mass), 1.0, 1e-3) << km;
+        });
+    }
+}
+
+TEST(Nrlmsise00, IsInHydrostaticEquilibrium)
+{
+    // dp/dz = -density g where the air is mixed, and where each species is on its own at the same temperature; p by
+    // Boltzmann's constant, g by Somigliana's formula and the square of the distance.
+    for (const double km : {2.0, 11.0, 25.0, 45.0, 60.0, 600.0, 800.0, 1000.0}) {
+        everywhere(km, [&](AirPlace place, const SolarActivity &sun) {
+            const auto pressure = [&](double altitude) {
+                place.altitude = altitude;
+                const AirComposition air = nrlmsise00(place, sun);
+                const AirSpecies &n = air.species;
+                return 1.380649e-23 * air.temperature * (n.He + n.O + n.N2 + n.O2 + n.Ar + n.H + n.N);
+            };
+            const double step = 10.0, slope = (pressure(1e3 * km + step) - pressure(1e3 * km - step)) / (2.0 * step);
+            place.altitude = 1e3 * km;
+            const double sine2 = std::sin(place.latitude) * std::sin(place.latitude);
+            const double surface =
+                9.7803253359 * (1.0 + 0.00193185265241 * sine2) / std::sqrt(1.0 - 0.00669437999013 * sine2);
+            const double fall = 6371.0 / (6371.0 + km);
+            const double weight = plain_density(nrlmsise00(place, sun)) * surface * fall * fall;
+            EXPECT_NEAR(slope / weight, -1.0, km < 62.5 ? 1.5e-3 : 4e-3) << km;
+        });
+    }
+}
+
+TEST(Nrlmsise00, JumpsOnlyWhereTheModelDoes)
+{
+    // On both sides of where a formula ends: small steps where the temperature's variations or a species' mixing end,
+    // as the model is made; none elsewhere.
+    for (const double km : {0.001, 32.5, 62.5, 72.5, 123.435, 160.0, 200.0, 250.0, 300.0, 320.0, 450.0, 700.0}) {
+        const bool formula_ends =
+            km == 72.5 || km == 123.435 || km == 160.0 || km == 300.0 || km == 450.0 || km == 250.0;
+        everywhere(km, [&](AirPlace place, const SolarActivity &sun) {
+            place.altitude = 1e3 * km - 1e-3;
+            const AirComposition below = nrlmsise00(place, sun);
+            place.altitude = 1e3 * km + 1e-3;
+            const AirComposition above = nrlmsise00(place, sun);
+            EXPECT_NEAR(above.density / below.density, 1.0, formula_ends ? 0.012 : 1e-6) << km;
+            EXPECT_NEAR(above.temperature, below.temperature, km == 123.435 ? 4.0 : 1e-4) << km;
+        });
+    }
+}
+
+TEST(Nrlmsise00, FallsWithoutEndAndStopsAtTheGround)
+{
+    AirPlace place = place_at(0.0, 30.0, 10.0, 100, 40000.0, 12.0);
+    const SolarActivity sun = activity_of(150.0, 150.0, 4.0);
+    double last = nrlmsise00(place, sun).density;
+    place.altitude = -300.0;
+    EXPECT_EQ(nrlmsise00(place, sun).density, last);
+    for (double km = 1.0; km < 3000.0; km += 1.0) {
+        place.altitude = 1e3 * km;
+        const double density = nrlmsise00(place, sun).density;
+        EXPECT_LT(density, last) << km;
+        EXPECT_GT(density, 0.0) << km;
+        last = density;
+    }
+    place.altitude = std::nan("");
+    EXPECT_TRUE(std::isnan(nrlmsise00(place, sun).density));
+}
+
+TEST(Nrlmsise00, IsTheSameAfterATurnOfLongitudeAndHour)
+{
+    // But for the model's rounding of pi.
+    everywhere(400.0, [](AirPlace place, const SolarActivity &sun) {
+        const double density = nrlmsise00(place, sun).density;
+        place.longitude += 2.0 * M_PI;
+        place.hour_angle += 2.0 * M_PI;
+        EXPECT_NEAR(nrlmsise00(place, sun).density / density, 1.0, 2e-5);
+    });
+}
+
+TEST(Nrlmsise00, AConstantHistoryIsNearlyTheDaysMean)
+{
+    // The two ways were fitted apart; a storm an hour ago counts, the same storm two days ago hardly.
+    const AirPlace place = place_at(400.0, 60.0, -70.0, 172, 29000.0, 16.0);
+    SolarActivity sun = activity_of(150.0, 150.0, 30.0);
+    sun.ap.fill(30.0);
+    const double daily = nrlmsise00(place, sun).density;
+    sun.history = true;
+    EXPECT_NEAR(nrlmsise00(place, sun).density / daily, 1.0, 0.05);
+    sun.ap.fill(4.0);
+    const double quiet = nrlmsise00(place, sun).exosphere;
+    double last = 0.0;
+    for (const std::size_t i : {6u, 4u, 3u, 2u, 1u}) {
+        sun.ap.fill(4.0);
+        sun.ap[i] = 200.0;
+        const double hotter = nrlmsise00(place, sun).exosphere - quiet;
+        EXPECT_GT(hotter, last) << i;
+        last = hotter;
+    }
+}
+
+} // namespace nrlmsise00_test
+} // namespace fledge::world
