@@ -14,7 +14,8 @@ namespace nrlmsise {
 namespace {
 
 // Lengths are in km, temperatures in K, masses in atomic units, densities in 1/cm^3.
-constexpr double gas = 8.314; // [J/(mol K)]
+constexpr double gas = 8.314;      // [J/(mol K)]
+constexpr double hottest = 5000.0; // [K] of the splines, which have no end in great storms
 constexpr double boundary = 120.0, joint = 123.435, mixed_mass = 28.95, half_mixed = 62.5, highest_mixed = 450.0;
 
 // ---- the column of air -------------------------------------------------------------------------------
@@ -72,7 +73,8 @@ public:
         const double h = x_[i + 1] - x_[i], b = (x - x_[i]) / h, a = 1.0 - b;
         const double y = a * y_[i] + b * y_[i + 1] +
                          ((a * a * a - a) * curvature_[i] + (b * b * b - b) * curvature_[i + 1]) * h * h / 6.0;
-        return {1.0 / y, top.cooling + fm_log(T_top_ * y), top.weight + scale_ * (integral + piece(i, b))};
+        const double inverse = std::max(y, 1.0 / hottest);
+        return {1.0 / inverse, top.cooling + fm_log(T_top_ * inverse), top.weight + scale_ * (integral + piece(i, b))};
     }
 
 private:

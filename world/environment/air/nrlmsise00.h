@@ -14,6 +14,9 @@
 // variations of the temperature end, 0.3 % at 160 km, 0.05 % at 300 km, where the mixing of a species ends; and at
 // midnight UTC, since it counts whole days.
 //
+// Where ap is 200 and more, the published splines of 1/T may cross 0 between 90 and 123 km near the poles, and give no
+// density; here the temperature ends at 5000 K.
+//
 // Source: Picone et al. 2002; coefficients and test values of NRL's package (docs/references.md).
 #pragma once
 

@@ -275,6 +275,19 @@ TEST(Nrlmsise00, FallsWithoutEndAndStopsAtTheGround)
     EXPECT_TRUE(std::isnan(nrlmsise00(place, sun).density));
 }
 
+TEST(Nrlmsise00, HasAnAnswerInTheGreatestStorms)
+{
+    for (const double km : {80.0, 90.0, 95.0, 100.0, 105.0, 110.0, 115.0, 118.0, 120.0, 123.0, 150.0, 300.0}) {
+        everywhere(km, [&](const AirPlace &place, SolarActivity sun) {
+            sun.ap.fill(400.0);
+            const AirComposition air = nrlmsise00(place, sun);
+            EXPECT_GT(air.density, 0.0) << km;
+            EXPECT_LT(air.density, 1e-4) << km;
+            EXPECT_GT(air.temperature, 0.0) << km;
+        });
+    }
+}
+
 TEST(Nrlmsise00, IsTheSameAfterATurnOfLongitudeAndHour)
 {
     // But for the model's rounding of pi.
