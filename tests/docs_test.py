@@ -146,6 +146,12 @@ def test_the_cookbook_answers_what_teams_ask(tmp_path):
     assert (tmp_path / "recipes/run.scene.mcap").stat().st_size > 100_000
 
 
+@pytest.mark.long("follows the page")
+def test_files_are_exchanged_with_others(tmp_path):
+    assert follow("files.md", Shell(tmp_path)) == 2
+    assert (tmp_path / "orbit.xml").stat().st_size > 1000
+
+
 @pytest.mark.long("follows the page; draws")
 def test_the_loop_meets_control_theory(tmp_path):
     assert follow("linear.md", Shell(tmp_path)) == 4

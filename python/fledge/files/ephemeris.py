@@ -130,6 +130,11 @@ class OemSegment(Tabulated):
         """Sections COVARIANCE: each has EPOCH, COV_REF_FRAME and covariance()."""
         return self.all("COVARIANCE")
 
+    @property
+    def interpolation(self) -> tuple[str, int]:
+        """The method between the lines, of METHODS, and the degree of its polynomial."""
+        return self._method("INTERPOLATION")
+
     def at(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Positions [m] (m, 3) and velocities [m/s] (m, 3) at times [ns] (m,), by INTERPOLATION and its degree.
 
@@ -138,7 +143,7 @@ class OemSegment(Tabulated):
         outside the useable span, and where there are fewer lines than the degree needs.
         """
         found = self._at(t)
-        method, degree = self._method("INTERPOLATION")
+        method, degree = self.interpolation
         if method == "HERMITE":
             return interpolate(self.times, self.r, found, degree, self.v, self.meta)
         both, _ = interpolate(self.times, np.concatenate([self.r, self.v], axis=1), found, degree, None, self.meta)
@@ -174,7 +179,8 @@ class AemSegment(Tabulated):
         elif "ANGLE_1" in columns:
             beta = turns(sequence(self.meta), [columns[f"ANGLE_{i}"] for i in (1, 2, 3)])
         elif kind == "SPIN":
-            beta = turns("323", [columns["SPIN_ALPHA"], np.pi / 2 - columns["SPIN_DELTA"], columns["SPIN_ANGLE"]])
+            beta = turns("313", [columns["SPIN_ALPHA"] + np.pi / 2, np.pi / 2 - columns["SPIN_DELTA"],
+                                 columns["SPIN_ANGLE"]])
         else:
             self.meta.refuse("ATTITUDE_TYPE: expected quaternions, Euler angles or SPIN; found "
                              f"{kind}: use the columns")
@@ -200,12 +206,12 @@ class AemSegment(Tabulated):
         if "INTERPOLATION_METHOD" not in self.meta.values or self._method("INTERPOLATION_METHOD")[0] == "LINEAR":
             return slerp(self.times, beta, when)
         method, degree = self._method("INTERPOLATION_METHOD")
-        rates = self._rates(beta) if method == "HERMITE" else None
+        rates = self.rates(beta) if method == "HERMITE" else None
         found, _ = interpolate(self.times, beta, when, degree, rates, self.meta)
         return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
-    def _rates(self, beta: np.ndarray) -> np.ndarray | None:
-        """Derivatives of the quaternions [1/s]; None where the table has none."""
+    def rates(self, beta: np.ndarray) -> np.ndarray | None:
+        """Derivatives [1/s] (n, 4) of the quaternions beta_BA; None where the table has none."""
         columns = self.table.columns
         if "QC_DOT" not in columns:
             return None

@@ -231,7 +231,7 @@ class _Builder:
         section = Section(raw.block.name, {}, raw.comments, {}, self.where, raw.line)
         for key, token in raw.tokens.items():
             item = raw.block.fields.get(key)
-            if item and not token.text and item.type != "text":
+            if item and not token.text and item.type not in ("text", "date"):     # as CelesTrak leaves CREATION_DATE
                 if item.required:
                     refuse(self.where, token.line, f"{key}: expected a value; there is none")
                 continue
@@ -249,7 +249,7 @@ def message_of(kind: str, version: str, front: list[Section], segments: list[lis
     message = Message(kind, version, front, [segment(sections) for sections in segments])
     for part in message.segments[1:]:
         for key in ("OBJECT_NAME", "OBJECT_ID") if kind in ("OEM", "AEM") else ():
-            if part.meta[key] != message.segments[0].meta[key]:
+            if part.meta[key].upper() != message.segments[0].meta[key].upper():
                 part.meta.refuse(f"{key}: expected {message.segments[0].meta[key]}, as in the first segment, for an "
                                  f"{kind} is of a single object; found {part.meta[key]}: write another message for it")
     for part in message.segments:
@@ -265,7 +265,7 @@ def value_of(kind: str, token: Token, clock: Clock, where: str) -> Value:
             refuse(where, token.line, f"{token.name}: expected {' or '.join(CHOICES[token.name])}; found {token.text}")
         return token.text
     if kind == "date":
-        if not TIME.fullmatch(token.text):
+        if token.text and not TIME.fullmatch(token.text):
             refuse(where, token.line, f"{token.name}: expected a time, 2020-10-13T04:52:48; found {token.text!r}")
         return token.text
     if kind == "time":

@@ -227,6 +227,16 @@ def test_attitudes_are_quaternions_and_turn_about_a_fixed_axis():
     assert np.allclose(beta, attitude.euler_to_quaternion(np.radians([30, 20, 10]), "321"), atol=1e-15)
 
 
+def test_a_spin_is_the_attitude_that_another_program_makes_of_it():
+    """The numbers are those of Orekit's tests of APMs."""
+    spin = AEM.replace("= QUATERNION\nQUATERNION_TYPE = FIRST", "= SPIN").replace(
+        "1 0 0 0", "93.41653162826968 -4.086638116176034 126.92845735704692 0").replace(
+        "-0.7071067811865476 0 0 -0.7071067811865476", "0 0 0 0")
+    expected = [0.6184633325084984, -0.6447327809733585, -0.3463409538535587, -0.28613054916357517]
+    assert abs(files.read(spin).segment.beta_BA[0] @ expected) == pytest.approx(1, abs=1e-15)
+    assert np.allclose(files.read(spin).segment.beta_BA[0] * -1, expected, atol=1e-14)
+
+
 def test_orbits_of_an_ocm_count_seconds_of_si_from_their_zero():
     ocm = files.read(OCM)
     clock, trajectory = ocm.segment.clock, ocm["TRAJ"].columns
@@ -413,6 +423,7 @@ EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGL
     ("COMMENT x\n" + OPM, "line 1: expected CCSDS_..._VERS = ... first"),
     (replaced(OPM, "[km]", "[m]"), "line 12: X: expected the unit km, or none; found m: convert the value"),
     (replaced(OPM, "6878.137", "6878,137"), "line 12: X: expected a number; found '6878,137 [km]'"),
+    (replaced(OPM, "6878.137 [km]", ""), "line 12: X: expected a value; there is none"),
     (replaced(OPM, "6878.137", "nan"), "line 12: X: expected a number; found 'nan [km]'"),
     (replaced(OPM, "Z = 0\n", ""), "line 11: expected Z in STATE; there is none"),
     (replaced(OPM, "Z = 0\n", "X = 0\n"), "line 14: X is given twice; the first is in line 12"),
@@ -458,6 +469,13 @@ EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGL
 ], ids=map(str, itertools.count()))
 def test_bad_messages_are_refused(text, expected):
     refused(text, expected)
+
+
+def test_what_others_leave_empty_or_give_twice_is_read():
+    assert files.read(OPM.replace("2026-01-02T03:04:05", "")).header["CREATION_DATE"] == ""
+    line = "2017-01-01T00:00:01 7000 22.5 0 0 7.5 0\n"
+    assert len(files.read(OEM.replace(line, line * 2)).segment.times) == 4
+    assert files.read(XML.replace("TEAM", "THE\n  TEAM")).header["ORIGINATOR"] == "THE TEAM"
 
 
 def test_several_messages_in_a_file_are_read_one_by_one():

@@ -141,6 +141,7 @@ def fill(section: Section, rows: Rows, clock: Clock, meta: Section | None, kind:
     assert meta
     columns = columns_of(section, meta, kind, version, len(rows[0][1]))
     texts: list[list[str]] = []
+    rows = [row for before, row in zip([(0, []), *rows], rows) if row[1] != before[1]]      # a line given twice is once
     for line, row in rows:
         if row[0][0]:
             row = _in_order(row, columns, section, line)

@@ -77,7 +77,7 @@ def _kvn_section(section: Section, block: Block, clock: Clock, segment: Segment 
         if triangle and key in tables.ENTRIES:
             numbers.append(text)
         else:
-            lines.append(f"{key:{width}} = {text}" + (f" [{unit}]" if unit else ""))
+            lines.append(f"{key:{width}} = {text}".rstrip() + (f" [{unit}]" if unit else ""))
     lines += [" ".join(numbers[i * (i + 1) // 2:(i + 1) * (i + 2) // 2]) for i in range(6 if numbers else 0)]
     if segment:
         lines += [" ".join(text for _, text in row) for row in

@@ -5,6 +5,7 @@ A document type is refused, and with it all entities of its own: they can be mad
 """
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 from xml.parsers import expat
 
@@ -46,7 +47,7 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
     def end(_: str) -> None:
         nonlocal leaf
         name, line, attributes, pieces = opened.pop()
-        text = "".join(pieces).strip()
+        text = re.sub(r"\s*\n\s*", " ", "".join(pieces).strip())
         if name == "COMMENT":
             found.append(Token("comment", "", text, line))
         elif name in LINES:
