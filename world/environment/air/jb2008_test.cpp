@@ -78,6 +78,16 @@ constexpr Row rows_2[] = {{120, 60, -40, 753.7, 330.2, 2.5057e-8},    {170, 150,
                           {2020, 180, -20, 724.6, 724.6, 1.8995e-16}, {2520, 60, 20, 801.6, 801.6, 8.8419e-17},
                           {2970, 150, -10, 777.6, 777.6, 7.6906e-17}};
 
+// From the authors' program, compiled with gfortran: a strong Sun, and each band of altitudes.
+constexpr Row rows_3[] = {
+    {91, 20, 30, 1378.8504, 183.0764, 2.877983e-06},      {104, 140, -50, 1561.4328, 218.1571, 2.709850e-07},
+    {110, -100, 60, 1394.5189, 263.3482, 9.273916e-08},   {135, 30, 10, 1399.4504, 604.5822, 5.997192e-09},
+    {160, 75, -20, 1553.4617, 934.6089, 1.553400e-09},    {195, -60, 45, 1345.4599, 1115.4622, 4.662720e-10},
+    {215, -110, -5, 1349.3380, 1176.4537, 2.777671e-10},  {235, 120, -70, 1505.0474, 1348.4139, 1.964827e-10},
+    {265, 55, 25, 1489.4146, 1402.2182, 1.108194e-10},    {290, -30, 0, 1304.9191, 1254.2534, 5.754664e-11},
+    {400, 90, 15, 1613.2325, 1612.1871, 1.872231e-11},    {700, 60, -35, 1486.4993, 1489.8055, 5.515167e-13},
+    {1200, -150, 50, 1455.4446, 1455.3010, 8.283732e-15}, {2010, 10, -60, 1376.8444, 1376.8268, 8.106804e-16}};
+
 template <int rows, typename Place> void expect_rows(const Row (&table)[rows], const SolarActivity &sun, Place place)
 {
     for (const Row &row : table) {
@@ -98,6 +108,17 @@ TEST(JB2008, HasThePublishedValues)
     expect_rows(rows_2, activity(74.0, 69.7, 57.2, 54.0, 70.8, 65.3, 60.0, 58.2, 31.0), [](const Row &row) {
         return at(row.km, row.longitude, row.latitude, 54969.0 + 26396.5 / 86400.0, 138, 0.9637, 0.3421);
     });
+}
+
+TEST(JB2008, GivesWhatTheAuthorsProgramGives)
+{
+    for (const Row &row : rows_3) {
+        const AirComposition air = jb2008(at(row.km, row.longitude, row.latitude, 52000.25, 91, 0.1925, 0.0834),
+                                          activity(250.0, 200.0, 230.0, 190.0, 220.0, 195.0, 210.0, 185.0, 150.0));
+        EXPECT_NEAR(air.exosphere, row.exosphere, 1e-4) << row.km;
+        EXPECT_NEAR(air.temperature, row.temperature, 1e-4) << row.km;
+        EXPECT_NEAR(air.density, row.density, 2e-6 * row.density) << row.km;
+    }
 }
 
 TEST(JB2008, HasThePublishedDensitiesOfStorms)

@@ -3,6 +3,8 @@
 // RUN_T02_MET_VER and RUN_T02_GRAM_MET, all with F10.7 = 230 and ap = 20.3.
 #include "world/environment/air/met.h"
 
+#include "world/environment/air/jacchia.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -139,16 +141,38 @@ TEST(MET, HasThePublishedSpecies)
 
 TEST(MET, FollowsFluxAndStorms)
 {
-    // Jacchia 1970, equations 14 and 20: by the daily flux 1.8 K a unit in the night's minimum, and ap + 100 K (1 -
-    // exp(-0.08 ap)).
-    const double quiet = met(north, activity(230.0, 230.0, 0.0)).exosphere;
-    EXPECT_NEAR(met(north, activity(230.0, 230.0, 30.0)).exosphere - quiet, 30.0 + 100.0 * (1.0 - std::exp(-2.4)),
-                1e-9);
-    const double day =
-        (met(north, activity(240.0, 230.0, 0.0)).exosphere - quiet) / 18.0; // warmer by day, at most by 31 %
-    EXPECT_GT(day, 1.0);
-    EXPECT_LT(day, 1.31);
-    EXPECT_NEAR(met(north, activity(200.0, 230.0, 0.0)).exosphere - quiet, -54.0 * day, 1e-9);
+    // Jacchia 1970, equations 14 and 20. Between two places of one instant differs what is in proportion to the minimum
+    // of the night.
+    const auto exosphere = [](const AirPlace &place, double F107, double mean, double ap) {
+        return met(place, activity(F107, mean, ap)).exosphere;
+    };
+    const auto spread = [&](double F107, double mean) {
+        return exosphere(at(400.0, -60.0, 180.0, north.mjd), F107, mean, 4.0) - exosphere(north, F107, mean, 4.0);
+    };
+    const auto night = [](double F107, double mean) { return 383.0 + 3.32 * mean + 1.80 * (F107 - mean); };
+    EXPECT_NEAR(spread(90.0, 100.0) / spread(230.0, 200.0), night(90.0, 100.0) / night(230.0, 200.0), 1e-9);
+    EXPECT_NEAR(exosphere(north, 150.0, 150.0, 30.0) - exosphere(north, 150.0, 150.0, 0.0),
+                30.0 + 100.0 * (1.0 - std::exp(-2.4)), 1e-9);
+}
+
+TEST(MET, MovesHeliumToTheWinter)
+{
+    // Jacchia 1971, equation 25, at the solstices.
+    const struct {
+        double mjd;
+        int day;
+        double latitude, logarithm;
+    } table[] = {{55002.5, 172, 90.0, -0.35355},
+                 {55002.5, 172, -90.0, 1.0 - 0.35355},
+                 {55185.5, 355, 90.0, 1.0 - 0.35355},
+                 {55185.5, 355, -90.0, -0.35355}};
+    for (const auto &row : table) {
+        AirPlace place = at(700.0, row.latitude, 0.0, row.mjd);
+        place.day_of_year = row.day;
+        const AirComposition air = met(place, activity());
+        const double uniform = JacchiaAir(air.exosphere).species(700.0, 2.1926e-5, 0.0093432).He;
+        EXPECT_NEAR(std::log10(air.species.He / uniform), 0.65 * row.logarithm, 1e-3) << row.mjd << row.latitude;
+    }
 }
 
 TEST(MET, IsInHydrostaticEquilibrium)
