@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <string>
 #include <vector>
 
 namespace fledge::world {
@@ -61,7 +63,7 @@ constexpr Published published[] = {
      2.016750e4, 5.741256e3, 2.374394e4, 1239.892,   1239.891},
     {172,        29000,      100,          60,          -70,         16,          150,         150,
      4,          false,      5.411554e7,   1.918893e11, 6.115826e12, 1.225201e12, 6.023212e10, 3.584426e-10,
-     1.059880e7, 2.615737e5, 2.819879e-42, 1027.318,    206.888},
+     1.059880e7, 2.615737e5, 2.819879e-42, 1027.318,    206.8878},
     {172,        29000,      400,        0,          -70,        16,         150,        150,
      4,          false,      1.851122e6, 1.476555e8, 1.579356e7, 2.633795e5, 1.588781e3, 4.809630e-15,
      5.816167e4, 5.478984e6, 1.264446e3, 1212.396,   1208.135},
@@ -80,22 +82,22 @@ constexpr Published published[] = {
     {172,        29000,        400,        60,         -70,        16,         150,
      150,        40,           false,      5.528601e5, 1.198041e8, 3.495798e7, 9.339618e5,
      1.096255e4, 4.974543e-15, 2.686428e4, 4.889974e6, 2.805445e4, 1361.868,   1347.389},
-    {172, 29000,       0,           60,          -70,         16,  150, 150, 4,        false,  1.375488e14,
-     0.0, 2.049687e19, 5.498695e18, 2.451733e17, 1.261066e-3, 0.0, 0.0, 0.0, 1027.318, 281.465},
-    {172, 29000,       10,          60,          -70,         16,  150, 150, 4,        false,  4.427443e13,
-     0.0, 6.597567e18, 1.769929e18, 7.891680e16, 4.059139e-4, 0.0, 0.0, 0.0, 1027.318, 227.418},
-    {172, 29000,       30,          60,          -70,         16,  150, 150, 4,        false,  2.127829e12,
-     0.0, 3.170791e17, 8.506280e16, 3.792741e15, 1.950822e-5, 0.0, 0.0, 0.0, 1027.318, 237.439},
-    {172, 29000,       50,          60,          -70,         16,  150, 150, 4,        false,  1.412184e11,
-     0.0, 2.104370e16, 5.645392e15, 2.517142e14, 1.294709e-6, 0.0, 0.0, 0.0, 1027.318, 279.555},
-    {172, 29000,       70,          60,          -70,         16,  150, 150, 4,        false,  1.254884e10,
-     0.0, 1.874533e15, 4.923051e14, 2.239685e13, 1.147668e-7, 0.0, 0.0, 0.0, 1027.318, 219.073},
+    {172, 29000,       0,           60,          -70,         16,  150, 150, 4,        false,   1.375488e14,
+     0.0, 2.049687e19, 5.498695e18, 2.451733e17, 1.261066e-3, 0.0, 0.0, 0.0, 1027.318, 281.4648},
+    {172, 29000,       10,          60,          -70,         16,  150, 150, 4,        false,   4.427443e13,
+     0.0, 6.597567e18, 1.769929e18, 7.891680e16, 4.059139e-4, 0.0, 0.0, 0.0, 1027.318, 227.4180},
+    {172, 29000,       30,          60,          -70,         16,  150, 150, 4,        false,   2.127829e12,
+     0.0, 3.170791e17, 8.506280e16, 3.792741e15, 1.950822e-5, 0.0, 0.0, 0.0, 1027.318, 237.4389},
+    {172, 29000,       50,          60,          -70,         16,  150, 150, 4,        false,   1.412184e11,
+     0.0, 2.104370e16, 5.645392e15, 2.517142e14, 1.294709e-6, 0.0, 0.0, 0.0, 1027.318, 279.5551},
+    {172, 29000,       70,          60,          -70,         16,  150, 150, 4,        false,   1.254884e10,
+     0.0, 1.874533e15, 4.923051e14, 2.239685e13, 1.147668e-7, 0.0, 0.0, 0.0, 1027.318, 219.0732},
     {172,        29000,      400,        60,         -70,        16,         150,        150,
      4,          true,       5.196477e5, 1.274494e8, 4.850450e7, 1.720838e6, 2.354487e4, 5.881940e-15,
      2.500078e4, 6.279210e6, 2.667273e4, 1426.412,   1408.608},
     {172,        29000,      100,          60,          -70,         16,          150,         150,
      4,          true,       4.260860e7,   1.241342e11, 4.929562e12, 1.048407e12, 4.993465e10, 2.914304e-10,
-     8.831229e6, 2.252516e5, 2.415246e-42, 1027.318,    193.407}};
+     8.831229e6, 2.252516e5, 2.415246e-42, 1027.318,    193.4071}};
 
 AirComposition of(const Published &row)
 {
@@ -107,19 +109,30 @@ AirComposition of(const Published &row)
     return nrlmsise00(place_at(row.km, row.latitude, row.longitude, row.day, row.seconds, row.hours), sun);
 }
 
-TEST(Nrlmsise00, HasThePublishedTestValues)
+/// As many digits as NRL prints.
+std::string printed(double value)
+{
+    char text[32];
+    std::snprintf(text, sizeof text, "%.6e", value);
+    return text;
+}
+
+TEST(Nrlmsise00, HasAllDigitsOfThePublishedTestValues)
 {
     for (const Published &row : published) {
         const AirComposition air = of(row);
         const AirSpecies &n = air.species;
-        const double found[] = {n.He, n.O, n.N2, n.O2, n.Ar, 1e3 * plain_density(air), n.H, n.N, n.anomalous_O};
-        const double expected[] = {row.He, row.O, row.N2, row.O2, row.Ar, row.density, row.H, row.N, row.anomalous_O};
-        for (int i = 0; i < 9; i++) {
-            EXPECT_NEAR(1e-6 * found[i], expected[i], 5e-7 * expected[i])
-                << "row " << &row - published << " value " << i;
-        }
-        EXPECT_NEAR(air.exosphere, row.exosphere, 5.1e-4) << &row - published;
-        EXPECT_NEAR(air.temperature, row.temperature, 5.1e-4) << &row - published;
+        EXPECT_EQ(printed(1e-6 * n.He), printed(row.He));
+        EXPECT_EQ(printed(1e-6 * n.O), printed(row.O));
+        EXPECT_EQ(printed(1e-6 * n.N2), printed(row.N2));
+        EXPECT_EQ(printed(1e-6 * n.O2), printed(row.O2));
+        EXPECT_EQ(printed(1e-6 * n.Ar), printed(row.Ar));
+        EXPECT_EQ(printed(1e-3 * plain_density(air)), printed(row.density));
+        EXPECT_EQ(printed(1e-6 * n.H), printed(row.H));
+        EXPECT_EQ(printed(1e-6 * n.N), printed(row.N));
+        EXPECT_EQ(printed(1e-6 * n.anomalous_O), printed(row.anomalous_O));
+        EXPECT_EQ(printed(air.exosphere), printed(row.exosphere));
+        EXPECT_EQ(printed(air.temperature), printed(row.temperature));
     }
 }
 
