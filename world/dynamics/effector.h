@@ -23,6 +23,8 @@
 
 namespace fledge::world {
 
+struct Whole;
+
 /// What acts on the body; each part adds its own.
 struct Loads {
     Vec3 momentum; ///< [N m s] angular momentum that is not in I_B omega, B components
@@ -32,6 +34,7 @@ struct Loads {
     // Of parts that change masses, which need a coupled part on the same craft: the tank.
     double mass_rate; ///< [kg/s]   of the whole; < 0 while mass leaves
     Vec3 moment_rate; ///< [kg m/s] of mass x position, from masses that change, each where it is; B components
+    Whole *whole;     ///<          after couple(), for forces on the coordinates of coupled parts
 
     /// A force that acts at a point: `arm` is its position relative to C (its place in B less Motion::r_CB_B).
     void push(const Vec3 &force, const Vec3 &arm)
@@ -145,6 +148,13 @@ struct alignas(32) Whole {
 
     /// A degree of freedom.
     void free(const Freedom &q);
+
+    /// A further force on a degree of freedom, per its inertia.
+    void drive(double acceleration, const Vec3 &its_push, const Vec3 &its_turn)
+    {
+        force = vec_sub(force, vec_scale(acceleration, its_push));
+        torque = vec_sub(torque, vec_scale(acceleration, its_turn));
+    }
 };
 
 /// The rotation of the body. B components.
@@ -234,6 +244,10 @@ public:
     {
         (void)x, (void)motion, (void)loads, (void)whole;
     }
+
+    /// Add what a gradient of gravity [1/s^2] does along its coordinates: a mass at r feels gradient (r - c) more, B
+    /// components. The gradient is symmetric, without trace. After couple(), at the same x.
+    virtual void tide(const Mat3 &gradient, const Vec3 &c, Whole &whole) { (void)gradient, (void)c, (void)whole; }
 
     /// Write the derivatives of its states from the body's accelerations: a [m/s^2] of B's origin less gravity, and
     /// domega [rad/s^2], B components.

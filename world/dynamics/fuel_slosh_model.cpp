@@ -55,6 +55,7 @@ void FuelSloshModel::couple(const double *x, const Motion &motion, Loads &loads,
 LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole)
 {
     // push = m p, turn = m r x p, inertia = m
+    x_ = x;
     const Quad3 omega = quads(rate);
     whole.mass += lines_.all.mass;
     symmetric(lines_.all.linear).add_to(whole.linear);
@@ -80,6 +81,17 @@ LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &r
         put(whole.torque, quad(whole.torque) - sums(mforce * turn + mdrho * bends));
         put(loads.momentum, quad(loads.momentum) + sums(mdrho * turn));
         force_[i / sim::state_block] = force;
+    }
+}
+
+void FuelSloshModel::tide(const Mat3 &gradient, const Vec3 &c, Whole &whole)
+{
+    const auto at = [](const double(&of)[3][SLOSH_MAX], std::size_t i) { return vec3(of[0][i], of[1][i], of[2][i]); };
+    for (std::size_t i = 0; i < n_; i++) {
+        const Vec3 axis = at(lines_.axis, i), arm = vec_sub(vec_add(at(lines_.place, i), vec_scale(x_[i], axis)), c);
+        const double force = vec_dot(axis, mat_vec(gradient, arm)), m = lines_.mass[i]; // per mass
+        force_[i / sim::state_block][i % sim::state_block] += force;
+        whole.drive(force, vec_scale(m, axis), vec_scale(m, at(lines_.turn, i)));
     }
 }
 

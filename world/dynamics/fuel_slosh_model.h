@@ -26,6 +26,7 @@ public:
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *, const BodyRate &, double) override { return std::exchange(changed_, false); }
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
+    void tide(const Mat3 &gradient, const Vec3 &c, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
@@ -42,6 +43,7 @@ private:
         Whole all; ///< mass and what the degrees of freedom take, both of which are constant
     };
     Lines lines_{};
+    const double *x_ = nullptr;                  ///< of the last couple()
     Quad force_[SLOSH_MAX / sim::state_block]{}; ///< from couple() to accelerate(): per mass
 
     void couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole);

@@ -21,8 +21,7 @@ void GravityGradientModel::start(const Vec3 &, double *)
 
 void GravityGradientModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
 {
-    const Vec3 r_CN_N = vec_add(motion.r_BN_N, mat_transpose_vec(motion.C_BN, motion.r_CB_B));
-    torque_B_ = craft_->gravity_torque(motion.start, motion.tau, r_CN_N, motion.C_BN, motion.I_C_B);
+    torque_B_ = craft_->gravity_torque(motion, loads);
     loads.torque = vec_add(loads.torque, torque_B_);
 }
 

@@ -173,9 +173,31 @@ void HingedPanelsModel::drive(std::size_t i, double torque, Whole &whole)
 {
     const Acting &q = now_[i];
     forces_[i] += torque;
-    const double per = torque * panels_[i].per_J;
-    whole.force = vec_sub(whole.force, vec_scale(per, vec3(q.push[0], q.push[1], q.push[2])));
-    whole.torque = vec_sub(whole.torque, vec_scale(per, vec3(q.turn[0], q.turn[1], q.turn[2])));
+    whole.drive(torque * panels_[i].per_J, vec3(q.push[0], q.push[1], q.push[2]),
+                vec3(q.turn[0], q.turn[1], q.turn[2]));
+}
+
+/// With the push p = sum dm dr/dq, and I' = d/dq sum dm (r.r - r r), which the gradient G feels without its trace:
+///
+///   sum dm dr/dq . G (r - c) = -1/2 sum_jk G_jk I'_jk - p . G c
+void HingedPanelsModel::tide(const Mat3 &gradient, const Vec3 &c, Whole &whole)
+{
+    Symmetric G{};
+    G.add(gradient);
+    const Vec3 Gc = mat_vec(gradient, c);
+    for (std::size_t i = 0; i < n_; i++) {
+        const Hinge h = hinge(i);
+        const double slopes[4] = {-h.sine, h.cosine, -2.0 * h.sine * h.cosine, 2.0 * h.cosine * h.cosine - 1.0};
+        double bent = 0.0;
+        for (int k = 0; k < 4; k++) {
+            const Symmetric &I = panels_[i].inertia[k + 1];
+            for (int j = 0; j < 3; j++) {
+                bent += slopes[k] * (G.along[j] * I.along[j] + 2.0 * G.across[j] * I.across[j]);
+            }
+        }
+        const double(&push)[4] = now_[i].push;
+        drive(i, -0.5 * bent - vec_dot(vec3(push[0], push[1], push[2]), Gc), whole);
+    }
 }
 
 void HingedPanelsModel::accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const

@@ -49,6 +49,7 @@ public:
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
+    void tide(const Mat3 &gradient, const Vec3 &c, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 

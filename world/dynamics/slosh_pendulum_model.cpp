@@ -62,6 +62,7 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
         const double m = par.mass[i], l = par.length[i];
         const Vec3 n = get(x + rod_block * i), dn = get(x + rod_block * i + block);
         const Vec3 r = vec_add(par.r_B[i], vec_scale(l, n)), v = vec_scale(l, dn);
+        place_[i] = r;
         whole.add(m, r);
         const Vec3 coriolis = vec_scale(2.0 * m, vec_cross(omega, v));
         const Vec3 inward = vec_scale(m * l * vec_norm2(dn), n);
@@ -76,6 +77,18 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
             const Vec3 along = vec_scale(m * l, across_[i][k]);
             now_[i][k] = {along, vec_cross(r, along), m * l * l, l * vec_dot(across_[i][k], force)};
             whole.free(now_[i][k]);
+        }
+    }
+}
+
+void SloshPendulumModel::tide(const Mat3 &gradient, const Vec3 &c, Whole &whole)
+{
+    for (std::size_t i = 0; i < n_; i++) {
+        const Vec3 pull = mat_vec(gradient, vec_sub(place_[i], c));
+        for (Freedom &q : now_[i]) {
+            const double force = vec_dot(q.push, pull);
+            q.force += force;
+            whole.drive(force / q.inertia, q.push, q.turn);
         }
     }
 }

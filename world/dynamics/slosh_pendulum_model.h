@@ -25,6 +25,7 @@ public:
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *, const BodyRate &, double) override { return std::exchange(changed_, false); }
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
+    void tide(const Mat3 &gradient, const Vec3 &c, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void normalize(double *x) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
@@ -33,7 +34,8 @@ private:
     SloshPendulum &interface_;
     bool changed_ = true; ///< parameters, since the last latch()
     std::size_t n_ = 0;
-    // From couple() to accelerate(): two directions perpendicular to each rod, and the motion along them.
+    // From couple() to accelerate(): where each is, two directions perpendicular to its rod, and the motion along them.
+    Vec3 place_[SLOSH_MAX]{};
     Vec3 across_[SLOSH_MAX][2]{};
     Freedom now_[SLOSH_MAX][2]{};
 };

@@ -547,6 +547,7 @@ LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const dou
     put(loads.momentum, Quad{});
     put(loads.moment_rate, Quad{});
     loads.mass_rate = 0.0;
+    loads.whole = &whole_;
     put(loads.torque, quad_at(held_ + at_torque_B));
     put(loads.force_N, quad_at(held_ + at_force_N));
     put(loads.force_B, quad_at(held_ + at_force_B));
@@ -571,9 +572,20 @@ LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const dou
     put_quad(dx + at_omega, transposed_times(I_inverse_, quad(loads.torque) - cross(omega, quad(loads.momentum))));
 }
 
-Vec3 SpacecraftModel::gravity_torque(Ns start, double tau, const Vec3 &r_N, const Mat3 &C_BN, const Mat3 &I_C_B) const
+Vec3 SpacecraftModel::gravity_torque(const Motion &motion, const Loads &loads) const
 {
-    return vec(attraction_.torque(start, tau, view(r_N), view(C_BN), view(I_C_B)));
+    const Vec3 r_CN_N = vec_add(motion.r_BN_N, mat_transpose_vec(motion.C_BN, motion.r_CB_B));
+    const auto C_BN = view(motion.C_BN);
+    if (free_) {
+        const auto gradient_N = attraction_.gradient(motion.start, motion.tau, view(r_CN_N));
+        const Mat3 gradient_B = mat(C_BN * gradient_N * C_BN.transpose());
+        for (const Part &part : parts_) {
+            if (part.couples) {
+                part.effector->tide(gradient_B, motion.r_CB_B, *loads.whole);
+            }
+        }
+    }
+    return vec(attraction_.torque(motion.start, motion.tau, view(r_CN_N), C_BN, view(motion.I_C_B)));
 }
 
 /// What the coupled parts are and do.

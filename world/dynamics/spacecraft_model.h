@@ -61,8 +61,8 @@ public:
     void set_sky(std::shared_ptr<const Sky> sky) override { attraction_.set_sky(std::move(sky)); }
     const std::shared_ptr<const Sky> &sky() const override { return attraction_.sky(); }
 
-    /// [N m] The torque of gravity about the position r_N [m] of the centre of mass, B components.
-    Vec3 gravity_torque(sim::Ns start, double tau, const Vec3 &r_N, const Mat3 &C_BN, const Mat3 &I_C_B) const;
+    /// [N m] The torque of gravity about the centre of mass, B components. Coordinates of parts feel their own, too.
+    Vec3 gravity_torque(const Motion &motion, const Loads &loads) const;
 
     void prepare(const sim::Setup &setup) override;
     void ensure_data_until(sim::Ns until) override { attraction_.ensure_data_until(until); }

@@ -310,6 +310,17 @@ Vector3d Attraction::torque(Ns start, double tau, const Vector3d &r_BN_N, const 
     return sum;
 }
 
+Matrix3d Attraction::gradient(Ns start, double tau, const Vector3d &r_BN_N)
+{
+    Matrix3d sum = Matrix3d::Zero();
+    for (std::size_t i = 0; i < bodies_.size(); i++) {
+        const Vector3d r = r_BN_N - position(i, start, tau);
+        const double r2 = r.squaredNorm(), mu = sky_ ? sources_[i].mu : bodies_[i].mu;
+        sum += (mu / (r2 * r2 * std::sqrt(r2))) * (3.0 * r * r.transpose() - r2 * Matrix3d::Identity());
+    }
+    return sum;
+}
+
 std::vector<std::string> Attraction::assumptions() const
 {
     std::vector<std::string> lines;

@@ -58,6 +58,9 @@ public:
     Eigen::Vector3d torque(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N, const Eigen::Matrix3d &dcm_BN,
                            const Eigen::Matrix3d &I_B);
 
+    /// [1/s^2] The gradient of gravity, that of points, N components: a mass at d from r_BN_N feels this times d more.
+    Eigen::Matrix3d gradient(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N);
+
     /// One line for each body that another one stands for.
     std::vector<std::string> assumptions() const;
 

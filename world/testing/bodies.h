@@ -16,6 +16,7 @@ namespace fledge::world::testing {
 struct Sums {
     double mass = 0.0, kinetic = 0.0, stored = 0.0; ///< [J] stored: in springs
     Vector3d center = Vector3d::Zero(), linear = Vector3d::Zero(), angular = Vector3d::Zero(); ///< about N's origin
+    Matrix3d inertia = Matrix3d::Zero();                                                       ///< the same
 
     /// A rigid body: its centre, its velocity, its rate, its inertia about the centre; N components.
     void add(double m, const Vector3d &r, const Vector3d &v, const Vector3d &w = Vector3d::Zero(),
@@ -25,6 +26,7 @@ struct Sums {
         center += m * r;
         linear += m * v;
         angular += m * r.cross(v) + I * w;
+        inertia += m * (r.squaredNorm() * Matrix3d::Identity() - r * r.transpose()) + I;
         kinetic += 0.5 * m * v.squaredNorm() + 0.5 * w.dot(I * w);
     }
     /// [N m s] about the centre of mass.
