@@ -175,6 +175,8 @@ ATTITUDE_ELEMENTS = {
 # Elements of XML around fields.
 AROUND = {**dict.fromkeys([f"RELATIVE_{name}_{axis}" for name in ("POSITION", "VELOCITY") for axis in "RTN"],
                           "relativeStateVector"),
+          **dict.fromkeys(("X_ANGLE", "Y_ANGLE", "Z_ANGLE"), "rotationAngles"),
+          **dict.fromkeys(("X_RATE", "Y_RATE", "Z_RATE"), "rotationRates"),
           **dict.fromkeys(("Q1", "Q2", "Q3", "QC"), "quaternion"),
           **dict.fromkeys(("Q1_DOT", "Q2_DOT", "Q3_DOT", "QC_DOT"), "quaternionDot")}
 AROUND_ROW = {**AROUND, **dict.fromkeys(("ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z"), "angVel")}

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from xml.sax.saxutils import escape, quoteattr
 
-from fledge.errors import SetupError
 from fledge.files import tables
 from fledge.files.messages import AROUND, AROUND_ROW, ATTITUDE_ELEMENTS, FORMS, Block
 from fledge.files.sections import Message, Section, Segment
@@ -112,29 +111,35 @@ def _element(name: str, content: Sequence[str]) -> list[str]:
 
 
 def _xml_section(section: Section, block: Block, clock: Clock, segment: Segment | None, message: Message) -> list[str]:
-    angles = block.name == "EULER" or any(name.startswith("ANGLE_") for name in section.columns)
-    if angles and message.version[0] == "1":
-        raise SetupError(f"{message.kind} 1.0: expected no Euler angles for XML; write form=\"kvn\", or a message of "
-                         "version 2.0")
     lines = [f"<COMMENT>{escape(comment)}</COMMENT>" for comment in section.comments]
-    lines += _leaves(_entries(section, block, clock), AROUND)
+    entries = _entries(section, block, clock)
+    if block.name == "EULER" and message.version[0] == "1":
+        axes = tables.sequence(section)
+        entries.sort(key=lambda entry: axes.find(str("XYZ".find(entry[0][0]) + 1)) if entry[0][1] == "_" else -1)
+    lines += _leaves(entries, AROUND)
     rows = tables.lines(section, segment.meta, clock, message.kind, message.version) if segment else []
     for row in rows:
         if block.row.endswith("Line"):
             lines.append(f"<{block.row}>{escape(' '.join(text for _, text in row))}</{block.row}>")
-            continue
-        leaves = _leaves([(key, text, "") for key, text in _quaternions_last(row)],
-                         AROUND_ROW if block.row == "attitudeState" else {})
-        if segment and block.row == "attitudeState":
-            leaves = _element(ATTITUDE_ELEMENTS[tables.attitude_type(segment.meta, message.version)], leaves)
-        lines += _element(block.row, leaves)
+        elif segment and block.row == "attitudeState":
+            name = ATTITUDE_ELEMENTS[tables.attitude_type(segment.meta, message.version)]
+            leaves = _leaves(_attitude(row, segment.meta, message.version), AROUND_ROW)
+            lines += _element(block.row, _element(name, leaves))
+        else:
+            lines += _element(block.row, _leaves([(key, text, "") for key, text in row], {}))
     return lines
 
 
-def _quaternions_last(row: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """A row with the scalar parts of quaternions behind the vectors, as the schema has them."""
+def _attitude(row: list[tuple[str, str]], meta: Section, version: str) -> list[tuple[str, str, str]]:
+    """The entries of a line: the scalar parts of quaternions last, and in version 1 the angles by their axes."""
     names = ("EPOCH", "Q1", "Q2", "Q3", "QC", "Q1_DOT", "Q2_DOT", "Q3_DOT", "QC_DOT")
-    return sorted(row, key=lambda item: names.index(item[0]) if item[0] in names else len(names))
+    row = sorted(row, key=lambda item: names.index(item[0]) if item[0] in names else len(names))
+    if version[0] != "1" or not any(key.startswith("ANGLE_") for key, _ in row):
+        return [(key, text, "") for key, text in row]
+    named = {}
+    for i, axis in enumerate(tables.sequence(meta), 1):
+        named[f"ANGLE_{i}"], named[f"ANGLE_{i}_DOT"] = (f"{'XYZ'[int(axis) - 1]}_{kind}" for kind in ("ANGLE", "RATE"))
+    return [(named.get(key, key), text, "") for key, text in row]
 
 
 def _leaves(entries: Sequence[tuple[str, str, str]], around: dict[str, str]) -> list[str]:
@@ -142,10 +147,14 @@ def _leaves(entries: Sequence[tuple[str, str, str]], around: dict[str, str]) -> 
     lines = []
     for name, group in groupby(entries, key=lambda entry: around.get(entry[0], "")):
         leaves = []
-        for key, text, unit in group:
+        for number, (key, text, unit) in enumerate(group, 1):
+            tag, attributes = key, {"units": unit} if unit else {}
             if key.startswith("USER_DEFINED_"):
-                leaves.append(f"<USER_DEFINED parameter={quoteattr(key[13:])}>{escape(text)}</USER_DEFINED>")
-            else:
-                leaves.append(f"<{key}{f' units={quoteattr(unit)}' if unit else ''}>{escape(text)}</{key}>")
+                tag, attributes = "USER_DEFINED", {"parameter": key[13:]}
+            elif name.startswith("rotation"):
+                tag = f"rotation{number}"
+                attributes = {"angle" if name == "rotationAngles" else "rate": key, **attributes}
+            shown = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
+            leaves.append(f"<{tag}{shown}>{escape(text)}</{tag}>")
         lines += _element(name, leaves) if name else leaves
     return lines

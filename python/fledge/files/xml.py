@@ -22,12 +22,16 @@ class _Element(NamedTuple):
     attributes: dict[str, str]
     pieces: list[str]
 
+    @property
+    def is_value(self) -> bool:
+        """Whether it has a text, and no other elements: keywords are in capitals."""
+        return self.name.isupper() or self.name in LINES or bool({"angle", "rate"} & set(self.attributes))
+
 
 def tokens(text: str | bytes, where: str) -> list[Token]:
     """Those of all messages of a document; the version of a message is a keyword, as in KVN."""
     found: list[Token] = []
     opened: list[_Element] = []
-    leaf = False
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)     # None: as the document declares
     text = text.encode() if isinstance(text, str) else text
     before = max(text.find(b"<"), 0)            # no line feed may stand before the declaration
@@ -36,34 +40,22 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
     skipped = text.count(b"\n", 0, before)
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal leaf
-        leaf, name, line = True, name.rpartition(":")[2], parser.CurrentLineNumber + skipped
-        if name in MESSAGES:
-            found.append(Token("key", f"CCSDS_{name.upper()}_VERS", attributes.get("version", ""), line))
-        elif not name.isupper() and name not in LINES and "angle" not in attributes and "rate" not in attributes:
-            found.append(Token("open", name, f"<{name}>", line))
-        opened.append(_Element(name, line, attributes, []))
+        element = _Element(name.rpartition(":")[2], parser.CurrentLineNumber + skipped, attributes, [])
+        if opened and opened[-1].is_value:
+            refuse(where, element.line, f"{opened[-1].name}: expected a value; found <{element.name}>")
+        opened.append(element)
+        if element.name in MESSAGES:
+            key = f"CCSDS_{element.name.upper()}_VERS"
+            found.append(Token("key", key, attributes.get("version", ""), element.line))
+        elif not element.is_value:
+            found.append(Token("open", element.name, f"<{element.name}>", element.line))
 
     def end(_: str) -> None:
-        nonlocal leaf
-        name, line, attributes, pieces = opened.pop()
-        text = re.sub(r"\s*\n\s*", " ", "".join(pieces).strip())
-        if name == "COMMENT":
-            found.append(Token("comment", "", text, line))
-        elif name in LINES:
-            found.append(Token("row", name, text, line))
-        elif name == "USER_DEFINED":
-            found.append(Token("key", f"USER_DEFINED_{attributes.get('parameter', '')}", text, line, ""))
-        elif "angle" in attributes or "rate" in attributes:     # of rotation1, rotation2 and rotation3
-            name = attributes.get("angle") or attributes["rate"]
-            found.append(Token("key", name, text, line, attributes.get("units", "")))
-        elif name.isupper():
-            if not leaf:
-                refuse(where, line, f"{name}: expected a value; found other elements")
-            found.append(Token("key", name, text, line, attributes.get("units", "")))
-        elif name not in MESSAGES:
-            found.append(Token("close", name, f"</{name}>", line))
-        leaf = False
+        element = opened.pop()
+        if element.is_value:
+            found.append(_value(element))
+        elif element.name not in MESSAGES:
+            found.append(Token("close", element.name, f"</{element.name}>", element.line))
 
     def doctype(*_: object) -> None:
         refuse(where, parser.CurrentLineNumber + skipped,
@@ -80,3 +72,14 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
     except (LookupError, ValueError) as error:          # an encoding that Python does not know
         refuse(where, 1, f"expected XML; {error}")
     return found
+
+
+def _value(element: _Element) -> Token:
+    text = re.sub(r"\s*\n\s*", " ", "".join(element.pieces).strip())
+    attributes = element.attributes
+    name = attributes.get("angle") or attributes.get("rate") or element.name    # of rotation1, rotation2 and rotation3
+    if name == "COMMENT" or name in LINES:
+        return Token("comment" if name == "COMMENT" else "row", name, text, element.line)
+    if name == "USER_DEFINED":
+        return Token("key", f"USER_DEFINED_{attributes.get('parameter', '')}", text, element.line, "")
+    return Token("key", name, text, element.line, attributes.get("units", ""))
