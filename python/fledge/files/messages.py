@@ -243,7 +243,8 @@ MANEUVERS = {name: kind.type for name, kind in fields("""TIME_ABSOLUTE:time TIME
 
 # The components of a conjunction's covariance: the last three may be absent, each with its whole row.
 _RTN = _triangle("R T N RDOT TDOT NDOT", "m")
-_BALLISTIC = """CDRG_{0}:m**3/kg CDRG_{1}:m**3/kg CDRG_{2}:m**3/kg CDRG_{0}DOT:m**3/(kg*s) CDRG_{1}DOT:m**3/(kg*s)
+OPTIONAL_ROWS = ("CDRG", "CSRP", "CTHR")
+_BALLISTIC = """ CDRG_{0}:m**3/kg CDRG_{1}:m**3/kg CDRG_{2}:m**3/kg CDRG_{0}DOT:m**3/(kg*s) CDRG_{1}DOT:m**3/(kg*s)
     CDRG_{2}DOT:m**3/(kg*s) CDRG_DRG:m**4/kg**2 CSRP_{0}:m**3/kg CSRP_{1}:m**3/kg CSRP_{2}:m**3/kg
     CSRP_{0}DOT:m**3/(kg*s) CSRP_{1}DOT:m**3/(kg*s) CSRP_{2}DOT:m**3/(kg*s) CSRP_DRG:m**4/kg**2 CSRP_SRP:m**4/kg**2
     CTHR_{0}:m**2/s**2 CTHR_{1}:m**2/s**2 CTHR_{2}:m**2/s**2 CTHR_{0}DOT:m**2/s**3 CTHR_{1}DOT:m**2/s**3
@@ -260,7 +261,8 @@ CDM = Form("CDM", ("1.0",), (
     Block("ADDITIONAL", fields("""AREA_PC:m**2 AREA_DRG:m**2 AREA_SRP:m**2 MASS:kg CD_AREA_OVER_MASS:m**2/kg
         CR_AREA_OVER_MASS:m**2/kg THRUST_ACCELERATION:m/s**2 SEDR:W/kg"""), "", "additionalParameters"),
     Block("STATE", fields(STATE.removeprefix("EPOCH!:time ")), "", "stateVector", required=True),
-    Block("COVARIANCE", fields(_RTN + " " + _BALLISTIC.format("R", "T", "N")), "", "covarianceMatrix", required=True),
+    Block("COVARIANCE", fields(_RTN + _BALLISTIC.format("R", "T", "N").replace(":", "!:")), "", "covarianceMatrix",
+          required=True),
     Block("USER", {}, "", "userDefinedParameters")), segments=True, front=(
     Block("RELATIVE", fields("""TCA!:time MISS_DISTANCE!:m RELATIVE_SPEED:m/s RELATIVE_POSITION_R:m
         RELATIVE_POSITION_T:m RELATIVE_POSITION_N:m RELATIVE_VELOCITY_R:m/s RELATIVE_VELOCITY_T:m/s

@@ -19,7 +19,7 @@ from fledge.disk import Part, shown
 from fledge.errors import SetupError, did_you_mean, listed, printable
 from fledge.files import ephemeris, kvn, tables, xml
 from fledge.files.kvn import Token, refuse
-from fledge.files.messages import CHOICES, FORMS, HEADER, PAIRS, Block, Form
+from fledge.files.messages import CHOICES, FORMS, OPTIONAL_ROWS, PAIRS, Block, Form
 from fledge.files.sections import Message, Section, Segment, Value
 from fledge.files.values import TIME, UNITS, Clock, to_si, unit_of
 from fledge.files.writer import as_kvn, as_xml
@@ -232,7 +232,7 @@ class _Builder:
         for key, token in raw.tokens.items():
             item = raw.block.fields.get(key)
             if item and not token.text and item.type not in ("text", "date"):     # as CelesTrak leaves CREATION_DATE
-                if item.required:
+                if item.required and not key.startswith(OPTIONAL_ROWS):
                     refuse(self.where, token.line, f"{key}: expected a value; there is none")
                 continue
             section.values[key] = value_of(item.type if item else "text", token, clock, self.where)

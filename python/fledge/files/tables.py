@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fledge.errors import SetupError, listed
+from fledge.errors import listed
 from fledge.files.kvn import refuse
-from fledge.files.messages import ATTITUDES, COVARIANCE, DEFAULTS, MANEUVERS, ORBITS, STATE, fields
-from fledge.files.values import NUMBER, UNITS, Clock, from_si, times, to_si, unit_of
+from fledge.files.messages import ATTITUDES, COVARIANCE, DEFAULTS, MANEUVERS, OPTIONAL_ROWS, ORBITS, STATE, fields
+from fledge.files.values import UNITS, Clock, from_si, times, to_si, unit_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -219,7 +219,7 @@ def missing_of_covariance(keys: Any, missing: list[str]) -> list[str]:
     """Of the keywords that a covariance has not, those that it must have: a row of a conjunction's ballistic terms is
     there as a whole or not at all."""
     rows = {key.partition("_")[0] for key in keys}
-    return [key for key in missing if key.partition("_")[0] in rows or not key.startswith(("CDRG", "CSRP", "CTHR"))]
+    return [key for key in missing if key.partition("_")[0] in rows or not key.startswith(OPTIONAL_ROWS)]
 
 
 def history(section: Section) -> tuple[np.ndarray, np.ndarray]:
