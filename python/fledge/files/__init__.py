@@ -28,29 +28,31 @@ from __future__ import annotations
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import os
+    from typing import Any
 
-    from fledge.files.mean_elements import MeanElements
-    from fledge.files.ndm import Message
+    from fledge.files.sections import Message
 
 
-def read_all(source: str | os.PathLike[str]) -> list[Message] | list[MeanElements]:
-    """What a file, or a text of several lines, holds; its form is known by its content: all messages of CCSDS in KVN or
-    XML, or mean elements in two lines, JSON or CSV. Raises SetupError."""
+def _reader(source: str | os.PathLike[str]) -> Any:
+    """The module that reads a file or text, by its content."""
     from fledge.files import mean_elements, ndm
 
     data, _ = ndm.content(source)
-    begin = data.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if begin[:1] == b"<" or b"CCSDS_" in data or b"\0" in data[:8]:
-        return ndm.read_all(source)
-    return mean_elements.read_all(source)
+    xml = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" or b"\0" in data[:8]
+    return ndm if xml or b"CCSDS_" in data else mean_elements
 
 
-def read(source: str | os.PathLike[str]) -> Message | MeanElements:
-    """The only message, or set of mean elements, of a file or text. Raises SetupError where there are several."""
-    from fledge.files import mean_elements, ndm
+def read(source: str | os.PathLike[str]) -> Any:
+    """What a file, or a text of several lines, holds; its form is known by its content: a message of CCSDS in KVN or
+    XML (ndm.Message), or mean elements in two lines, JSON or CSV (MeanElements). Raises SetupError, also where there
+    are several."""
+    return _reader(source).read(source)
 
-    found = read_all(source)
-    return ndm.read(source) if isinstance(found[0], ndm.Message) else mean_elements.read(source)
+
+def read_all(source: str | os.PathLike[str]) -> list[Any]:
+    """All that a file, or a text of several lines, holds, as read() gives it. Raises SetupError."""
+    found: list[Any] = _reader(source).read_all(source)
+    return found
 
 
 def write(message: Message, path: str | os.PathLike[str], form: str = "kvn") -> None:

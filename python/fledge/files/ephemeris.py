@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 R, V, A = (("X", "Y", "Z"), ("X_DOT", "Y_DOT", "Z_DOT"), ("X_DDOT", "Y_DDOT", "Z_DDOT"))
 METHODS = ("LINEAR", "LAGRANGE", "HERMITE")
-DEGREES = {"LINEAR": 1, "LAGRANGE": 7, "HERMITE": 7}      # where the message does not say
+DEGREE = 7      # where the message does not say, and has lines enough
 
 
 class Tabulated(Segment):
@@ -53,8 +53,8 @@ class Tabulated(Segment):
         method = str(self.meta.get(key, "LAGRANGE")).upper()
         if method not in METHODS:
             self.meta.refuse(f"{key}: expected {', '.join(METHODS)}; found {method}")
-        degree = int(self.meta.get("INTERPOLATION_DEGREE", DEGREES[method]))
-        if degree < 1:
+        degree = int(self.meta.get("INTERPOLATION_DEGREE", min(DEGREE, len(self.times) - 1)))
+        if degree < 1 and "INTERPOLATION_DEGREE" in self.meta.values:
             self.meta.refuse(f"INTERPOLATION_DEGREE: expected 1 or more; found {degree}")
         return method, 1 if method == "LINEAR" else degree
 
@@ -138,8 +138,8 @@ class OemSegment(Tabulated):
         """Positions [m] (m, 3) and velocities [m/s] (m, 3) at times [ns] (m,), by INTERPOLATION and its degree.
 
         LAGRANGE interpolates positions and velocities each for itself; HERMITE takes the velocities as rates of the
-        positions, and gives the rate of what it finds. Without INTERPOLATION: LAGRANGE of degree 7. Raises SetupError
-        outside the useable span, and where there are fewer lines than the degree needs.
+        positions, and gives the rate of what it finds. Without INTERPOLATION: LAGRANGE of degree 7, or less where there
+        are fewer lines. Raises SetupError outside the useable span, and where the degree needs more lines.
         """
         found = self._at(t)
         method, degree = self.interpolation

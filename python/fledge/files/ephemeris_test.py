@@ -30,6 +30,14 @@ def test_an_ephemeris_counts_leap_seconds_and_is_interpolated_within_its_span():
         segment.covariances[1].covariance()
 
 
+def test_without_a_method_the_polynomial_goes_through_the_lines_that_there_are():
+    times, power = np.arange(4) * 10**9, np.arange(4.0)[:, None]**[3, 2, 1]
+    segment = OemSegment.of({"TIME_SYSTEM": "TDB"}, times, power, power)
+    assert np.allclose(segment.at(1_500_000_000)[0], [[1.5**3, 1.5**2, 1.5]], rtol=1e-14)
+    alone = OemSegment.of({"TIME_SYSTEM": "TDB"}, times[:1], power[:1], power[:1])
+    assert np.array_equal(alone.at(0)[0], power[:1])
+
+
 def test_attitudes_are_quaternions_and_turn_about_a_fixed_axis():
     segment = files.read(AEM).segment
     found = segment.at(segment.times[0] + np.arange(3) * 5 * 10**9)
