@@ -102,12 +102,7 @@ bool ThrustersModel::mounted() const
 void ThrustersModel::start(const Vec3 &, double *)
 {
     for (std::size_t i = 0; i < interface_.par.n; i++) {
-        const std::size_t panel = interface_.par.panel[i], n = panels_ ? panels_->size() : 0;
-        if (panel > n) {
-            throw sim::SetupError(name_ + ".panel[" + std::to_string(i) + "] is " + std::to_string(panel) +
-                                  (panels_ ? ", but its HingedPanels have n = " + std::to_string(n)
-                                           : ", but " + name_ + ".panels is missing: the HingedPanels that carry it"));
-        }
+        HingedPanelsModel::check_mount(panels_, name_, i, interface_.par.panel[i]);
     }
     state_ = {};
     state_.is_new = 1;

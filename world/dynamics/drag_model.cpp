@@ -19,7 +19,7 @@ void DragModel::derive(const double *, const Motion &motion, double *, Loads &lo
     const Vec3 v_B = mat_vec(motion.C_BN, vec_sub(motion.v_BN_N, vec(air.velocity_N)));
     const Vec3 pressure_B = vec_scale(-0.5 * air.density * par.Cd * vec_norm(v_B), v_B);
     push(vec_scale(par.area, pressure_B), vec_unit(v_B), motion, loads,
-         [&](std::size_t i, double cosine) { return vec_scale(par.areas[i] * cosine, pressure_B); });
+         [&](std::size_t i, const Vec3 &, double cosine) { return vec_scale(par.areas[i] * cosine, pressure_B); });
 }
 
 } // namespace fledge::world

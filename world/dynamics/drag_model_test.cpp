@@ -3,7 +3,7 @@
 
 #include "world/dynamics/orbit.h"
 #include "world/environment/atmosphere_model.h"
-#include "world/testing/flyer.h"
+#include "world/testing/bodies.h"
 
 #include <gtest/gtest.h>
 
@@ -162,6 +162,127 @@ TEST(Drag, TakesTheEnergyThatItsForceWorks)
     }
     EXPECT_LT(work, -100.0);
     EXPECT_NEAR((energy() - before) / work, 1.0, 1e-6);
+}
+
+/// A panel of two facets and a hub with one, in air at rest, without gravity.
+struct Winged : Assembly {
+    Atmosphere air_interface{};
+    AtmosphereModel air{air_interface};
+    Drag drag_interface{};
+    DragModel drag{drag_interface};
+
+    Winged()
+    {
+        GravityBody body;
+        body.name = "EARTH";
+        body.mu = mu;
+        body.radius = 6378137.0;
+        air.set_body(body);
+        air_interface.par.density = 0.01;
+        method = sim::make_adaptive(1e-12, 1e-12);
+        auto &par = drag_interface.par;
+        par.Cd = 2.2;
+        par.n = 3;
+        par.panel[0] = par.panel[1] = 1;
+        const Vector3d centres[3] = {{0.1, 1.5, 0.0}, {0.2, 2.5, -0.2}, {0.5, 0.0, 0.1}};
+        for (int i = 0; i < 3; i++) {
+            par.areas[i] = 0.5 + 0.2 * i;
+            par.normals_B[i] = vec3(1.0, 0.1 * i, -0.2);
+            par.centres_B[i] = vec(centres[i]);
+        }
+        add_panel(5.0, Vector3d(1.0, 0.2, 1.1).asDiagonal(), {0.1, 1.0, 0.2}, {0.2, 0.5, 0.8}, {0.0, 0.9, -0.1});
+        panel_interface.par.stiffness[0] = 4.0;
+        panel_interface.par.dtheta[0] = -0.1;
+        craft_interface.par.r_BN_N = vec3(7e6, 0, 0);
+        craft_interface.par.v_BN_N = vec3(10, 1, -1);
+        craft_interface.par.omega_BN_B = vec3(0.01, -0.02, 0.01);
+        drag.set_source(air);
+        drag.further()[0].consumer->set_source(panels);
+    }
+    void prepare()
+    {
+        drag.prepare({"world.drag", 1, method.get()});
+        air.prepare({"world.air", 1, method.get()});
+        craft.attach(drag);
+        prepare_all();
+    }
+    /// Force, its power and its torque about B's origin, N components, of all facets.
+    struct Acting {
+        Vector3d force{0, 0, 0}, torque{0, 0, 0};
+        double power = 0.0;
+    };
+    Acting acting() const
+    {
+        Acting all;
+        const auto &par = panel_interface.par;
+        const double theta = panel_interface.out.angles.theta[0], rate = panel_interface.out.angles.dtheta[0];
+        const Vector3d hinge = view(par.hinge_B[0]), axis = view(par.axes_B[0]).normalized();
+        const Matrix3d BN = dcm_BN(), turn = rotation(theta * axis);
+        for (int i = 0; i < 3; i++) {
+            Vector3d n = view(drag_interface.par.normals_B[i]).normalized(), at = view(drag_interface.par.centres_B[i]);
+            Vector3d speed = omega().cross(at);
+            if (drag_interface.par.panel[i]) {
+                n = turn * n;
+                at = hinge + turn * (at - hinge);
+                speed = omega().cross(at) + rate * axis.cross(at - hinge);
+            }
+            const double along = n.dot(BN * v());
+            EXPECT_GT(along, 0.0);
+            const Vector3d F = -0.5 * 0.01 * 2.2 * drag_interface.par.areas[i] * along * v();
+            all.force += F;
+            all.torque += (BN.transpose() * at).cross(F);
+            all.power += F.dot(v() + BN.transpose() * speed);
+        }
+        return all;
+    }
+};
+
+TEST(Drag, FacetsOnAPanelTurnItAndTheCraft)
+{
+    Winged c;
+    c.prepare();
+    const Sums first = c.sums();
+    const Vector3d r = c.r();
+    const auto acting = [&] {
+        auto now = c.acting();
+        now.torque += (c.r() - r).cross(now.force);
+        return now;
+    };
+    const auto before = acting();
+    EXPECT_LT((c.dcm_BN().transpose() * view(c.drag_interface.out.load.force_B) - before.force).norm(), 1e-12);
+    // What the forces do by Simpson's rule.
+    constexpr double h = 0.025;
+    Vector3d pushed = h / 3.0 * before.force, turned = h / 3.0 * before.torque;
+    double work = h / 3.0 * before.power, most = 0.0;
+    constexpr int steps = 200;
+    for (int i = 1; i <= steps; i++) {
+        c.step(25 * ms);
+        const auto now = acting();
+        const double weight = (i == steps ? 1.0 : i % 2 ? 4.0 : 2.0) * h / 3.0;
+        pushed += weight * now.force;
+        turned += weight * now.torque;
+        work += weight * now.power;
+        most = std::max(most, std::abs(c.panel_interface.out.angles.theta[0]));
+    }
+    const Sums last = c.sums();
+    const auto about = [&](const Sums &s) { return Vector3d(s.angular - r.cross(s.linear)); };
+    EXPECT_GT(most, 0.1);
+    EXPECT_LT((last.linear - first.linear - pushed).norm(), 1e-6 * pushed.norm());
+    EXPECT_LT((about(last) - about(first) - turned).norm(), 1e-6 * turned.norm());
+    EXPECT_NEAR(last.energy() - first.energy(), work, 1e-6 * std::abs(work));
+}
+
+TEST(Drag, NamesPanelsThatAreMissing)
+{
+    Winged bare;
+    DragModel alone(bare.drag_interface);
+    alone.set_source(bare.air);
+    bare.air.prepare({"world.air", 1, bare.method.get()});
+    alone.prepare({"world.drag", 1, bare.method.get()});
+    EXPECT_EQ(error_of([&] { alone.start({}, nullptr); }),
+              "world.drag.panel[0] is 1, but world.drag.panels is missing: the HingedPanels that carry it");
+    bare.drag_interface.par.panel[1] = 2;
+    EXPECT_EQ(error_of([&] { bare.prepare(); }), "world.drag.panel[1] is 2, but its HingedPanels have n = 1");
 }
 
 TEST(Drag, ANewDensityTakesEffectAtOnce)

@@ -169,6 +169,16 @@ HingedPanelsModel::Hinge HingedPanelsModel::hinge(std::size_t i) const
     return {interface_.par.hinge_B[i], vec_unit(interface_.par.axes_B[i]), sine[0], cosine[0], x_[rates_ + i]};
 }
 
+void HingedPanelsModel::check_mount(const HingedPanelsModel *panels, const std::string &name, std::size_t i,
+                                    std::size_t panel)
+{
+    if (panel > (panels ? panels->size() : 0)) {
+        throw sim::SetupError(name + ".panel[" + std::to_string(i) + "] is " + std::to_string(panel) +
+                              (panels ? ", but its HingedPanels have n = " + std::to_string(panels->size())
+                                      : ", but " + name + ".panels is missing: the HingedPanels that carry it"));
+    }
+}
+
 void HingedPanelsModel::drive(std::size_t i, double torque, Whole &whole)
 {
     const Acting &q = now_[i];

@@ -5,11 +5,13 @@
 //   constant + c cos + s sin + c2 cos^2 + s2 sin cos
 #pragma once
 
+#include "world/consumer.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/hinged_panels.h"
 #include "world/dynamics/lanes.h"
 
 #include <span>
+#include <string>
 
 namespace fledge::world {
 
@@ -36,6 +38,10 @@ public:
 
     /// A further torque [N m] on a panel, about its hinge. After couple(), for this stage.
     void drive(std::size_t i, double torque, Whole &whole);
+
+    /// Throws SetupError unless `panel` is 0 or the number of one of these panels, which may be missing. `name`: of the
+    /// part, with a row `i` that is mounted there.
+    static void check_mount(const HingedPanelsModel *panels, const std::string &name, std::size_t i, std::size_t panel);
 
     void prepare(const sim::Setup &setup) override;
 
@@ -80,6 +86,18 @@ private:
     };
     Acting now_[PANELS_MAX]{};
     double forces_[PANELS_MAX]{};
+};
+
+/// The panels on which rows of a part are mounted, the source `panels` of that part.
+class PanelMount final : public Consumer {
+public:
+    const char *source_kind() const override { return "HingedPanels"; }
+    bool set_source(sim::Model &source) override { return (panels_ = dynamic_cast<HingedPanelsModel *>(&source)); }
+    const sim::Model *source() const override { return panels_; }
+    HingedPanelsModel *panels() const { return panels_; }
+
+private:
+    HingedPanelsModel *panels_ = nullptr;
 };
 
 } // namespace fledge::world

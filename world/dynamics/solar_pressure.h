@@ -7,7 +7,9 @@
 #define SOLAR_FACETS_MAX 16
 
 /** The pressure of sunlight, a part of a spacecraft: of a sphere of an area, or of flat facets. Python's `light` is
- *  the model of the sunlight, with its eclipses. It acts at each stage of the integrator, where the craft is then.
+ *  the model of the sunlight, with its eclipses. It acts at each stage of the integrator, where the craft is then. A
+ *  facet that is mounted on a panel of the attribute `panels`, counted from 1, turns with it, and its force turns the
+ *  hinge; normals_B and centres_B are for theta = 0.
  *  Assumptions: facets do not shade one another, and have their optical properties on the side of their normal, the
  *  other side being dark; what a facet absorbs it does not radiate to one side. No albedo.
  *  Source: Montenbruck and Gill, section 3.4. */
@@ -26,6 +28,7 @@ typedef struct SolarPressure {
         Vec3 centres_B[SOLAR_FACETS_MAX];  ///< [m] count n: middles of the facets, in B
         double specular[SOLAR_FACETS_MAX]; ///< [-] count n, in [0, 1]: share that a facet reflects as a mirror
         double diffuse[SOLAR_FACETS_MAX];  ///< [-] count n, in [0, 1]: share that it scatters; the rest is absorbed
+        uint32_t panel[SOLAR_FACETS_MAX];  ///< [-] count n, in [0, 8], initial: of `panels`, that it is on; 0: none
     } par;
 } SolarPressure;
 

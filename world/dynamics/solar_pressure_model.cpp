@@ -36,11 +36,12 @@ void SolarPressureModel::derive(const double *, const Motion &motion, double *, 
     const SunlightModel::State light = source_->at(motion.start, motion.tau, view(motion.r_BN_N));
     const double pressure = light.irradiance / speed_of_light;
     const Vec3 s_B = mat_vec(motion.C_BN, vec(light.s_N));
-    push(vec_scale(-pressure * par.Cr * par.area, s_B), s_B, motion, loads, [&](std::size_t i, double cosine) {
-        const Vec3 along = vec_scale(1.0 - par.specular[i], s_B);
-        const Vec3 across = vec_scale(2.0 * (par.specular[i] * cosine + par.diffuse[i] / 3.0), normals_B_[i]);
-        return vec_scale(-pressure * par.areas[i] * cosine, vec_add(along, across));
-    });
+    push(vec_scale(-pressure * par.Cr * par.area, s_B), s_B, motion, loads,
+         [&](std::size_t i, const Vec3 &normal_B, double cosine) {
+             const Vec3 along = vec_scale(1.0 - par.specular[i], s_B);
+             const Vec3 across = vec_scale(2.0 * (par.specular[i] * cosine + par.diffuse[i] / 3.0), normal_B);
+             return vec_scale(-pressure * par.areas[i] * cosine, vec_add(along, across));
+         });
 }
 
 } // namespace fledge::world

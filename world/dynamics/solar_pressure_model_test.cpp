@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/dynamics/solar_pressure_model.h"
 
-#include "world/testing/flyer.h"
+#include "world/testing/bodies.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ constexpr double mu = 3.986004415e14, pi = std::numbers::pi, AU = 149597870700.0
 constexpr double pressure = 1361.0 / 299792458.0;
 
 struct Craft {
-    Flyer f;
+    Assembly f;
     Sunlight light_interface{};
     SunlightModel light{light_interface};
     SolarPressure solar_interface{};
@@ -147,6 +147,44 @@ TEST(SolarPressure, StopsInTheShadow)
         all += 1.0;
     });
     EXPECT_NEAR(dark / all, std::asin(6378137.0 / 7e6) / pi, 2e-4);
+}
+
+TEST(SolarPressure, FacetsOnAPanelTurnWithIt)
+{
+    // As facets of the body that have its place and direction; the force turns the panel about its hinge.
+    const Vector3d hinge(0.1, 0.5, 0.2), axis = Vector3d(0.3, 1.0, 0.2).normalized(), normal(1.0, 0.2, 0.3);
+    const Vector3d centre(0.3, 1.4, -0.1);
+    const Matrix3d turn = rotation(0.4 * axis);
+    Craft mounted, fixed;
+    for (Craft *c : {&mounted, &fixed}) {
+        auto &par = c->solar_interface.par;
+        const bool is_fixed = c == &fixed;
+        par.n = 1;
+        par.areas[0] = 2.0;
+        par.specular[0] = 0.3;
+        par.diffuse[0] = 0.2;
+        par.panel[0] = is_fixed ? 0 : 1;
+        par.normals_B[0] = vec(is_fixed ? Vector3d(turn * normal) : normal);
+        par.centres_B[0] = vec(is_fixed ? Vector3d(hinge + turn * (centre - hinge)) : centre);
+        // A hub that the panel does not move, turned so that the axis matters.
+        c->f.craft_interface.par.mass = 1e12;
+        c->f.set_inertia(1e12 * Matrix3d::Identity());
+        c->f.craft_interface.par.sigma_BN = vec3(0.1, -0.05, 0.07);
+        c->f.add_panel(1.0, 0.1 * Matrix3d::Identity(), hinge, axis, {0, 0, 0});
+        c->f.panel_interface.par.theta[0] = 0.4;
+        c->solar.further()[0].consumer->set_source(c->f.panels);
+        c->light.prepare({"world.light", 1, c->f.method.get()});
+        c->solar.prepare({"world.solar", 1, c->f.method.get()});
+        c->f.prepare_all();
+    }
+    EXPECT_GT(mounted.force().norm(), pressure);
+    EXPECT_LT((mounted.force() - fixed.force()).norm(), 1e-14 * mounted.force().norm());
+    EXPECT_LT((mounted.torque() - fixed.torque()).norm(), 1e-14 * mounted.torque().norm());
+    mounted.f.fly(10 * second, second);
+    fixed.f.fly(10 * second, second);
+    const auto moved = [](const Craft &c) { return c.f.panel_interface.out.angles.theta[0] - 0.4; };
+    const double torque = axis.dot((turn * (centre - hinge)).cross(fixed.force()));
+    EXPECT_NEAR(moved(mounted) - moved(fixed), 0.5 * torque / 0.1 * 100.0, 1e-3 * std::abs(moved(mounted)));
 }
 
 TEST(SolarPressure, NamesWhatIsWrong)

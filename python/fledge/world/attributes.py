@@ -228,7 +228,8 @@ def _add_attributes(types: dict[str, Any]) -> None:
     types["Magnetism"].coefficients = property(
         _get_coefficients, _set_coefficients, None,
         'A model of the Earth\'s field by its name, "WMM2025" or "IGRF-14", or by its file (.COF); or empty.')
-    types["Thrusters"].panels = _source_of("panels", "The HingedPanels on which some are mounted.")
+    for name in ("Thrusters", "Drag", "SolarPressure"):
+        types[name].panels = _source_of("panels", "The HingedPanels on which some of it is mounted.")
     types["Drag"].air = _source_of("air", "The air that it feels: an Atmosphere, or a prototype with air_at().")
     types["TorqueRods"].field = _source_of("field", "The Magnetism in which they are.")
     types["SolarPressure"].light = _source_of("light", "The Sunlight that it feels.")
