@@ -86,6 +86,26 @@ TEST(SpaceWeather, reads_celestraks_columns)
     EXPECT_EQ(weather.at(october_10 + 15.69 / 24.0, AirLaw::met).ap_before, 27.0);
 }
 
+TEST(SpaceWeather, reads_the_storm_of_october_2003)
+{
+    const SpaceWeather weather =
+        read({{"SW-All.txt", celestrak("2003 10 27 2323 25 37 33 33 20 20 23 13 10 190  22  18  18   7   7   9   5   4 "
+                                       " 11 0.6 3 133 254.0 0 138.9 123.4 257.2 140.7 122.3\n"
+                                       "2003 10 28 2323 26 30 47 37 47 27 40 33 40 300  15  39  22  39  12  27  18  27 "
+                                       " 25 1.2 6 165 270.9 0 138.7 125.0 274.4 140.5 124.1\n"
+                                       "2003 10 29 2323 27 47 40 90 80 77 77 87 87 583  39  27 400 207 179 179 300 300 "
+                                       "204 2.1 9 167 275.4 0 138.5 126.8 279.1 140.3 125.9\n")}});
+    const SolarActivity a = weather.at(times.epoch("2003-10-29T23:00:00"), AirLaw::nrlmsise00);
+    const double ap[] = {204, 300, 300, 179, 179, 94.625, 17.5}; // five test values of Orekit; two counted by hand
+    for (std::size_t i = 0; i < 7; i++) {
+        EXPECT_DOUBLE_EQ(a.ap[i], ap[i]) << i;
+    }
+    EXPECT_EQ(a.F107, 274.4);
+    EXPECT_EQ(a.F107_average, 140.3);
+    EXPECT_NEAR(weather.at(times.epoch("2003-10-29T11:59:00"), AirLaw::dtm2000).kp_before, 9.0, 1e-12);
+    EXPECT_NEAR(weather.at(times.epoch("2003-10-29T13:00:00"), AirLaw::dtm2000).kp_before, 8.0, 1e-12);
+}
+
 TEST(SpaceWeather, reads_celestraks_table)
 {
     const std::string head =
