@@ -7,6 +7,7 @@ with the same bits.
 from __future__ import annotations
 
 import re
+from calendar import isleap
 from datetime import date, timedelta
 from decimal import Context, Decimal
 from functools import cache
@@ -21,6 +22,7 @@ EXACT = Context(prec=40)
 PI = Decimal("3.14159265358979323846264338327950288419716939937510")
 DEG, REV = EXACT.divide(PI, Decimal(180)), 2 * PI
 DAY = 86_400_000_000_000                    # [ns]
+LONGEST = 2**63 - 1                         # [ns] before and after the epoch
 EPOCH = date(2000, 1, 1)
 
 # Of a unit, its power of ten in SI or, where it is none, its value.
@@ -54,7 +56,7 @@ def times(a: int | Decimal, b: int | Decimal) -> int | Decimal:
 
 def to_si(text: str, unit: int | Decimal) -> float:
     """A number in SI of one in a unit. Raises ValueError."""
-    if not NUMBER.fullmatch(text):
+    if not NUMBER.fullmatch(text) or not abs(float(text)) < float("inf"):
         raise ValueError(text)
     if unit == 0 and isinstance(unit, int):
         value = float(text)
@@ -121,8 +123,9 @@ class Clock:
     def ns(self, text: str) -> int:
         """[ns] of a time, by calendar, day of the year or seconds past zero. Raises ValueError and SetupError."""
         if self.zero is not None and NUMBER.fullmatch(text):
-            past = int((Decimal(text) * 10**9).to_integral_value())
-            return self.past(past)
+            if not abs(float(text)) < LONGEST / 1e9:
+                raise ValueError(text)
+            return self.past(int((Decimal(text) * 10**9).to_integral_value()))
         return self._ns(text)
 
     def time(self, name: str, text: str, line: int, where: str) -> int:
@@ -138,7 +141,7 @@ class Clock:
     def past(self, ns: int) -> int:
         """[ns] of a time by those past zero, which the message's own clock counts."""
         if not self.absolute or self.zero is None:
-            return (self.zero or 0) + ns
+            return _within(ns + (self.zero or 0))
         if self.scale != "UTC":
             core, scale = _core(), self.scale
             return self._ns(_calendar(_count(core.text(self.zero, scale).split(" ")[0].rstrip("Z")) + ns))
@@ -165,9 +168,9 @@ def _normal(text: str) -> str:
         raise ValueError(text)
     year, month, day, of_year, hour, minute, second, part = match.groups()
     if of_year:
-        found = date(int(year), 1, 1) + timedelta(int(of_year) - 1)
-        if not 1 <= int(of_year) <= 366 or found.year != int(year):
+        if not 1 <= int(of_year) <= 365 + isleap(int(year)):
             raise ValueError(text)
+        found = date(int(year), 1, 1) + timedelta(int(of_year) - 1)
         month, day = f"{found.month:02}", f"{found.day:02}"
     part = (part or "")[:9].rstrip("0")
     return f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}:{second or '00'}" + (f".{part}" if part else "")
@@ -181,7 +184,15 @@ def _count(text: str) -> int:
     hour, minute, second = (int(x or 0) for x in match.group(5, 6, 7))
     if hour > 23 or minute > 59 or second > 59:
         raise ValueError(text)
-    return days * DAY - DAY // 2 + ((hour * 60 + minute) * 60 + second) * 10**9 + int(f"{match[8] or '':0<9}")
+    seconds = (hour * 60 + minute) * 60 + second
+    return _within(days * DAY - DAY // 2 + seconds * 10**9 + int(f"{match[8] or '':0<9}"))
+
+
+def _within(ns: int) -> int:
+    """The time, unless it has more than 64 bits. Raises ValueError."""
+    if abs(ns) > LONGEST:
+        raise ValueError(ns)
+    return ns
 
 
 def _calendar(ns: int) -> str:
