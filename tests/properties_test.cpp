@@ -468,11 +468,13 @@ struct World {
                 world::GravityBody body;
                 body.name = "rock";
                 body.mu = body.radius = 1e6;
-                body.r_PN_N = {1e7, 0, 0};
+                body.r_PN_N = {name == "PlanetRadiation" ? 2e7 : 1e7, 0, 0}; // the Sun is elsewhere
                 model->set_body(body);
             }
         }
-        set(find("Magnetism"), "degree", 0u); // of a dipole
+        set(find("Magnetism"), "degree", 0u);    // of a dipole
+        set(find("PlanetRadiation"), "law", 0u); // without a sky
+        set(find("PlanetRadiation"), "rings", 1u);
         set(find("SolarPressure"), "specular", 0.3);
         set(find("SolarPressure"), "diffuse", 0.2); // both within 1
         auto &craft = dynamic_cast<world::SpacecraftModel &>(*find("craft").model());
@@ -482,6 +484,9 @@ struct World {
             }
             if (auto *part = dynamic_cast<world::Consumer *>(instance->model())) {
                 part->set_source(*find(part->source_kind()).model());
+                for (const auto &further : part->further()) {
+                    further.consumer->set_source(*find(further.consumer->source_kind()).model());
+                }
             }
         }
         world::GravityBody mars;

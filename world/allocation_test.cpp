@@ -7,6 +7,7 @@
 #include "world/environment/atmosphere_model.h"
 #include "world/environment/celestial_body_model.h"
 #include "world/environment/harmonics.h"
+#include "world/environment/planet_radiation_model.h"
 #include "world/environment/testing/two_circles.h"
 #include "world/sensors/navigation_model.h"
 #include "world/testing/flyer.h"
@@ -27,6 +28,8 @@ struct Surroundings {
     AtmosphereModel air{air_interface};
     Sunlight light_interface{};
     SunlightModel light{light_interface};
+    PlanetRadiation shine_interface{};
+    PlanetRadiationModel shine{shine_interface};
     Drag drag_interface{};
     DragModel drag{drag_interface};
     SolarPressure solar_interface{};
@@ -47,6 +50,7 @@ struct Surroundings {
         if (in_sky) {
             air.set_sky(f.craft.sky());
             light.set_sky(f.craft.sky());
+            shine.set_sky(f.craft.sky());
         } else {
             sun.r_PN_N = {1.5e11, 0, 0};
         }
@@ -54,13 +58,20 @@ struct Surroundings {
         air_interface.par.law = ATMOSPHERE_STANDARD_1976;
         light.set_body(sun);
         light.add_body(body);
+        light_interface.par.oblate = light_interface.par.light_time = 1;
+        shine.set_body(body);
+        shine.set_source(light);
+        shine_interface.par.law = in_sky ? PLANET_RADIATION_KNOCKE_1988 : PLANET_RADIATION_CONSTANT;
+        shine_interface.par.albedo = 0.3;
         drag_interface.par.Cd = drag_interface.par.area = 1.0;
         solar_interface.par.Cr = solar_interface.par.area = 1.0;
         drag.set_source(air);
         solar.set_source(light);
+        solar.further().back().consumer->set_source(shine);
         const sim::Setup setup{"world.part", 1, f.method.get()};
-        for (sim::Model *model : {static_cast<sim::Model *>(&air), static_cast<sim::Model *>(&light),
-                                  static_cast<sim::Model *>(&drag), static_cast<sim::Model *>(&solar)}) {
+        for (sim::Model *model :
+             {static_cast<sim::Model *>(&air), static_cast<sim::Model *>(&light), static_cast<sim::Model *>(&shine),
+              static_cast<sim::Model *>(&drag), static_cast<sim::Model *>(&solar)}) {
             model->prepare(setup);
         }
         for (Effector *part :
@@ -70,9 +81,10 @@ struct Surroundings {
     }
     void update(const Flyer &f)
     {
-        air_interface.in.truth = light_interface.in.truth = f.state();
+        air_interface.in.truth = light_interface.in.truth = shine_interface.in.truth = f.state();
         air.update({f.t, 100 * ms});
         light.update({f.t, 100 * ms});
+        shine.update({f.t, 100 * ms});
     }
 };
 

@@ -18,6 +18,7 @@ typedef struct SolarArray {
         CraftState truth;
         Illumination light;
         PanelAngles angles; ///< optional: without it no panel is turned
+        PlanetLight planet; ///< optional: sunlight that a planet reflects to them
     } in;
     struct {
         ArrayPower array;

@@ -39,6 +39,28 @@ TEST(SolarArray, GivesWhatItsLitPanelsConvert)
     EXPECT_EQ(i.out.array.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(SolarArray, ConvertsWhatAPlanetReflectsToo)
+{
+    SolarArray i{};
+    SolarArrayModel model{i};
+    i.par.n = 2;
+    i.par.normals_B[0] = vec3(0, 0, 1);
+    i.par.normals_B[1] = vec3(0, 0, -1);
+    i.par.areas[0] = i.par.areas[1] = 2.0;
+    i.par.efficiency = 0.3;
+    i.in.truth.head.quality = i.in.light.head.quality = i.in.planet.head.quality = QUALITY_GOOD;
+    i.in.light.irradiance = 1361.0;
+    i.in.light.s_N = vec3(0, 0, 1);
+    i.in.planet.n = 2;
+    i.in.planet.towards_N[0] = vec3(0, 0.6, -0.8);
+    i.in.planet.towards_N[1] = vec3(0.8, 0, 0.6);
+    i.in.planet.reflected[0] = 300.0;
+    i.in.planet.reflected[1] = 10.0;
+    i.in.planet.infrared[0] = 200.0; // cells do not use it
+    model.update({0, 0});
+    EXPECT_NEAR(i.out.array.power, 0.3 * 2.0 * (1361.0 + 0.8 * 300.0 + 0.6 * 10.0), 1e-9);
+}
+
 TEST(SolarArray, APanelIsTurnedAboutItsAxis)
 {
     SolarArray i{};

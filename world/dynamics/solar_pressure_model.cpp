@@ -30,18 +30,59 @@ void SolarPressureModel::refresh()
     Surface::refresh();
 }
 
-void SolarPressureModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
+void SolarPressureModel::start(const Vec3 &omega, double *x)
+{
+    Surface::start(omega, x);
+    if (radiation_.model()) {
+        radiation_.check(name_, "radiation");
+    }
+}
+
+bool SolarPressureModel::latch(const double *x, const BodyRate &rate, double dt)
+{
+    const bool changed = radiation_.model() && radiation_.changed();
+    return Surface::latch(x, rate, dt) || changed;
+}
+
+void SolarPressureModel::copy_setup(const sim::Model &original,
+                                    const std::function<sim::Model *(const sim::Model *)> &counterpart)
+{
+    Surface::copy_setup(original, counterpart);
+    radiation_.copy(dynamic_cast<const SolarPressureModel &>(original).radiation_, counterpart);
+}
+
+void SolarPressureModel::shine(const Vec3 &s_B, double visible, double infrared, const Motion &motion,
+                               Loads &loads) const
 {
     const auto &par = interface_.par;
-    const SunlightModel::State light = source_->at(motion.start, motion.tau, view(motion.r_BN_N));
-    const double pressure = light.irradiance / speed_of_light;
-    const Vec3 s_B = mat_vec(motion.C_BN, vec(light.s_N));
-    push(vec_scale(-pressure * par.Cr * par.area, s_B), s_B, motion, loads,
+    const double pressure = visible / speed_of_light, heat = infrared / speed_of_light;
+    push(vec_scale(-(pressure + heat) * par.Cr * par.area, s_B), s_B, motion, loads,
          [&](std::size_t i, const Vec3 &normal_B, double cosine) {
              const Vec3 along = vec_scale(1.0 - par.specular[i], s_B);
              const Vec3 across = vec_scale(2.0 * (par.specular[i] * cosine + par.diffuse[i] / 3.0), normal_B);
-             return vec_scale(-pressure * par.areas[i] * cosine, vec_add(along, across));
+             const Vec3 push = vec_scale(-pressure * par.areas[i] * cosine, vec_add(along, across));
+             if (heat == 0.0) {
+                 return push;
+             }
+             const Vec3 back = vec_scale(2.0 / 3.0 * par.diffuse_infrared[i], normal_B);
+             return vec_add(push, vec_scale(-heat * par.areas[i] * cosine, vec_add(s_B, back)));
          });
+}
+
+void SolarPressureModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
+{
+    const SunlightModel::State light = source_->at(motion.start, motion.tau, view(motion.r_BN_N));
+    shine(mat_vec(motion.C_BN, vec(light.s_N)), light.irradiance, 0.0, motion, loads);
+    if (!radiation_.model()) {
+        return;
+    }
+    Loads all = load_;
+    for (const auto &element : radiation_->at(motion.start, motion.tau, view(motion.r_BN_N))) {
+        shine(mat_vec(motion.C_BN, vec(element.towards_N)), element.reflected, element.infrared, motion, loads);
+        all.force_B = vec_add(all.force_B, load_.force_B);
+        all.torque = vec_add(all.torque, load_.torque);
+    }
+    load_ = all;
 }
 
 } // namespace fledge::world

@@ -187,6 +187,97 @@ TEST(SolarPressure, FacetsOnAPanelTurnWithIt)
     EXPECT_NEAR(moved(mounted) - moved(fixed), 0.5 * torque / 0.1 * 100.0, 1e-3 * std::abs(moved(mounted)));
 }
 
+/// Over the night side of a planet that is equally warm all over.
+struct Night : Craft {
+    PlanetRadiation radiation_interface{};
+    PlanetRadiationModel radiation{radiation_interface};
+    static constexpr double R = 6378137.0, E = 1361.0, warm = 0.7 * E / 4.0 / 299792458.0; ///< [Pa] over its ground
+
+    Night()
+    {
+        GravityBody earth;
+        earth.name = "EARTH";
+        earth.mu = mu;
+        earth.radius = R;
+        light.add_body(earth);
+        radiation.set_body(earth);
+        radiation.set_source(light);
+        radiation_interface.par.emissivity = 0.7;
+        radiation_interface.par.rings = 5;
+        f.craft_interface.par.r_BN_N = vec3(-8e6, 0, 0);
+        solar.further().back().consumer->set_source(radiation);
+    }
+    Vector3d fly()
+    {
+        radiation.prepare({"world.shine", 1, f.method.get()});
+        prepare();
+        return force();
+    }
+    /// On a facet of 2 m^2 that looks down at an angle.
+    Vector3d on_facet(double angle, double diffuse_infrared)
+    {
+        auto &par = solar_interface.par;
+        par.n = 1;
+        par.areas[0] = 2.0;
+        par.normals_B[0] = vec3(std::cos(angle), std::sin(angle), 0);
+        par.centres_B[0] = vec3(0, 0, 1);
+        par.specular[0] = 0.5; // of visible light
+        par.diffuse_infrared[0] = diffuse_infrared;
+        return fly();
+    }
+};
+
+TEST(SolarPressure, OfAPlanetsWarmth)
+{
+    const double sine2 = (Night::R / 8e6) * (Night::R / 8e6), cosine = std::sqrt(1 - sine2);
+    Night sphere;
+    sphere.solar_interface.par.Cr = 1.2;
+    sphere.solar_interface.par.area = 3.0;
+    EXPECT_LT((sphere.fly() + 1.2 * 3.0 * Night::warm * sine2 * Vector3d(1, 0, 0)).norm(), 1e-10 * Night::warm);
+    // A plate that looks down absorbs the momentum of the integral of the cosine squared over the disc of the planet,
+    const double normal = 2.0 / 3.0 * (1 - cosine * cosine * cosine) * Night::warm * 2.0;
+    EXPECT_NEAR(Night().on_facet(0.0, 0.0)[0], -normal, 2e-3 * normal);
+    // and what it scatters pushes it by 2/3 of the light that it received.
+    const double scattered = 2.0 / 3.0 * sine2 * Night::warm * 2.0;
+    EXPECT_NEAR(Night().on_facet(0.0, 1.0)[0], -normal - scattered, 2e-3 * normal);
+    // At its side it sees half the planet; the other side is dark.
+    EXPECT_LT(Night().on_facet(pi / 2, 0.0)[0], -0.1 * normal);
+    EXPECT_LT(Night().on_facet(pi / 2, 0.0)[1], -0.1 * normal);
+    EXPECT_EQ(Night().on_facet(pi, 0.0).norm(), 0.0);
+    Night turned;
+    turned.on_facet(0.3, 0.2);
+    EXPECT_LT((turned.torque() - Vector3d(0, 0, 1).cross(turned.force())).norm(), 1e-20);
+}
+
+TEST(SolarPressure, OfAPlanetIsAddedToThatOfTheSun)
+{
+    const auto fly = [](double albedo, double emissivity) {
+        Night day;
+        day.solar_interface.par.Cr = day.solar_interface.par.area = 1.0;
+        day.radiation_interface.par.albedo = albedo;
+        day.radiation_interface.par.emissivity = emissivity;
+        day.f.craft_interface.par.r_BN_N = vec3(8e6, 0, 0);
+        return day.fly()[0];
+    };
+    const double sun = fly(0, 1e-9), warm = fly(0, 0.7), bright = fly(0.3, 0.7);
+    EXPECT_NEAR(sun, -pressure, 1e-3 * pressure);
+    EXPECT_NEAR(warm - sun, 0.7 / 4.0 * 0.6356 * pressure, 1e-3 * pressure);
+    EXPECT_GT(bright - warm, 0.5 * 0.3 * 0.6356 * pressure);
+    EXPECT_LT(bright - warm, 0.3 * 0.6356 * pressure);
+}
+
+TEST(SolarPressure, FollowsANewAlbedoAtOnce)
+{
+    Night day;
+    day.solar_interface.par.Cr = day.solar_interface.par.area = 1.0;
+    day.f.craft_interface.par.r_BN_N = vec3(8e6, 0, 0);
+    const double before = day.fly()[0];
+    day.radiation_interface.par.albedo = 0.5;
+    day.radiation.refresh();
+    day.f.step(ms);
+    EXPECT_GT(day.force()[0], before + 0.1 * pressure);
+}
+
 TEST(SolarPressure, NamesWhatIsWrong)
 {
     Craft none;
@@ -195,12 +286,16 @@ TEST(SolarPressure, NamesWhatIsWrong)
     none.solar_interface.par.n = 2;
     none.solar_interface.par.specular[1] = 0.7;
     none.solar_interface.par.diffuse[1] = 0.5;
-    EXPECT_EQ(
-        error_of([&] { none.prepare(); }),
-        "world.solar.diffuse[1]: the shares that a facet reflects, specular and diffuse, must not exceed 1; found 1.2");
+    EXPECT_EQ(error_of([&] { none.prepare(); }), "world.solar.diffuse[1]: the shares that a facet reflects, "
+                                                 "specular and diffuse, must not exceed 1; found 1.2");
     EXPECT_FALSE(none.solar.set_source(none.f.craft));
     EXPECT_EQ(error_of([&] { none.solar.start({}, nullptr); }),
               "world.solar.light is missing: a model of the same world, as in `w.light = world.Sunlight(...)`");
+    Night elsewhere;
+    elsewhere.solar_interface.par.Cr = elsewhere.solar_interface.par.area = 1.0;
+    EXPECT_EQ(error_of([&] { elsewhere.prepare(); }),
+              "world.solar.radiation is a model outside of the same world, as in `w.radiation = "
+              "world.PlanetRadiation(...)`");
 }
 
 } // namespace solar_pressure_model_test

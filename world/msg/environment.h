@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What surrounds a spacecraft, where it is: air, magnetic field, sunlight. */
+/* What surrounds a spacecraft, where it is: air, magnetic field, sunlight, light of a planet. */
 #ifndef WORLD_MSG_ENVIRONMENT_H
 #define WORLD_MSG_ENVIRONMENT_H
 
@@ -29,5 +29,21 @@ typedef struct Illumination {
     double irradiance; ///< [W/m^2] of the sunlight, eclipse included
     Vec3 s_N;          ///< [-] unit vector towards the Sun, N components
 } Illumination;
+
+#define PLANET_ELEMENTS_MAX 91
+
+/** How a planet shines on a spacecraft: the sunlight that it reflects, and its infrared. */
+typedef struct PlanetLight {
+    Head head;
+    Vec3 reflected_N; ///< [W/m^2] towards where the reflected light comes from, N components; its length is the
+                      ///< irradiance of a plate that faces there
+    Vec3 infrared_N;  ///< [W/m^2] the same of the infrared
+    double sunlight;  ///< [W/m^2] irradiance of the Sun at the planet
+    uint32_t n;       ///< [-] in [0, 91]: number of elements into which what is seen of it is divided
+    uint32_t spare;
+    Vec3 towards_N[PLANET_ELEMENTS_MAX];   ///< [-] count n: unit vectors towards the elements, N components
+    double reflected[PLANET_ELEMENTS_MAX]; ///< [W/m^2] count n: irradiance at a right angle to each
+    double infrared[PLANET_ELEMENTS_MAX];  ///< [W/m^2] count n: the same of the infrared
+} PlanetLight;
 
 #endif

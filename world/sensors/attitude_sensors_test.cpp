@@ -283,6 +283,29 @@ TEST(SunSensor, TheLightSaysWhereTheSunIsAndTheSunItselfComesFirst)
     EXPECT_LT((sun.s() - Vector3d(0.6, 0, 0.8)).norm(), 1e-15);
 }
 
+TEST(SunSensor, APlanetInViewDrawsTheDirection)
+{
+    Sun sun;
+    sun.begin();
+    sun.i.in.planet.head.quality = QUALITY_GOOD;
+    sun.i.in.planet.sunlight = 1000.0;
+    sun.i.in.planet.n = 2;
+    sun.i.in.planet.towards_N[0] = vec3(std::sin(0.8), 0, std::cos(0.8));
+    sun.i.in.planet.towards_N[1] = vec3(0, std::sin(1.2), std::cos(1.2)); // beyond the field of view
+    sun.i.in.planet.reflected[0] = sun.i.in.planet.reflected[1] = 50.0;
+    for (const double rejection : {0.0, 0.9, 1.0}) {
+        sun.i.par.rejection = rejection;
+        sun.step(ms);
+        const double share = 0.05 * (1.0 - rejection);
+        EXPECT_LT((sun.s() - Vector3d(share * std::sin(0.8), 0, 1 + share * std::cos(0.8)).normalized()).norm(), 1e-14);
+    }
+    sun.i.in.light.head.quality = QUALITY_GOOD;
+    sun.i.in.light.s_N = vec3(0, 0, 1);
+    const std::uint32_t before = sun.i.out.heading.head.sequence;
+    sun.step(ms); // nothing of the Sun is visible
+    EXPECT_EQ(sun.i.out.heading.head.sequence, before);
+}
+
 TEST(SunSensor, NoiseIsAnAngleAcrossTheDirection)
 {
     for (const Ns dt : {100 * ms, second}) {

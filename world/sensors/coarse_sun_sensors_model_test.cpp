@@ -126,4 +126,37 @@ TEST(CoarseSunSensors, AnEclipseTakesItsShareOfTheCurrent)
     EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(CoarseSunSensors, SeeWhatAPlanetReflectsPerLightOfTheSun)
+{
+    Sensors s;
+    s.i.in.light.head.quality = s.i.in.planet.head.quality = QUALITY_GOOD;
+    s.i.in.light.s_N = vec3(0, 0, 1);
+    s.i.in.planet.sunlight = 1361.0;
+    s.i.in.planet.n = 2;
+    s.i.in.planet.towards_N[0] = vec3(1, 0, 0);
+    s.i.in.planet.towards_N[1] = vec3(0, 0.6, -0.8);
+    s.i.in.planet.reflected[0] = 136.1;
+    s.i.in.planet.reflected[1] = 272.2;
+    for (const double visible : {1.0, 0.0}) { // in eclipse they see the planet alone
+        s.i.in.light.visible = visible;
+        for (std::size_t k = 0; k < 8; k++) {
+            const auto cosine = [&](double x, double y, double z) {
+                return std::max(s.axis(k).dot(Vector3d(x, y, z)), 0.0);
+            };
+            const double wanted = visible * cosine(0, 0, 1) + 0.1 * cosine(1, 0, 0) + 0.2 * cosine(0, 0.6, -0.8);
+            EXPECT_NEAR(s.current(k), s.i.par.current[k] * wanted, 1e-15) << k;
+        }
+    }
+    // Beyond its field of view it is dark, and together with the Sun it is more than the Sun alone.
+    s.i.in.light.visible = 1.0;
+    s.i.par.axes_B[0] = vec3(1, 0, 0);
+    s.i.par.view[0] = 0.5;
+    EXPECT_NEAR(s.current(0), 0.1e-3, 1e-15);
+    s.i.in.light.s_N = vec3(1, 0, 0);
+    EXPECT_NEAR(s.current(0), 1.1e-3, 1e-15);
+    s.i.in.planet.head.quality = QUALITY_STALE;
+    s.current(0);
+    EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
+}
+
 } // namespace coarse_sun_sensors_model_test

@@ -213,10 +213,10 @@ def _add_attributes(types: dict[str, Any]) -> None:
 
     celestial = types["CelestialBody"]
     celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
-    in_sky = ("CelestialBody", "Atmosphere", "Magnetism", "GroundStation", "Sunlight", "Radio")
+    in_sky = ("CelestialBody", "Atmosphere", "Magnetism", "GroundStation", "PlanetRadiation", "Sunlight", "Radio")
     for name in in_sky:
         types[name].sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
-    for name in ("Atmosphere", "Magnetism", "GroundStation"):
+    for name in ("Atmosphere", "Magnetism", "GroundStation", "PlanetRadiation"):
         types[name].body = _first_body("body")
     for name, hidden in (("Sunlight", "Sun"), ("Radio", "station")):
         types[name].sun = _first_body("sun")
@@ -232,4 +232,6 @@ def _add_attributes(types: dict[str, Any]) -> None:
         types[name].panels = _source_of("panels", "The HingedPanels on which some of it is mounted.")
     types["Drag"].air = _source_of("air", "The air that it feels: an Atmosphere, or a prototype with air_at().")
     types["TorqueRods"].field = _source_of("field", "The Magnetism in which they are.")
+    types["PlanetRadiation"].light = _source_of("light", "The Sunlight that shines on it.")
     types["SolarPressure"].light = _source_of("light", "The Sunlight that it feels.")
+    types["SolarPressure"].radiation = _source_of("radiation", "The PlanetRadiation that it feels, too, or None.")

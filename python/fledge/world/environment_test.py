@@ -103,6 +103,69 @@ def test_a_battery_empties_in_the_shadow_and_panels_fill_it():
     assert power.energy > low + 20e3
 
 
+def test_a_planets_light_pushes_disturbs_sensors_and_is_repeated_by_clones():
+    models = surroundings()
+    models["shine"] = world.PlanetRadiation(body=EARTH, light=models["light"], albedo=0.3, emissivity=0.7)
+    models["solar"].radiation = models["shine"]
+    models["css"] = world.CoarseSunSensors(axes_B=[[0, 1, 0], [0, -1, 0]], current=[1e-3, 1e-3])
+    sim = fly(10 * minute, wires=[lambda w: w.light.light >> w.css.light, lambda w: w.shine.planet >> w.css.planet],
+              **models)
+    w = sim.world
+    assert w.solar.light is w.light and w.solar.radiation is w.shine and w.shine.light is w.light
+    assert w.shine.body.name == "EARTH"
+    # The orbit is that of the equator, and the Sun is in x: the craft is 39 deg past noon, and the Earth in -y, too.
+    r, planet = w.craft.state.r_BN_N, w.shine.planet
+    up, part = r / np.linalg.norm(r), (w.shine.body.radius / np.linalg.norm(r))**2
+    assert planet.infrared_N == pytest.approx(-0.7 / 4 * 1361 * part * up, rel=0.01)
+    assert planet.sunlight == pytest.approx(1354, rel=1e-3)
+    assert 0.6 * 0.3 * 1361 * part < np.linalg.norm(planet.reflected_N) < 0.3 * 1361 * part
+    push = np.linalg.norm([-1354, 0, 0] - planet.infrared_N - planet.reflected_N)
+    assert np.linalg.norm(w.solar.load.force_B) * 299792458 / 1.2 == pytest.approx(push, abs=1)
+    assert 0 < 2 * w.css.currents.current[0] < w.css.currents.current[1] < 0.2e-3
+    clone = sim.clone()
+    assert clone.world.solar.radiation is clone.world.shine and clone.world.solar.light is clone.world.light
+    for simulation in (sim, clone):
+        simulation.run(40 * minute)
+    assert sim.snapshot() == clone.snapshot()
+    night = np.linalg.norm(w.shine.planet.infrared_N)
+    assert np.linalg.norm(w.solar.load.force_B) * 299792458 / 1.2 == pytest.approx(night, rel=1e-9)
+    says("expected a model of the world, as in world.PlanetRadiation(...); found",
+         lambda: world.SolarPressure(radiation=world.Sunlight()))
+
+
+@needs_de405
+@pytest.mark.parametrize("epoch", ["2017-08-21", "2026-01-05"])
+def test_the_earths_light_is_the_integral_over_its_surface(epoch):
+    # Lambert's law over a fine grid of the ground: dE = L dA cos(a) / d^2, with Knocke's coefficients.
+    sky = world.Sky(epoch, center=EARTH)
+    R, E = EARTH.radius, 1361 * (149597870700 / np.linalg.norm(sky.state(world.SUN).r_PN_N))**2
+    sun_N, dcm_PN = sky.state(world.SUN).r_PN_N, sky.orientation(EARTH).dcm_PN
+    days = (sky.epoch_at(0) / 86400 + 6584.5)
+    sines, turns = np.meshgrid((np.arange(1000) + 0.5) / 500 - 1, (np.arange(1000) + 0.5) * 2 * np.pi / 1000)
+    up_P = np.stack([np.sqrt(1 - sines**2) * np.cos(turns), np.sqrt(1 - sines**2) * np.sin(turns), sines], axis=-1)
+    lit = np.maximum(up_P @ (dcm_PN @ sun_N / np.linalg.norm(sun_N)), 0)
+    season, P2 = np.cos(2 * np.pi * days / 365.25), 1.5 * sines**2 - 0.5
+    albedo, emissivity = 0.34 + 0.1 * season * sines + 0.29 * P2, 0.68 - 0.07 * season * sines - 0.18 * P2
+    places = np.array([[6.5e6, 3e6, 2e6], [-1e6, -2e6, 7e6], [3e6, -5e6, -5e6], [-2e7, 1e7, 1.2e7]])
+    sim = Simulation("earthshine")
+    w = sim.world
+    w.light = world.Sunlight(sun=world.SUN, shadows=[EARTH], sky=sky)
+    w.shine = world.PlanetRadiation(body=EARTH, light=w.light, sky=sky, law="KNOCKE_1988", rings=5)
+    w.task("world", every=1e-3 * s, run=[w.light, w.shine])
+    for model in (w.light, w.shine):
+        sim.feed(model.truth, time=1e-3 * np.arange(4), r_BN_N=places)
+    log = sim.record(w.shine.planet, every=1e-3 * s)
+    sim.run(3e-3 * s)
+    for r_N, reflected, infrared in zip(places, log["reflected_N"], log["infrared_N"]):
+        way = R * up_P - dcm_PN @ r_N
+        d = np.linalg.norm(way, axis=-1)
+        seen = np.maximum(-(way * up_P).sum(axis=-1), 0) / d**4 * R**2 * 4 * np.pi / sines.size / np.pi * E
+        wanted = [dcm_PN.T @ (seen[..., None] * way * part[..., None]).sum(axis=(0, 1))
+                  for part in (albedo * lit, emissivity / 4)]
+        assert np.linalg.norm(reflected - wanted[0]) < 0.01 * 0.3 * E * (R / np.linalg.norm(r_N))**2
+        assert np.linalg.norm(infrared - wanted[1]) < 0.005 * np.linalg.norm(wanted[1])
+
+
 @needs_de405
 def test_in_a_sky_the_moon_eclipses_the_sun():
     # The total eclipse of 20 March 2015: greatest at 9:45:39 UT near 64.4 N, 6.6 W.
