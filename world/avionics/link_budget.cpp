@@ -14,17 +14,6 @@ namespace {
 
 using std::numbers::pi;
 
-double error_function(double x)
-{
-    // The series of positive terms: no digits cancel.
-    double term = x, sum = x;
-    for (int n = 1; term > 1e-17 * sum; n++) {
-        term *= 2.0 * x * x / (2 * n + 1);
-        sum += term;
-    }
-    return 2.0 / std::sqrt(pi) * fm_exp(-x * x) * sum;
-}
-
 } // namespace
 
 double decibels(double ratio)
@@ -35,18 +24,6 @@ double decibels(double ratio)
 double ratio(double decibels)
 {
     return fm_exp(std::numbers::ln10 / 10.0 * decibels);
-}
-
-double complementary_error(double x)
-{
-    if (x < 2.0) {
-        return 1.0 - error_function(x);
-    }
-    double fraction = x; // the continued fraction, from its end
-    for (int n = 60; n > 0; n--) {
-        fraction = x + 0.5 * n / fraction;
-    }
-    return fm_exp(-x * x) / (std::sqrt(pi) * fraction);
 }
 
 double bit_error_rate(RadioCode code, double eb_n0)

@@ -3,14 +3,12 @@
 #pragma once
 
 #include "world/avionics/radio.h"
+#include "world/error_function.h"
 
 namespace fledge::world {
 
 double decibels(double ratio);
 double ratio(double decibels);
-
-/// erfc(x) for x >= 0.
-double complementary_error(double x);
 
 /// Of a receiver that is locked, in [0, 0.5].
 double bit_error_rate(RadioCode code, double eb_n0);

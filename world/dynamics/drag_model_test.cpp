@@ -297,6 +297,140 @@ TEST(Drag, ANewDensityTakesEffectAtOnce)
     EXPECT_NEAR((c.f.v() - v).norm(), 0.5e-3 * 2.2 * 3.0 / 100.0 * v.squaredNorm() * 1e-3, 0.03);
 }
 
+/// In free molecular flow at 400 km, with a speed ratio s in the direction of x; the pressure is density c^2 / 2.
+struct Free : Craft {
+    double density, T, c;
+
+    explicit Free(double s, double accommodation = 0.9, double T_wall = 300.0)
+    {
+        air_interface.par = {};
+        air_interface.par.law = ATMOSPHERE_STANDARD_1976;
+        drag_interface.par.Cd = 0.0;
+        drag_interface.par.T_wall = T_wall;
+        drag_interface.par.accommodation = accommodation;
+        f.craft_interface.par.r_BN_N = vec3(6778137.0, 0, 0);
+        air.prepare({"world.air", 1, f.method.get()});
+        const AirSource::State at = air.at(0, 0.0, Vector3d(6778137.0, 0, 0));
+        density = at.density;
+        T = at.temperature;
+        c = std::sqrt(2.0 * 8.314462618 * T / at.molar_mass);
+        f.craft_interface.par.v_BN_N = vec3(s * c, 0, 0);
+    }
+    double speed() const { return f.craft_interface.par.v_BN_N.v[0]; }
+    /// [Pa] on a facet whose normal is at this angle from the motion.
+    Vector3d pressure(double angle)
+    {
+        drag_interface.par.n = 1;
+        drag_interface.par.normals_B[0] = vec3(std::cos(angle), std::sin(angle), 0);
+        drag_interface.par.areas[0] = 1.0;
+        prepare();
+        return force();
+    }
+    /// [m^2/s^2] R T / M of the molecules that leave.
+    double leaving() const
+    {
+        const double brought = 0.25 * speed() * speed() + 0.5 * c * c, alpha = drag_interface.par.accommodation;
+        return (1.0 - alpha) * brought + alpha * 0.5 * c * c / T * drag_interface.par.T_wall;
+    }
+};
+
+/// Sums over the velocities of molecules that meet a wall with the normal x: a Maxwell distribution about the velocity
+/// (-s cos, -s sin) in units of c. They are the number, and the momentum along x and y.
+Vector3d coming(double s, double angle)
+{
+    constexpr int n = 400;
+    Vector3d sum(0, 0, 0);
+    const double from = -s * std::cos(angle) - 8.0, h = -from / n;
+    if (from >= 0.0) {
+        return sum;
+    }
+    for (int i = 0; i <= n; i++) { // Simpson's rule along x, from far out to the wall
+        const double u = from + h * i, weight = (i == 0 || i == n ? 1.0 : i % 2 ? 4.0 : 2.0) * h / 3.0;
+        const double f = std::exp(-std::pow(u + s * std::cos(angle), 2)) / std::sqrt(pi);
+        for (double w = -8.0; w <= 8.0; w += 0.25) { // and the trapezoidal rule along y
+            const double v = w - s * std::sin(angle),
+                         number = -u * weight * f * 0.25 * std::exp(-w * w) / std::sqrt(pi);
+            sum += number * Vector3d(1.0, u, v);
+        }
+    }
+    return sum;
+}
+
+TEST(Drag, AFacetFeelsTheMomentumOfAllMoleculesThatComeAndLeave)
+{
+    for (const double s : {0.0, 0.3, 1.0, 4.0, 9.0}) {
+        for (const double angle : {0.0, 0.5, 1.4, pi / 2, 1.8, 3.0}) {
+            Free c(s);
+            const Vector3d p = c.pressure(angle), sums = coming(s, angle);
+            // As many leave, with half a Maxwell distribution: along the normal sqrt(pi / 2 R T / M) on average.
+            const double leave = sums[0] * std::sqrt(0.5 * pi * c.leaving()) / c.c;
+            const Vector3d n(std::cos(angle), std::sin(angle), 0), t(-std::sin(angle), std::cos(angle), 0);
+            const Vector3d expected = c.density * c.c * c.c * ((sums[1] - leave) * n - sums[2] * t);
+            EXPECT_LT((p - expected).norm(), 1e-8 * c.density * c.c * c.c * (1.0 + s * s)) << s << " " << angle;
+        }
+    }
+}
+
+TEST(Drag, AtRestInAirOfItsTemperatureAFacetFeelsThePressure)
+{
+    Free c(0.0, 0.7);
+    c.drag_interface.par.T_wall = c.T;
+    const double p = 0.5 * c.density * c.c * c.c;
+    EXPECT_LT((c.pressure(0.3) + p * Vector3d(std::cos(0.3), std::sin(0.3), 0)).norm(), 1e-9 * p);
+}
+
+TEST(Drag, FastMoleculesHaveTheLimitsOfTheTextbook)
+{
+    // Far faster than their heat: the drag coefficient of a plate across the flow is 2 where they stay cold, and
+    // sqrt(pi / 2) more where they keep their energy; the lee side feels nothing.
+    const auto coefficient = [](double accommodation) {
+        Free c(1000.0, accommodation, 1e-3);
+        EXPECT_LT(c.pressure(pi).norm(), 1e-300);
+        return -c.pressure(0.0)[0] / (0.5 * c.density * c.speed() * c.speed());
+    };
+    EXPECT_NEAR(coefficient(1.0), 2.0, 1e-5);
+    EXPECT_NEAR(coefficient(1e-9), 2.0 + std::sqrt(pi / 2.0), 1e-5);
+}
+
+TEST(Drag, ASphereFeelsTheSumOfItsFacetsAndTheClosedForm)
+{
+    for (const double s : {0.005, 0.0099, 0.0101, 0.5, 3.0, 12.0}) {
+        Free sphere(s);
+        sphere.prepare();
+        double sum = 0.0;
+        constexpr int n = 200;
+        for (int i = 0; i <= n; i++) { // rings of a sphere of the cross section 3 m^2
+            const double angle = pi * i / n, weight = (i == 0 || i == n ? 1.0 : i % 2 ? 4.0 : 2.0) * pi / n / 3.0;
+            sum += weight * 6.0 * std::sin(angle) * Free(s).pressure(angle)[0];
+        }
+        EXPECT_NEAR(sphere.force()[0] / sum, 1.0, 1e-6) << s;
+        const double s2 = s * s, warm = std::sqrt(sphere.leaving() / (0.5 * sphere.c * sphere.c));
+        const double Cd = (2 * s2 + 1) * std::exp(-s2) / (std::sqrt(pi) * s2 * s) +
+                          (4 * s2 * s2 + 4 * s2 - 1) * std::erf(s) / (2 * s2 * s2) + 2 * std::sqrt(pi) / (3 * s) * warm;
+        const double F = -0.5 * sphere.density * 3.0 * Cd * sphere.speed() * sphere.speed();
+        EXPECT_NEAR(sphere.force()[0] / F, 1.0, 1e-8) << s;
+    }
+}
+
+TEST(Drag, FreeFlowNeedsItsParametersAndTheTemperature)
+{
+    Free both(1.0);
+    both.drag_interface.par.Cd = 2.0;
+    EXPECT_EQ(
+        error_of([&] { both.prepare(); }),
+        "world.drag.Cd is 2, T_wall 300 K and accommodation 0.9: give either Cd, or both T_wall and accommodation");
+    Free bare(1.0, 0.0);
+    EXPECT_EQ(error_of([&] { bare.prepare(); }),
+              "world.drag.Cd is 0, T_wall 300 K and accommodation 0: give either Cd, or both T_wall and accommodation");
+    Free cold(1.0);
+    cold.air_interface.par = {};
+    cold.air_interface.par.density = 1e-12;
+    EXPECT_EQ(
+        error_of([&] { cold.prepare(); }),
+        "world.drag.T_wall needs the temperature of the air, which world.air does not have: take another law, such "
+        "as \"STANDARD_1976\", or give Cd in its place");
+}
+
 TEST(Drag, NamesWhatIsWrong)
 {
     Craft none;

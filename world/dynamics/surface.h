@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What drag and the pressure of sunlight share: an area, or flat facets, on which a model of the environment acts. A facet
-// that is mounted on a panel turns and moves with it; what acts on it turns the hinge, too.
+// What drag and the pressure of sunlight share: an area, or flat facets, on which a model of the environment acts. A
+// facet that is mounted on a panel turns and moves with it; what acts on it turns the hinge, too.
 #pragma once
 
 #include "world/dynamics/hinged_panels_model.h"
@@ -73,9 +73,11 @@ protected:
     virtual const char *port() const = 0; ///< what it calls its source
     virtual void check() const = 0;       ///< throws SetupError where nothing can act on it
 
-    /// Adds what acts without facets, or on each facet i whose unit normal has a part along a unit vector, its cosine.
+    /// Adds what acts without facets, or on each facet i whose unit normal has a part along a unit vector, its cosine;
+    /// with `lee` on all facets.
     template <class Force>
-    void push(const Vec3 &whole_B, const Vec3 &along_B, const Motion &motion, Loads &loads, Force &&force) const
+    void push(const Vec3 &whole_B, const Vec3 &along_B, const Motion &motion, Loads &loads, Force &&force,
+              bool lee = false) const
     {
         const auto &par = interface_.par;
         Loads own{};
@@ -84,8 +86,8 @@ protected:
         }
         for (std::size_t i = 0; i < par.n; i++) {
             if (par.panel[i] > 0) {
-                push_panel(i, along_B, motion, loads, own, force);
-            } else if (const double cosine = vec_dot(normals_B_[i], along_B); cosine > 0.0) {
+                push_panel(i, along_B, motion, loads, own, force, lee);
+            } else if (const double cosine = vec_dot(normals_B_[i], along_B); cosine > 0.0 || lee) {
                 own.push(force(i, normals_B_[i], cosine), vec_sub(par.centres_B[i], motion.r_CB_B));
             }
         }
@@ -96,13 +98,13 @@ protected:
 
     /// The same of facet i on its panel.
     template <class Force>
-    void push_panel(std::size_t i, const Vec3 &along_B, const Motion &motion, Loads &loads, Loads &own,
-                    Force &&force) const
+    void push_panel(std::size_t i, const Vec3 &along_B, const Motion &motion, Loads &loads, Loads &own, Force &&force,
+                    bool lee) const
     {
         const std::size_t panel = interface_.par.panel[i] - 1;
         const HingedPanelsModel::Hinge hinge = mount_.panels()->hinge(panel);
         const Vec3 normal = hinge.turned(normals_B_[i]);
-        if (const double cosine = vec_dot(normal, along_B); cosine > 0.0) {
+        if (const double cosine = vec_dot(normal, along_B); cosine > 0.0 || lee) {
             const Vec3 arm = hinge.turned(vec_sub(interface_.par.centres_B[i], hinge.at)), F = force(i, normal, cosine);
             own.push(F, vec_sub(vec_add(hinge.at, arm), motion.r_CB_B));
             mount_.panels()->drive(panel, vec_dot(hinge.axis, vec_cross(arm, F)), *loads.whole);

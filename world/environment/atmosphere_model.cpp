@@ -3,14 +3,13 @@
 
 #include "flight/math/elementary.h"
 #include "sim/text.h"
+#include "world/constants.h"
 
 #include <algorithm>
 
 namespace fledge::world {
 
 namespace {
-
-constexpr double gas_constant = 8.314462618; // [J/mol/K]
 
 } // namespace
 
