@@ -26,6 +26,9 @@ int system_of(int body)
     return body >= 100 && body < 1000 ? body / 100 : body;
 }
 
+constexpr int tidal_earth = 399, tidal_moon = 301, tidal_sun = 10;
+constexpr int tide_raisers[] = {tidal_moon, tidal_sun};
+
 bool is_system(int body)
 {
     return body >= 1 && body <= 9;
@@ -106,6 +109,15 @@ Attraction::Source Attraction::find(const GravityBody &body) const
             refuse(error.what());
         }
     }
+    if (body.field && body.field->tides) {
+        if (id != tidal_earth) {
+            refuse("solid tides are those of the Earth, not of " + name_of(body));
+        }
+        for (const int raiser : tide_raisers) {
+            require(raiser, 0, 0);
+        }
+        source.tide.emplace(Tide{*body.field->tides});
+    }
     if (id == center) {
         return source;
     }
@@ -119,14 +131,14 @@ Attraction::Source Attraction::find(const GravityBody &body) const
         }
         source.mu = body_mu(source.target);
     }
-    require(source, 0, 0);
+    require(source.target, 0, 0);
     return source;
 }
 
-void Attraction::require(const Source &source, Ns from, Ns to) const
+void Attraction::require(int target, Ns from, Ns to) const
 {
     try {
-        sky_->require(source.target, from, to);
+        sky_->require(target, from, to);
     } catch (const sim::SetupError &error) {
         throw sim::SetupError(craft_ + ".gravity: " + error.what());
     }
@@ -139,7 +151,11 @@ void Attraction::ensure_data_until(Ns until)
     }
     for (const Source &source : sources_) {
         if (source.moves) {
-            require(source, covered_, until);
+            require(source.target, covered_, until);
+        }
+        if (source.tide) {
+            std::for_each(std::begin(tide_raisers), std::end(tide_raisers),
+                          [&](int raiser) { require(raiser, covered_, until); });
         }
         for (const Orientation &orientation : source.turning) {
             try {
@@ -173,6 +189,12 @@ void Attraction::place(Source &source, Ns start, double tau) const
     if (!source.turning.empty()) {
         source.dcm_PN = source.turning[0].dcm_PN(sky_->epoch_at(start), tau);
         source.pole_N = source.dcm_PN.row(2);
+    }
+    if (source.tide) {
+        Tide &tide = *source.tide;
+        const Vector3d moon_N = sky_->position(tidal_moon, start, tau, tide.moon) - source.r_PN_N;
+        const Vector3d sun_N = sky_->position(tidal_sun, start, tau, tide.sun) - source.r_PN_N;
+        tide.now = tide.model.at(sky_->epoch_at(start), tau, source.dcm_PN, moon_N, sun_N, tide.window);
     }
     source.start = start;
     source.tau = tau;
@@ -272,7 +294,14 @@ Vector3d Attraction::pull(const GravityBody &body, const Source &source, const V
 {
     const Vector3d r_BP_N = r_BN_N - source.r_PN_N;
     const auto shaped = [&] {
-        return body.field ? body.field->gravity_N(source.dcm_PN, r_BP_N) : gravity(body, r_BP_N, source.pole_N);
+        if (!body.field) {
+            return gravity(body, r_BP_N, source.pole_N);
+        }
+        Vector3d sum = body.field->gravity_N(source.dcm_PN, r_BP_N);
+        if (source.tide) {
+            sum += source.dcm_PN.transpose() * source.tide->model.gravity(source.tide->now, source.dcm_PN * r_BP_N);
+        }
+        return sum;
     };
     if (!source.pulls_origin) {
         return source.point ? point_mass_gravity(source.mu, r_BP_N) : shaped();

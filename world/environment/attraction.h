@@ -13,8 +13,10 @@
 
 #include "world/environment/gravity.h"
 #include "world/environment/sky.h"
+#include "world/environment/solid_tides.h"
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -65,6 +67,14 @@ public:
     std::vector<std::string> assumptions() const;
 
 private:
+    /// The Moon, the Sun and what they make of the Earth's field.
+    struct Tide {
+        SolidTides model;
+        Ephemeris::Cursor moon{}, sun{};
+        SolidTides::Window window{};
+        SolidTides::Coefficients now{};
+    };
+
     /// A body in the sky.
     struct Source {
         double mu = 0.0;                  ///< of the body, or of the system that stands for it
@@ -81,10 +91,11 @@ private:
         Eigen::Matrix3d dcm_PN;
         Eigen::Vector3d pole_N;
         Ephemeris::Cursor cursor;
+        std::optional<Tide> tide;
     };
 
     Source find(const GravityBody &body) const;
-    void require(const Source &source, sim::Ns from, sim::Ns to) const;
+    void require(int target, sim::Ns from, sim::Ns to) const;
     void place(Source &source, sim::Ns start, double tau) const;
     Eigen::Vector3d position(std::size_t body, sim::Ns start, double tau);
     Eigen::Vector3d pull(const GravityBody &body, const Source &source, const Eigen::Vector3d &r_BN_N) const;

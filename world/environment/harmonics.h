@@ -8,9 +8,11 @@
 #pragma once
 
 #include "world/environment/harmonic_field.h"
+#include "world/environment/solid_tides.h"
 
 #include <Eigen/Core>
 
+#include <optional>
 #include <vector>
 
 namespace fledge::world {
@@ -35,6 +37,9 @@ public:
     {
         return dcm_PN.transpose() * gravity(dcm_PN * r_N);
     }
+
+    /// Those of the Earth that an Attraction adds; none unless set.
+    std::optional<SolidTides> tides;
 
 private:
     /// Two orders side by side.

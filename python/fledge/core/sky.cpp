@@ -4,6 +4,7 @@
 #include "core/triple.h"
 
 #include "sim/error.h"
+#include "sim/text.h"
 #include "world/environment/bodies.h"
 #include "world/environment/de405.h"
 #include "world/environment/harmonics.h"
@@ -101,6 +102,40 @@ world::SkyUser &sky_user(py::handle object)
     throw py::type_error("expected a model that has a sky, found " + std::string(py::repr(object)));
 }
 
+/// mu [m^3/s^2], equatorial radius [m] and J2 to J6 of a body, as far as a text kernel has them.
+auto body_in_kernel(const std::string &path, int body)
+{
+    const world::TextKernel kernel = world::TextKernel::read(path);
+    const std::string prefix = "BODY" + std::to_string(body) + "_";
+    const auto positive = [&](const std::string &name, double value) {
+        if (!(value > 0.0)) {
+            throw sim::SetupError(path + ":" + std::to_string(kernel.values(name).front().line) + ": " + name +
+                                  " must be > 0; found " + sim::format_number(value));
+        }
+        return value;
+    };
+    std::optional<double> mu, radius;
+    std::array<double, 5> J{};
+    bool any = false;
+    if (const std::string name = prefix + "GM"; kernel.has(name)) {
+        mu = positive(name, kernel.number(name)) * 1e9;
+    }
+    if (const std::string name = prefix + "RADII"; kernel.has(name)) {
+        radius = positive(name, world::equatorial_radius(kernel, body));
+    }
+    for (std::size_t i = 0; i < J.size(); i++) {
+        if (const std::string name = prefix + "J" + std::to_string(i + 2); kernel.has(name)) {
+            J[i] = kernel.number(name);
+            any = true;
+        }
+    }
+    if (!mu && !radius && !any) {
+        throw sim::SetupError(path + ": has none of " + prefix + "GM, " + prefix + "RADII and " + prefix +
+                              "J2 to J6; expected a kernel with " + world::body_name(body));
+    }
+    return std::tuple(mu, radius, J);
+}
+
 } // namespace
 
 void bind_sky(py::module_ &m)
@@ -109,14 +144,21 @@ void bind_sky(py::module_ &m)
                                                                     "A gravity field in spherical harmonics.")
         .def_property_readonly("degree", &world::Harmonics::degree)
         .def_property_readonly("mu", &world::Harmonics::mu)
-        .def_property_readonly("radius", &world::Harmonics::radius);
+        .def_property_readonly("radius", &world::Harmonics::radius)
+        .def_property_readonly("has_tides", [](const world::Harmonics &field) { return field.tides.has_value(); });
     m.def(
         "harmonics",
-        [](const std::string &path, std::optional<int> degree) {
+        [](const std::string &path, std::optional<int> degree, const std::string &tides) {
             const world::HarmonicField field = world::read_gravity_field(path);
-            return std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
+            auto made = std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
+            if (!tides.empty()) {
+                made->tides.emplace(field.mu, field.radius, tides == "file" ? field.tide_system : tides);
+            }
+            return made;
         },
-        "path"_a, "degree"_a, "Of a SHADR or ICGEM file, up to a degree or whole.");
+        "path"_a, "degree"_a, "tides"_a,
+        "Of a SHADR or ICGEM file, up to a degree or whole, with the solid tides that suit a tide system, "
+        "\"file\" for its own, or without, \"\".");
 
     py::class_<world::EarthData>(m, "EarthData")
         .def(py::init(&make_earth), "iau1980"_a, "eop"_a, "ut1_tai"_a, "pole"_a);
@@ -159,6 +201,7 @@ void bind_sky(py::module_ &m)
     m.def(
         "body_id", [](const std::string &name) { return world::body_id(name); }, "name"_a);
     m.def("body_mu", world::body_mu, "id"_a);
+    m.def("body_in_kernel", body_in_kernel, "path"_a, "id"_a, "(mu, radius, J), None for what it has not");
 }
 
 } // namespace fledge::core

@@ -30,7 +30,8 @@ class Body:
     unknown size, for no such sphere.
 
     A body attracts as a point mass; `MARS.zonal(6)` adds J2 to J6, `MARS.harmonics(file)` is the body with a
-    whole field, `SUN.at(r, v)` the same body elsewhere, for simulations without a Sky.
+    whole field, `MARS.with_kernel(file)` has the numbers of a SPICE kernel, `SUN.at(r, v)` is the same body
+    elsewhere, for simulations without a Sky.
     """
 
     def __init__(self, name: str, mu: float, radius: float, J: Sequence[float] = (),
@@ -72,18 +73,25 @@ class Body:
             other.pole_stays = True
         return other
 
-    def harmonics(self, file: str | PathLike[str], degree: int | None = None) -> Body:
+    def harmonics(self, file: str | PathLike[str], degree: int | None = None, tides: bool | str = False) -> Body:
         """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
 
-        degree: the highest; None: that of the file. mu and radius are then the file's. Raises SetupError with
-        the line if the file is damaged or foreign, or if its mu is not this body's within 10 %.
+        degree: the highest; None: that of the file. mu and radius are then the file's. tides: whether the Moon and
+        the Sun of the Sky change the Earth's field (IERS Conventions 2010, section 6.2); where the file does not
+        state its tide system, give it: "tide_free", or "zero_tide" if C20 holds the permanent tide. Raises
+        SetupError with the line if the file is damaged or foreign, if its mu is not this body's within 10 %, or if
+        the tide system is not known.
         """
         path = f"{self.name}.harmonics"
         if degree is not None and (not isinstance(degree, int) or degree < 0):
             raise SetupError(f"{path}: degree must be a whole number >= 0; found {degree!r}")
+        if tides not in (False, True, "tide_free", "zero_tide"):
+            raise SetupError(f'{path}: tides must be True, False, "tide_free" or "zero_tide"; found {tides!r}')
+        if tides and self.naif != 399:
+            raise SetupError(f"{path}: tides are those of the solid Earth; found them for {self.name}")
         other = self._copy()
         try:
-            other.field = _core.harmonics(fspath(file), degree)
+            other.field = _core.harmonics(fspath(file), degree, tides if isinstance(tides, str) else "file" * tides)
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
         if abs(other.field.mu - self.mu) > 0.1 * self.mu:
@@ -109,6 +117,32 @@ class Body:
             raise SetupError(f"{self.name}.with_mu: its field has a mu, {self.mu:.9g} m^3/s^2")
         return other
 
+    def with_kernel(self, file: str | PathLike[str]) -> Body:
+        """The same body with what a SPICE text kernel (.tpc) says of its number: mu, radii and zonal harmonics.
+
+        These are BODYnnn_GM [km^3/s^2], BODYnnn_RADII [km], of which the mean of the first two counts, and
+        BODYnnn_J2 to _J6, for `zonal`, which belong to these radii. What the kernel does not have stays. A body that
+        is not built in: `world.Body("EROS", 0, 0, naif=2000433).with_kernel("gm_de440.tpc")`. Raises SetupError with
+        the line if the kernel is damaged, or if it says nothing of the body.
+        """
+        path = f"{self.name}.with_kernel"
+        if self.naif is None:
+            raise SetupError(f"{path}: the body has no NAIF number, by which a kernel would name it; give it, naif=499")
+        if self.field is not None or any(self.J):
+            raise SetupError(f"{path}: it has harmonics already; call zonal or harmonics afterwards")
+        try:
+            mu, radius, J = _core.body_in_kernel(fspath(file), self.naif)
+        except SetupError as error:
+            raise SetupError(f"{path}: {error}") from None
+        other = self._copy()
+        other.mu = self.mu if mu is None else mu
+        if radius is not None:
+            other.radius = radius
+            other._known = tuple(j * (self.radius / radius)**n for n, j in enumerate(self._known, 2))
+        if any(J):
+            other._known = tuple(J)
+        return other
+
     def equator(self) -> list[list[float]]:
         """The axes, in N, of the body's equator of J2000, for Orbit(frame=...); sky.equator(body) is that of date.
 
@@ -131,7 +165,8 @@ class Body:
     def __repr__(self) -> str:
         return (f"<{self.name}, mu = {self.mu:.9g} m^3/s^2, radius = {self.radius / 1e3:g} km"
                 + (f", J2..J6 = {self.J}" if any(self.J) else "")
-                + (f", harmonics to degree {self.field.degree}" if self.field is not None else "") + ">")
+                + (f", harmonics to degree {self.field.degree}" if self.field is not None else "")
+                + (", tides" if self.field is not None and self.field.has_tides else "") + ">")
 
 
 # mu: the Sun, Mercury, Venus, Mars and Moon from DE430, the Earth as in its field GGM03S, the outer planets

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies from kernels, and the tides of the solid Earth in a run."""
+import numpy as np
+import pytest
+
+from fledge import Orbit, SetupError, world
+from fledge.units import day, deg, km, minute, s
+from fledge.world.sky_test import DE405, fly, real
+
+with_sky = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+
+GM = """\\begindata
+BODY499_GM       = ( 4.2828373620699090E+04 )
+BODY499_RADII    = ( 3000, 3002, 2990 )
+BODY2000433_GM   = 4.463E-04
+BODY399_J2       = 1.082616D-3
+BODY399_J4       = -1.65597E-6
+BODY5_GM         = -1
+"""
+
+
+@pytest.fixture
+def kernel(tmp_path):
+    (tmp_path / "gm.tpc").write_text(GM)
+    return tmp_path / "gm.tpc"
+
+
+def test_a_kernel_gives_mu_radius_and_zonal_harmonics(kernel):
+    mars = world.MARS.with_kernel(kernel)
+    assert mars.mu == pytest.approx(4.2828373620699090e13, rel=1e-15) and mars.radius == 3001e3
+    # J_n R^n, so gravity at a place, is the same about another radius of reference.
+    for n, (old, new) in enumerate(zip(world.MARS._known, mars._known), 2):
+        assert new * mars.radius**n == pytest.approx(old * world.MARS.radius**n, rel=1e-14)
+    eros = world.Body("EROS", 0, 0, naif=2000433).with_kernel(kernel)
+    assert (eros.mu, eros.radius) == (4.463e5, 0)
+    earth = world.EARTH.with_kernel(kernel).zonal(4)
+    assert earth.J == (1.082616e-3, 0, -1.65597e-6, 0, 0) and earth.mu == world.EARTH.mu
+
+
+def test_a_kernel_without_the_body_is_refused(kernel):
+    for words, make in (
+            ("VENUS.with_kernel: " + str(kernel) + ": has none of BODY299_GM", lambda: world.VENUS.with_kernel(kernel)),
+            (f"{kernel}:7: BODY5_GM must be > 0; found -1", lambda: world.JUPITER_SYSTEM.with_kernel(kernel)),
+            ("ROCK.with_kernel: the body has no NAIF number", lambda: world.Body("ROCK", 1, 1).with_kernel(kernel)),
+            ("call zonal or harmonics afterwards", lambda: world.MARS.zonal(2).with_kernel(kernel))):
+        with pytest.raises(SetupError) as error:
+            make()
+        assert words in str(error.value)
+
+
+def flight(duration, tides):
+    sky = world.Sky("2008-09-20 TDB", "EARTH")
+    earth = world.EARTH.harmonics(real("earth-ggm03s.shadr.csv"), 4, tides=tides)
+    craft = world.Spacecraft(I_B=1, sky=sky, gravity=[earth], orbit=Orbit(earth, altitude=500 * km, i=60 * deg))
+    return fly(duration, 30 * s, craft=craft)
+
+
+@with_sky
+def test_tides_bend_a_low_orbit():
+    sims = [flight(day, tides) for tides in (False, "zero_tide")]
+    r = [np.array(sim.world.craft.state.r_BN_N) for sim in sims]
+    assert 2 < np.linalg.norm(r[1] - r[0]) < 50  # [m] found: 8.4
+
+
+@with_sky
+def test_tides_in_a_run_are_those_of_the_direct_formula():
+    sims = [flight(30 * s, tides) for tides in (False, "tide_free")]
+    state, sky = sims[1].world.craft.state, sims[1].world.craft.sky
+    found = np.array(state.a_BN_N) - np.array(sims[0].world.craft.state.a_BN_N)
+    r, R = np.array(state.r_BN_N), 6378136.3
+    expected = np.zeros(3)
+    for body in (world.MOON, world.SUN):  # Montenbruck and Gill, equation 3.59
+        p = np.array(sky.state(body).r_PN_N)
+        d, e = np.linalg.norm(p), r / np.linalg.norm(r)
+        c = e @ p / d
+        expected += (0.15 * body.mu / d**3 * R**5 / np.linalg.norm(r)**4) * ((3 - 15 * c * c) * e + 6 * c * p / d)
+    # Degree 3, the lags and the frequencies are the rest.
+    assert np.linalg.norm(found - expected) < 0.05 * np.linalg.norm(expected)
+
+
+@with_sky
+def test_clones_feel_the_same_tides():
+    sim = flight(10 * minute, "zero_tide")
+    clone = sim.clone()
+    for run in (sim, clone):
+        run.run(80 * minute)
+    assert sim.snapshot() == clone.snapshot()
+
+
+def test_tides_need_the_earth_and_a_tide_system():
+    file = real("earth-ggm03s.shadr.csv")
+    for words, make in (
+            ('tide_free or zero_tide, found unknown; give the field\'s: tides="zero_tide", say',
+             lambda: world.EARTH.harmonics(file, 4, tides=True)),
+            ("MARS.harmonics: tides are those of the solid Earth", lambda: world.MARS.harmonics(file, tides=True)),
+            ("found 'mean'", lambda: world.EARTH.harmonics(file, tides="mean"))):
+        with pytest.raises(SetupError) as error:
+            make()
+        assert words in str(error.value)
+    assert repr(world.EARTH.harmonics(file, 4, tides="zero_tide")).endswith("degree 4, tides>")
