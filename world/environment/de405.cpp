@@ -187,7 +187,7 @@ private:
 };
 
 /// The records of a column, in their memory.
-ChebyshevSegment segment_of(const Column &column, const Description &description, const TableRows &rows,
+EphemerisSegment segment_of(const Column &column, const Description &description, const TableRows &rows,
                             const std::string &folder, std::vector<double> &records)
 {
     const std::vector<std::int32_t> &layout = description.layout;
@@ -200,7 +200,7 @@ ChebyshevSegment segment_of(const Column &column, const Description &description
             rows.words) {
         refuse_file(folder + "/table.dat", "is damaged: its layout goes beyond a row");
     }
-    ChebyshevSegment s;
+    EphemerisSegment s;
     s.target = column.target;
     s.center = column.center;
     s.first = s.start = (description.number("MJD0") + row_days - mjd_j2000) * day_s;

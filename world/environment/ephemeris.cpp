@@ -6,6 +6,7 @@
 #include "world/environment/bodies.h"
 #include "world/environment/de405.h"
 #include "world/environment/spk.h"
+#include "world/environment/spk_types.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,21 +17,6 @@ namespace fledge::world {
 using Eigen::Vector3d;
 
 namespace {
-
-/// An instant as whole seconds, exact in a double over any span, and the rest.
-struct Instant {
-    double whole, rest;
-
-    Instant(Epoch epoch, double tau)
-    {
-        const std::int64_t seconds = epoch.ns / 1'000'000'000;
-        whole = static_cast<double>(seconds);
-        rest = static_cast<double>(epoch.ns - seconds * 1'000'000'000) / 1e9 + tau;
-    }
-
-    double total() const { return whole + rest; }
-    double since(double t) const { return (whole - t) + rest; }
-};
 
 /// sum_k c_k T_k(x) and its first derivatives with respect to x, by Clenshaw's recurrence
 /// b_k = c_k + 2 x b_{k+1} - b_{k+2} and the derivatives of that.
@@ -62,16 +48,24 @@ template <int derivatives> inline void chebyshev(const double *c, int n, double 
     }
 }
 
-const double *record_at(const ChebyshevSegment &s, const Instant &t)
+const double *record_at(const EphemerisSegment &s, const Instant &t)
 {
     const double at = std::floor(t.since(s.start) / s.length);
     const double last = static_cast<double>(s.count - 1);
     return s.records + static_cast<std::size_t>(std::clamp(at, 0.0, last)) * s.record_words;
 }
 
+void add_any(const EphemerisSegment &s, const Instant &t, double sign, BodyState &state);
+
 /// Adds sign times the position [km].
-void add_position(const ChebyshevSegment &s, const Instant &t, double sign, Vector3d &r)
+void add_position(const EphemerisSegment &s, const Instant &t, double sign, Vector3d &r)
 {
+    if (!s.is_plain()) {
+        BodyState state{r, r, r};
+        add_any(s, t, sign, state);
+        r = state.r;
+        return;
+    }
     const double *record = record_at(s, t);
     const double x = t.since(record[0]) / record[1];
     for (int i = 0; i < 3; i++) {
@@ -81,8 +75,8 @@ void add_position(const ChebyshevSegment &s, const Instant &t, double sign, Vect
     }
 }
 
-/// Adds sign times the state [km, km/s, km/s^2].
-void add_state(const ChebyshevSegment &s, const Instant &t, double sign, BodyState &state)
+/// Adds sign times the state [km, km/s, km/s^2] of Chebyshev polynomials, in their axes.
+void add_polynomials(const EphemerisSegment &s, const Instant &t, double sign, BodyState &state)
 {
     const double *record = record_at(s, t);
     const double rate = 1.0 / record[1];
@@ -104,6 +98,34 @@ void add_state(const ChebyshevSegment &s, const Instant &t, double sign, BodySta
     }
 }
 
+/// Adds sign times the state, by any method, in the axes of the ICRF.
+void add_any(const EphemerisSegment &s, const Instant &t, double sign, BodyState &state)
+{
+    BodyState own{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+    if (s.method == EphemerisSegment::Method::chebyshev) {
+        add_polynomials(s, t, 1.0, own);
+    } else {
+        own = state_between(s, t);
+    }
+    constexpr double sine = 0.397777155931913701597, cosine = 0.917482062069181825744; // of 84381.448 arcsec, IAU 1976
+    for (auto member : {&BodyState::r, &BodyState::v, &BodyState::a}) {
+        Vector3d &x = own.*member;
+        if (s.ecliptic) {
+            x = Vector3d(x[0], cosine * x[1] - sine * x[2], sine * x[1] + cosine * x[2]);
+        }
+        state.*member += sign * x;
+    }
+}
+
+void add_state(const EphemerisSegment &s, const Instant &t, double sign, BodyState &state)
+{
+    if (s.is_plain()) {
+        add_polynomials(s, t, sign, state);
+    } else {
+        add_any(s, t, sign, state);
+    }
+}
+
 /// The barycentre of its system for a planet whose moons hardly move it, else -1.
 int stand_in(int body)
 {
@@ -112,7 +134,7 @@ int stand_in(int body)
 
 /// "... TDB to ... TDB in FILE": segments of one file that join count as one; of many, lists the first
 /// few.
-std::string spans_text(std::vector<const ChebyshevSegment *> segments)
+std::string spans_text(std::vector<const EphemerisSegment *> segments)
 {
     std::stable_sort(segments.begin(), segments.end(), [](auto *a, auto *b) { return a->first < b->first; });
     std::vector<std::string> spans;
@@ -158,7 +180,7 @@ void Librations::require(Epoch from, Epoch to) const
 /// From a body to the next one up the tree.
 struct Ephemeris::Step {
     int up = -1;                                            ///< -1: there is none
-    const ChebyshevSegment *segment = nullptr;              ///< null: `up` stands in for the body
+    const EphemerisSegment *segment = nullptr;              ///< null: `up` stands in for the body
     double from = -std::numeric_limits<double>::infinity(); ///< it is this segment
     double to = std::numeric_limits<double>::infinity();    ///< from, to
 };
@@ -175,9 +197,9 @@ void Ephemeris::add_de405(const std::string &folder)
     add(std::move(de405.segments), std::move(de405.memory));
 }
 
-void Ephemeris::add(std::vector<ChebyshevSegment> segments, std::shared_ptr<const void> memory)
+void Ephemeris::add(std::vector<EphemerisSegment> segments, std::shared_ptr<const void> memory)
 {
-    for (ChebyshevSegment &segment : segments) {
+    for (EphemerisSegment &segment : segments) {
         if (files_.empty() || files_.back() != segment.file) {
             files_.push_back(segment.file);
         }
@@ -197,7 +219,7 @@ Ephemeris::Step Ephemeris::step_up(int body, double t) const
     }
     const auto &segments = found->second;
     for (auto it = segments.rbegin(); it != segments.rend(); ++it) {
-        const ChebyshevSegment &s = **it;
+        const EphemerisSegment &s = **it;
         if (s.first <= t && t <= s.last) {
             step.up = s.center;
             step.segment = &s;
@@ -341,7 +363,7 @@ void Ephemeris::require(int target, int center, Epoch from, Epoch to) const
 std::vector<int> Ephemeris::bodies() const
 {
     std::set<int> all;
-    for (const ChebyshevSegment &s : segments_) {
+    for (const EphemerisSegment &s : segments_) {
         all.insert({s.target, s.center});
     }
     return {all.begin(), all.end()};

@@ -8,9 +8,9 @@
 //   Ephemeris::Cursor cursor;                    // one per caller
 //   Vector3d r = ephemeris.position(sun, mars, begin, tau, cursor);
 //
-// Both sources hold Chebyshev polynomials over equal intervals, each of a body relative to another,
-// its centre. Bodies and centres form a tree; the state of any body relative to any other is summed
-// along the way through it, from each of the two up to where their ways meet. Where several
+// Both sources hold segments, most of them Chebyshev polynomials over equal intervals, each of a body
+// relative to another, its centre. Bodies and centres form a tree; the state of any body relative to any
+// other is summed along the way through it, from each of the two up to where their ways meet. Where several
 // segments hold a body at an instant, the one counts that was loaded last, and in a file the last,
 // as in SPICE.
 //
@@ -39,10 +39,14 @@ struct BodyState {
     Eigen::Vector3d a; ///< [m/s^2]
 };
 
-/// Chebyshev polynomials of one body relative to another over consecutive intervals of equal
-/// length. A record holds the middle and half the length of its interval [s], then the
-/// coefficients of x, y, z [km], then, if the velocity has its own, those of vx, vy, vz [km/s].
-struct ChebyshevSegment {
+/// One body relative to another over a span of time, by records: Chebyshev polynomials over consecutive
+/// intervals of equal length, or states and differences, see spk_types.h. A record of polynomials holds the
+/// middle and half the length of its interval [s], then the coefficients of x, y, z [km], then, if the
+/// velocity has its own, those of vx, vy, vz [km/s].
+struct EphemerisSegment {
+    enum class Method { chebyshev, differences, conics, lagrange, hermite, hermite_of_both };
+    static constexpr int most_nodes = 28; ///< of a polynomial through states, those twice of Hermite's
+
     int target = 0, center = 0;
     double first = 0.0, last = 0.0;   ///< [s] TDB past J2000: it holds from, to; both included
     double start = 0.0, length = 0.0; ///< [s] begin of the first record, length of each
@@ -52,11 +56,19 @@ struct ChebyshevSegment {
     int coefficients = 0; ///< per component
     bool has_velocity = false;
     std::string file;
+    Method method = Method::chebyshev;
+    bool ecliptic = false;          ///< its axes are ECLIPJ2000
+    bool cut_at_ends = false;       ///< fewer records near the ends, in place of a window that is moved
+    std::size_t window = 0;         ///< records of a polynomial
+    const double *epochs = nullptr; ///< [s] of the records; null: equal steps
+    double mu = 0.0;                ///< [km^3/s^2] of conics
+
+    bool is_plain() const { return method == Method::chebyshev && !ecliptic; }
 };
 
 /// How the Moon stands: the Euler angles of its principal axes relative to the ICRF, [PN] = R3(psi) R1(theta) R3(phi).
 struct Librations {
-    ChebyshevSegment segment; ///< of phi, theta, psi [rad] in place of x, y, z
+    EphemerisSegment segment; ///< of phi, theta, psi [rad] in place of x, y, z
     std::shared_ptr<const void> memory;
 
     /// Writes phi, theta, psi and their rates [rad/s].
@@ -81,7 +93,7 @@ public:
     void add_de405(const std::string &folder = de405_folder);
 
     /// Add segments whose records lie in `memory`.
-    void add(std::vector<ChebyshevSegment> segments, std::shared_ptr<const void> memory);
+    void add(std::vector<EphemerisSegment> segments, std::shared_ptr<const void> memory);
 
     /// What a caller keeps between its evaluations: the way through the tree, and the span of time
     /// for which it is the right one. Begin a new one after adding to the ephemeris.
@@ -89,7 +101,7 @@ public:
         friend class Ephemeris;
         static constexpr int most = 12;
         struct Leg {
-            const ChebyshevSegment *segment;
+            const EphemerisSegment *segment;
             double sign;
         };
         int target = 0, center = 0, count = 0;
@@ -123,8 +135,8 @@ private:
     const Cursor &way(int target, int center, double t, Cursor &cursor) const;
     double first_gap(int target, int center, Epoch from, Epoch to) const;
 
-    std::deque<ChebyshevSegment> segments_; // in the order of loading; they never move
-    std::map<int, std::vector<const ChebyshevSegment *>> of_body_;
+    std::deque<EphemerisSegment> segments_; // in the order of loading; they never move
+    std::map<int, std::vector<const EphemerisSegment *>> of_body_;
     std::vector<std::shared_ptr<const void>> memory_;
     std::vector<std::string> files_;
 };

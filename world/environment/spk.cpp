@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <functional>
 #include <string_view>
 
 #include <fcntl.h>
@@ -23,9 +24,40 @@ namespace {
 
 constexpr std::size_t record_bytes = 1024, record_words = 128;
 constexpr std::size_t summary_words = 5; // ND + (NI + 1) / 2
-constexpr int icrf = 1;                  // NAIF's number of the frame J2000
+constexpr int icrf = 1, ecliptic = 17;   // NAIF's numbers of the frames J2000 and ECLIPJ2000
 constexpr double farthest = 1e15;        // [km] a hundred light years; [km/s] none so fast
 constexpr std::string_view transfer_check("FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP", 28);
+
+/// A type that is read: the words of a record, of the last words, and how it is evaluated.
+struct SegmentType {
+    int number;
+    EphemerisSegment::Method method;
+    int record_words; ///< 0: the last words say it
+    int last_words;
+    bool has_epochs; ///< and after them every hundredth again
+};
+using Method = EphemerisSegment::Method;
+constexpr SegmentType types[] = {
+    {1, Method::differences, 71, 1, true}, {2, Method::chebyshev, 0, 4, false}, {3, Method::chebyshev, 0, 4, false},
+    {5, Method::conics, 6, 2, true},       {8, Method::lagrange, 6, 4, false},  {9, Method::lagrange, 6, 2, true},
+    {12, Method::hermite, 6, 4, false},    {13, Method::hermite, 6, 2, true},   {18, Method::lagrange, 0, 3, true},
+    {21, Method::differences, 0, 2, true},
+};
+constexpr int most_differences = 25;
+
+/// What NAIF calls the types that are not read.
+const char *type_name(int type)
+{
+    switch (type) {
+    case 10: return " (two-line elements)";
+    case 14: return " (Chebyshev polynomials of unequal intervals)";
+    case 15: return " (precessing conics)";
+    case 17: return " (equinoctial elements)";
+    case 19: return " (piecewise interpolation)";
+    case 20: return " (Chebyshev polynomials of velocities)";
+    default: return "";
+    }
+}
 
 [[noreturn]] void refuse_system(const std::string &path, const char *what)
 {
@@ -173,76 +205,197 @@ private:
         return static_cast<std::size_t>(value);
     }
 
-    ChebyshevSegment segment(std::size_t at, std::size_t number) const
+    EphemerisSegment segment(std::size_t at, std::size_t number) const
     {
         const char *summary = file_->bytes() + at;
         std::int32_t integers[6];
         for (std::size_t i = 0; i < 6; i++) {
             integers[i] = load<std::int32_t>(summary + 16 + 4 * i, order_);
         }
-        ChebyshevSegment s;
+        EphemerisSegment s;
         s.file = path_;
         s.first = load<double>(summary, order_);
         s.last = load<double>(summary + 8, order_);
         s.target = integers[0];
         s.center = integers[1];
-        const int frame = integers[2], type = integers[3];
+        const int frame = integers[2];
+        s.ecliptic = frame == ecliptic;
         const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) + " relative to " +
                                  body_name(s.center) + ", ";
-        const auto refuse_segment = [&](const std::string &what) { refuse_file(path_, name + what); };
+        const Refusal refuse = [&](const std::string &what) { refuse_file(path_, name + what); };
 
-        if (type != 2 && type != 3) {
-            refuse_segment("is of type " + std::to_string(type) + "; types 2 and 3 (Chebyshev polynomials) are read");
+        const auto *type = std::find_if(std::begin(types), std::end(types),
+                                        [&](const SegmentType &known) { return known.number == integers[3]; });
+        if (type == std::end(types)) {
+            refuse("is of type " + std::to_string(integers[3]) + type_name(integers[3]) +
+                   "; types 1, 2, 3, 5, 8, 9, 12, 13, 18 and 21 are read");
         }
-        if (frame != icrf) {
-            refuse_segment("is given in the frame " + std::to_string(frame) + "; frame 1 (J2000) is read");
+        if (frame != icrf && frame != ecliptic) {
+            refuse("is given in the frame " + std::to_string(frame) +
+                   "; frames 1 (J2000) and 17 (ECLIPJ2000) are read");
         }
         if (!(s.first <= s.last && std::isfinite(s.first) && std::isfinite(s.last))) {
-            refuse_segment("is damaged: it holds from " + sim::format_number(s.first) + " s to " +
-                           sim::format_number(s.last) + " s");
+            refuse("is damaged: it holds from " + sim::format_number(s.first) + " s to " + sim::format_number(s.last) +
+                   " s");
         }
         if (s.target == s.center) {
-            refuse_segment("is damaged: a body relative to itself");
+            refuse("is damaged: a body relative to itself");
         }
-        if (integers[4] < 1 || integers[5] < integers[4] + 4 || static_cast<std::size_t>(integers[5]) > word_count_) {
-            refuse_segment("is damaged or cut short: its summary gives it the words " + std::to_string(integers[4]) +
-                           " to " + std::to_string(integers[5]) + "; the file has " + std::to_string(word_count_));
+        if (integers[4] < 1 || integers[5] < integers[4] + type->last_words ||
+            static_cast<std::size_t>(integers[5]) > word_count_) {
+            refuse("is damaged or cut short: its summary gives it the words " + std::to_string(integers[4]) + " to " +
+                   std::to_string(integers[5]) + "; the file has " + std::to_string(word_count_));
         }
         s.records = words_ + integers[4] - 1;
-        const double *tail = words_ + integers[5] - 4;
+        s.method = type->method;
+        const double *tail = words_ + integers[5] - type->last_words;
+        if (s.method == Method::chebyshev) {
+            s.has_velocity = type->number == 3;
+            read_polynomials(s, tail, refuse);
+        } else {
+            read_states(s, *type, tail, refuse);
+        }
+        return s;
+    }
+
+    using Refusal = std::function<void(const std::string &)>;
+
+    void read_polynomials(EphemerisSegment &s, const double *tail, const Refusal &refuse) const
+    {
         const auto words = static_cast<std::size_t>(tail - s.records);
         s.start = tail[0];
         s.length = tail[1];
         s.record_words = index(tail[2], "the length of a record");
         s.count = index(tail[3], "the number of records");
-        s.has_velocity = type == 3;
         const std::size_t components = s.has_velocity ? 6 : 3;
         if (s.record_words < 2 + components || (s.record_words - 2) % components != 0 || s.count < 1 ||
             words / s.record_words != s.count || words % s.record_words != 0) {
-            refuse_segment("is damaged: " + std::to_string(words) + " words for " + std::to_string(s.count) +
-                           " records of " + std::to_string(s.record_words) + ", each 2 and " +
-                           std::to_string(components) + " times the number of coefficients");
+            refuse("is damaged: " + std::to_string(words) + " words for " + std::to_string(s.count) + " records of " +
+                   std::to_string(s.record_words) + ", each 2 and " + std::to_string(components) +
+                   " times the number of coefficients");
         }
         s.coefficients = static_cast<int>((s.record_words - 2) / components);
 
         const double slack = 1e-6 * s.length;
         if (!(s.length > 0.0 && std::isfinite(s.start) && s.start <= s.first + slack &&
               s.last <= s.start + s.length * static_cast<double>(s.count) + slack)) {
-            refuse_segment("is damaged: its records begin at " + sim::format_number(s.start) + " s and last " +
-                           sim::format_number(s.length) + " s each, which is not the span in its summary");
+            refuse("is damaged: its records begin at " + sim::format_number(s.start) + " s and last " +
+                   sim::format_number(s.length) + " s each, which is not the span in its summary");
         }
         for (std::size_t i = 0; i < s.count; i++) {
             const double *record = s.records + i * s.record_words;
             const double middle = s.start + s.length * (static_cast<double>(i) + 0.5);
             if (!(std::fabs(record[0] - middle) <= slack && std::fabs(record[1] - 0.5 * s.length) <= slack)) {
-                refuse_segment("is damaged: record " + std::to_string(i + 1) + " is not for its interval");
+                refuse("is damaged: record " + std::to_string(i + 1) + " is not for its interval");
             }
             if (!std::all_of(record + 2, record + s.record_words, [](double c) { return std::fabs(c) < farthest; })) {
-                refuse_segment("is damaged: record " + std::to_string(i + 1) +
-                               " holds a coefficient that is no distance");
+                refuse("is damaged: record " + std::to_string(i + 1) + " holds a coefficient that is no distance");
             }
         }
-        return s;
+    }
+
+    /// All but Chebyshev's: records, their epochs or a first and a step, and what the type has behind them.
+    void read_states(EphemerisSegment &s, const SegmentType &type, const double *tail, const Refusal &refuse) const
+    {
+        s.count = index(tail[type.last_words - 1], "the number of records");
+        s.record_words = static_cast<std::size_t>(type.record_words);
+        std::size_t window = 0;
+        if (s.method == Method::differences) {
+            s.coefficients = 15;
+            if (type.number == 21) {
+                s.coefficients = static_cast<int>(std::min<std::size_t>(index(tail[0], "the number of terms"), 1000));
+                s.record_words = 4 * static_cast<std::size_t>(s.coefficients) + 11;
+            }
+            if (s.coefficients < 1 || s.coefficients > most_differences) {
+                refuse("is damaged: " + sim::format_number(tail[0]) + " terms of differences; there are 1 to 25");
+            }
+        } else if (s.method == Method::conics) {
+            s.mu = tail[0];
+            if (!(s.mu > 0.0 && s.mu < farthest)) {
+                refuse("is damaged: its gravitational parameter is " + sim::format_number(s.mu) + " km^3/s^2");
+            }
+        } else if (type.number == 18) {
+            const std::size_t subtype = index(tail[0], "the subtype");
+            if (subtype > 2) {
+                refuse("is of type 18, subtype " + std::to_string(subtype) + "; subtypes 0 to 2 are read");
+            }
+            s.method = subtype == 0 ? Method::hermite_of_both : subtype == 1 ? Method::lagrange : Method::hermite;
+            s.record_words = subtype == 0 ? 12 : 6;
+            s.cut_at_ends = true;
+            window = index(tail[1], "the size of the window");
+        } else {
+            window = index(tail[type.last_words - 2], "the degree") + 1;
+        }
+        const auto words = static_cast<std::size_t>(tail - s.records);
+        const std::size_t per_record = s.record_words + (type.has_epochs ? 1 : 0);
+        const std::size_t least = type.has_epochs && s.count > 0 ? (s.count - 1) / 100 : 0; // of the directory
+        if (s.count < 1 || s.count > words || words < s.count * per_record + least ||
+            words > s.count * per_record + (type.has_epochs ? s.count / 100 : 0)) {
+            refuse("is damaged: " + std::to_string(words) + " words for " + std::to_string(s.count) + " records of " +
+                   std::to_string(per_record));
+        }
+        if (!type.has_epochs) {
+            s.start = tail[0];
+            s.length = tail[1];
+        } else {
+            s.epochs = s.records + s.count * s.record_words;
+        }
+        check_times(s, refuse);
+        const std::size_t nodes = window * (s.method == Method::lagrange ? 1 : 2);
+        if (window > 0 && (nodes < 2 || nodes > EphemerisSegment::most_nodes || (s.cut_at_ends && window % 2 == 1))) {
+            refuse("is damaged: its polynomials go through " + std::to_string(window) +
+                   " records; expected 2 to 28, for Hermite's 1 to 14, of type 18 an even number");
+        }
+        s.window = std::min(window, s.count);
+        for (std::size_t i = 0; i < s.count; i++) {
+            check_record(s, i, refuse);
+        }
+    }
+
+    void check_times(const EphemerisSegment &s, const Refusal &refuse) const
+    {
+        double begin = s.start, end = s.start + s.length * static_cast<double>(s.count - 1);
+        if (s.epochs) {
+            begin = s.epochs[0];
+            end = s.epochs[s.count - 1];
+            const auto *bad =
+                std::adjacent_find(s.epochs, s.epochs + s.count, [](double a, double b) { return !(a < b); });
+            if (bad != s.epochs + s.count || !std::isfinite(begin) || !std::isfinite(end)) {
+                refuse("is damaged: the time of record " + std::to_string(bad - s.epochs + 1) +
+                       " is not before that of the next");
+            }
+        }
+        // Differences hold up to their epochs; conics go on from the last state, and from the first back.
+        const double slack = 1e-6 * (end - begin) + 1e-6;
+        const bool is_open = s.method == Method::conics;
+        if (!((s.epochs || s.length > 0.0) &&
+              (is_open || s.method == Method::differences || begin <= s.first + slack) &&
+              (is_open || s.last <= end + slack))) {
+            refuse("is damaged: its records are from " + sim::format_number(begin) + " s to " +
+                   sim::format_number(end) + " s, which is not the span in its summary");
+        }
+    }
+
+    void check_record(const EphemerisSegment &s, std::size_t i, const Refusal &refuse) const
+    {
+        const double *record = s.records + i * s.record_words, *end = record + s.record_words;
+        const auto damaged = [&](const char *what) { refuse("is damaged: record " + std::to_string(i + 1) + what); };
+        if (!std::all_of(record, end, [](double x) { return std::fabs(x) < farthest; })) {
+            damaged(" holds a number that is no distance");
+        }
+        if (s.method == Method::conics && !(record[0] != 0.0 || record[1] != 0.0 || record[2] != 0.0)) {
+            damaged(" is at the centre of its conic");
+        }
+        if (s.method == Method::differences) {
+            const bool in_bounds = std::all_of(end - 3, end, [&](double order) {
+                return order >= 0.0 && order <= s.coefficients && order == std::floor(order);
+            });
+            const auto highest = in_bounds ? static_cast<int>(*std::max_element(end - 3, end)) : 0;
+            if (!in_bounds ||
+                std::any_of(record + 1, record + std::max(highest, 1), [](double step) { return step == 0.0; })) {
+                damaged(" has no sound orders and steps of its differences");
+            }
+        }
     }
 
     std::string path_;

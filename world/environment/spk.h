@@ -9,7 +9,16 @@
 //                   integers: from, to, target, centre, frame, type, first word, last word
 //
 // A segment of type 2 (position) or 3 (position and velocity) is a sequence of records as in
-// ChebyshevSegment, then START, LENGTH, words per record, number of records.
+// EphemerisSegment, then START, LENGTH, words per record, number of records. Others, see spk_types.h, are
+// records, then
+//
+//   5             epochs, directory, gravitational parameter [km^3/s^2], number of records
+//   8, 12         START, STEP, degree of 8 or window - 1 of 12, number
+//   9, 13         epochs, directory, the same, number
+//   18            epochs, directory, subtype, window, number
+//   1, 21         last epochs, directory, of 21 the size of the tables, number
+//
+// where the directory has each hundredth epoch.
 // Source: NAIF, "DAF Required Reading" and "SPK Required Reading".
 #pragma once
 
@@ -18,7 +27,7 @@
 namespace fledge::world {
 
 struct SegmentFile {
-    std::vector<ChebyshevSegment> segments; ///< in the order of the file
+    std::vector<EphemerisSegment> segments; ///< in the order of the file
     std::shared_ptr<const void> memory;     ///< where their records lie
     std::shared_ptr<const Librations> librations;
 };

@@ -42,7 +42,7 @@ TEST(Spk, ReadsAKernelOfOurOwn)
     const TemporaryFile file("a.bsp", made_kernel({segment()}));
     const SegmentFile read = read_spk(file.path());
     ASSERT_EQ(read.segments.size(), 1u);
-    const ChebyshevSegment &s = read.segments[0];
+    const EphemerisSegment &s = read.segments[0];
     EXPECT_EQ(s.target, 301);
     EXPECT_EQ(s.center, 399);
     EXPECT_EQ(s.count, 3u);
@@ -63,7 +63,7 @@ TEST(Spk, BothByteOrdersAreTheSameToTheBit)
         const SegmentFile a = read_spk(path), b = read_spk(file.path());
         ASSERT_EQ(a.segments.size(), b.segments.size());
         for (std::size_t i = 0; i < a.segments.size(); i++) {
-            const ChebyshevSegment &x = a.segments[i], &y = b.segments[i];
+            const EphemerisSegment &x = a.segments[i], &y = b.segments[i];
             EXPECT_EQ(std::tie(x.target, x.center, x.first, x.last, x.start, x.length, x.count),
                       std::tie(y.target, y.center, y.first, y.last, y.start, y.length, y.count));
             ASSERT_EQ(x.record_words, y.record_words);
@@ -105,12 +105,96 @@ TEST(Spk, ForeignFilesAreNamed)
 TEST(Spk, OtherTypesAndFramesAreNamedWithWhatIsRead)
 {
     MadeSegment s = segment();
-    s.type = 13;
-    EXPECT_THAT(error_of_kernel(made_kernel({segment(), s})),
-                HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 13; types 2 and 3"));
+    s.type = 15;
+    EXPECT_THAT(
+        error_of_kernel(made_kernel({segment(), s})),
+        HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 15 (precessing conics); types 1, 2"));
     s.type = 2;
-    s.frame = 17;
-    EXPECT_THAT(error_of_kernel(made_kernel({s})), HasSubstr("frame 17; frame 1 (J2000) is read"));
+    s.frame = 4;
+    EXPECT_THAT(error_of_kernel(made_kernel({s})), HasSubstr("frame 4; frames 1 (J2000) and 17 (ECLIPJ2000) are read"));
+}
+
+/// A good segment of a type, and a place in its words, from the end if negative, whose change makes a rule speak.
+struct Damage {
+    int type;
+    int at;
+    double value;
+    const char *error;
+};
+
+/// Four states 10 s apart, or two records of differences, and what their type has behind them.
+MadeSegment states(int type)
+{
+    MadeSegment s{301, 399, 0.0, 30.0, {}, type};
+    const auto add = [&](const std::vector<double> &words) {
+        s.words.insert(s.words.end(), words.begin(), words.end());
+    };
+    if (type == 1 || type == 21) {
+        add(std::vector<double>(142, 1.0));
+        s.words[0] = 0.0;
+        add({15.0, 30.0});
+        add(type == 1 ? std::vector<double>{2} : std::vector<double>{15, 2});
+        return s;
+    }
+    for (int i = 0; i < 4; i++) {
+        add({7000.0, i * 75.0, 0.0, 0.0, 7.5, 0.0});
+    }
+    if (type == 8 || type == 12) {
+        add({0.0, 10.0, 3.0, 4.0});
+        return s;
+    }
+    add({0.0, 10.0, 20.0, 30.0});
+    add(type == 5    ? std::vector<double>{4e5, 4}
+        : type == 18 ? std::vector<double>{1, 4, 4}
+                     : std::vector<double>{3, 4});
+    return s;
+}
+
+TEST(Spk, DamagedStatesAndDifferencesAreRefused)
+{
+    const double nan = std::nan("");
+    for (const Damage &d : std::vector<Damage>{{1, 0, 0.0, ""},
+                                               {5, 0, 7000.0, ""},
+                                               {8, 0, 1.0, ""},
+                                               {9, 0, 1.0, ""},
+                                               {12, 0, 1.0, ""},
+                                               {13, 0, 1.0, ""},
+                                               {18, 0, 1.0, ""},
+                                               {21, 0, 0.0, ""},
+                                               {9, -1, 3.0, "28 words for 3 records of 7"},
+                                               {9, -1, 0.0, "28 words for 0 records of 7"},
+                                               {9, -1, 1e300, "the number of records is 1e+300"},
+                                               {9, 5, nan, "record 1 holds a number that is no"},
+                                               {9, -4, 10.0, "the time of record 2 is not before"},
+                                               {9, -4, nan, "the time of record 2 is not before"},
+                                               {9, -3, 29.0, "from 0 s to 29 s, which is not the span"},
+                                               {9, -6, 1.0, "from 1 s to 30 s"},
+                                               {9, -2, 28.0, "through 29 records"},
+                                               {9, -2, 0.0, "through 1 records"},
+                                               {13, -2, 14.0, "through 15 records"},
+                                               {8, -3, 0.0, "is not the span"},
+                                               {8, -3, 9.0, "from 0 s to 27 s"},
+                                               {5, -2, 0.0, "gravitational parameter is 0 km^3"},
+                                               {5, 0, 0.0, "record 1 is at the centre of its conic"},
+                                               {18, -3, 3.0, "type 18, subtype 3; subtypes 0 to 2"},
+                                               {18, -2, 3.0, "expected 2 to 28"},
+                                               {1, 70, 16.0, "record 1 has no sound orders"},
+                                               {1, 69, 0.5, "record 1 has no sound orders"},
+                                               {21, -2, 26.0, "26 terms of differences"},
+                                               {21, -2, 14.0, "144 words for 2 records of 68"}}) {
+        MadeSegment s = states(d.type);
+        s.words[d.at < 0 ? s.words.size() - static_cast<std::size_t>(-d.at) : static_cast<std::size_t>(d.at)] = d.value;
+        const std::string error = error_of_kernel(made_kernel({s}));
+        if (*d.error) {
+            EXPECT_THAT(error, HasSubstr(d.error)) << d.type;
+        } else {
+            EXPECT_EQ(error, "") << d.type;
+        }
+    }
+    MadeSegment s = states(1);
+    s.words[70] = 3.0;
+    s.words[2] = 0.0; // a step by which they divide
+    EXPECT_THAT(error_of_kernel(made_kernel({s})), HasSubstr("record 1 has no sound orders and steps"));
 }
 
 TEST(Spk, DamagedSummariesAndSegmentsAreRefused)

@@ -47,7 +47,7 @@ public:
             for (double begin = 0.0; begin < span; begin += length) {
                 append_record(*records, body, begin);
             }
-            ChebyshevSegment s;
+            EphemerisSegment s;
             s.target = body;
             s.center = 0;
             s.first = s.start = 0.0;
