@@ -5,8 +5,10 @@
 #include "sim/error.h"
 #include "sim/simulation.h"
 #include "world/dynamics/effector.h"
+#include "world/dynamics/ephemeris_craft_model.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/celestial_body_model.h"
+#include "world/environment/earth_atmosphere_model.h"
 #include "world/environment/environment_model.h"
 #include "world/environment/testing/two_circles.h"
 #include "world/models.h"
@@ -464,6 +466,12 @@ struct World {
                 body->set_sky(TwoCircles::sky(TwoCircles::sun));
                 set(*instance, "id", TwoCircles::jupiter);
             }
+            if (auto *follower = dynamic_cast<world::EphemerisCraftModel *>(instance->model())) {
+                follower->set_sky(TwoCircles::sky(TwoCircles::sun));
+                auto path = std::make_shared<world::CraftEphemeris>();
+                path->orbits = {{0, 1000 * second, 1, {0, 1000 * second}, {{4e6, 0, 0}, {4e6, 3e6, 0}}, {}}};
+                follower->set_ephemeris(path);
+            }
             if (auto *model = dynamic_cast<world::EnvironmentModel *>(instance->model())) {
                 world::GravityBody body;
                 body.name = "rock";
@@ -471,10 +479,20 @@ struct World {
                 body.r_PN_N = {name == "PlanetRadiation" ? 2e7 : 1e7, 0, 0}; // the Sun is elsewhere
                 model->set_body(body);
             }
+            if (auto *air = dynamic_cast<world::EarthAtmosphereModel *>(instance->model())) {
+                world::GravityBody jupiter;
+                jupiter.name = "jupiter";
+                jupiter.mu = jupiter.radius = 1e8;
+                jupiter.naif = TwoCircles::jupiter;
+                air->set_body(jupiter);
+                air->set_sky(TwoCircles::sky(TwoCircles::jupiter));
+            }
         }
         set(find("Magnetism"), "degree", 0u);    // of a dipole
         set(find("PlanetRadiation"), "law", 0u); // without a sky
         set(find("PlanetRadiation"), "rings", 1u);
+        set(find("Drag"), "T_wall", 0.0); // by Cd
+        set(find("Drag"), "accommodation", 0.0);
         set(find("SolarPressure"), "specular", 0.3);
         set(find("SolarPressure"), "diffuse", 0.2); // both within 1
         auto &craft = dynamic_cast<world::SpacecraftModel &>(*find("craft").model());
@@ -507,6 +525,9 @@ struct World {
         }
         const auto output = [&](const FledgeStruct *type) {
             for (const auto &writer : instances) {
+                if (dynamic_cast<world::EphemerisCraftModel *>(writer->model())) {
+                    continue; // the craft is another one
+                }
                 for (const FledgeField &field : sim::fields(writer->type())) {
                     if (field.group == FLEDGE_OUT && field.sub == type) {
                         return sim::Port{writer, &field};

@@ -7,6 +7,7 @@
 #include "sim/text.h"
 #include "world/environment/bodies.h"
 #include "world/environment/de405.h"
+#include "world/environment/earth_atmosphere_model.h"
 #include "world/environment/harmonics.h"
 #include "world/environment/sky.h"
 #include "world/environment/sky_user.h"
@@ -136,6 +137,14 @@ auto body_in_kernel(const std::string &path, int body)
     return std::tuple(mu, radius, J);
 }
 
+world::EarthAtmosphereModel &earth_atmosphere(py::handle object)
+{
+    if (auto *model = dynamic_cast<world::EarthAtmosphereModel *>(instance_of(object)->model())) {
+        return *model;
+    }
+    throw py::type_error("expected an EarthAtmosphere, found " + std::string(py::repr(object)));
+}
+
 } // namespace
 
 void bind_sky(py::module_ &m)
@@ -197,6 +206,25 @@ void bind_sky(py::module_ &m)
         "sky", [](const AnyInstance &object) { return std::const_pointer_cast<Sky>(sky_user(object).sky()); },
         "object"_a);
 
+    py::class_<world::SpaceWeather, std::shared_ptr<world::SpaceWeather>>(
+        m, "SpaceWeather", "The Sun's and the magnetic field's activity.")
+        .def(py::init([](const std::vector<std::string> &files) {
+                 return std::make_shared<world::SpaceWeather>(files, world::TimeSystem());
+             }),
+             "files"_a)
+        .def_property_readonly("files", &world::SpaceWeather::files);
+    m.def(
+        "set_weather",
+        [](const AnyInstance &object, std::shared_ptr<world::SpaceWeather> weather) {
+            earth_atmosphere(object).set_weather(std::move(weather));
+        },
+        "object"_a, "weather"_a);
+    m.def(
+        "weather",
+        [](const AnyInstance &object) {
+            return std::const_pointer_cast<world::SpaceWeather>(earth_atmosphere(object).weather());
+        },
+        "object"_a);
     m.def("body_name", world::body_name, "id"_a);
     m.def(
         "body_id", [](const std::string &name) { return world::body_id(name); }, "name"_a);

@@ -5,6 +5,7 @@
 
 #include "sim/error.h"
 #include "world/avionics/radio_model.h"
+#include "world/dynamics/ephemeris_craft_model.h"
 #include "world/dynamics/orbit.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/harmonics.h"
@@ -120,6 +121,37 @@ void set_source(const AnyInstance &object, const AnyInstance &source, const char
     Py_XSETREF(as_root(object.ptr())->parts, py::tuple(sources).release().ptr());
 }
 
+using OrbitRows =
+    std::vector<std::tuple<sim::Ns, sim::Ns, int, std::vector<sim::Ns>, std::vector<Triple>, std::vector<Triple>>>;
+using AttitudeRows = std::vector<std::tuple<sim::Ns, sim::Ns, std::vector<sim::Ns>, std::vector<std::array<double, 4>>,
+                                            std::vector<std::array<double, 4>>>>;
+
+std::shared_ptr<world::CraftEphemeris> ephemeris_of(const std::string &orbit_file, const std::string &attitude_file,
+                                                    const OrbitRows &orbits, const AttitudeRows &attitudes)
+{
+    const auto vectors = [](const std::vector<Triple> &rows) {
+        std::vector<Eigen::Vector3d> found(rows.size());
+        std::transform(rows.begin(), rows.end(), found.begin(), vector);
+        return found;
+    };
+    const auto quaternions = [](const std::vector<std::array<double, 4>> &rows) {
+        std::vector<Eigen::Vector4d> found(rows.size());
+        std::transform(rows.begin(), rows.end(), found.begin(),
+                       [](const std::array<double, 4> &row) { return Eigen::Vector4d(row.data()); });
+        return found;
+    };
+    auto made = std::make_shared<world::CraftEphemeris>();
+    made->orbit_file = orbit_file;
+    made->attitude_file = attitude_file;
+    for (const auto &[begin, end, degree, t, r, v] : orbits) {
+        made->orbits.push_back({begin, end, degree, t, vectors(r), vectors(v)});
+    }
+    for (const auto &[begin, end, t, beta, rates] : attitudes) {
+        made->attitudes.push_back({begin, end, t, quaternions(beta), quaternions(rates)});
+    }
+    return made;
+}
+
 } // namespace
 
 void bind_world(py::module_ &m)
@@ -172,6 +204,24 @@ void bind_world(py::module_ &m)
             return py::none();
         },
         "object"_a, "port"_a);
+    m.def(
+        "set_ephemeris",
+        [](const AnyInstance &object, const std::string &orbit_file, const std::string &attitude_file,
+           const OrbitRows &orbits, const AttitudeRows &attitudes) {
+            auto &craft = model_of<world::EphemerisCraftModel>(object, "an EphemerisCraft");
+            craft.set_ephemeris(ephemeris_of(orbit_file, attitude_file, orbits, attitudes));
+        },
+        "object"_a, "orbit_file"_a, "attitude_file"_a, "orbits"_a, "attitudes"_a,
+        "Of each orbit (begin, end, degree, t, r, v), of each attitude (begin, end, t, beta, rates), in times of the "
+        "run "
+        "[ns]; v and rates may be empty.");
+    m.def(
+        "ephemeris_files",
+        [](const AnyInstance &object) {
+            const auto &found = model_of<world::EphemerisCraftModel>(object, "an EphemerisCraft").ephemeris();
+            return found ? std::pair(found->orbit_file, found->attitude_file) : std::pair(std::string(), std::string());
+        },
+        "object"_a, "(orbit, attitude)");
     m.def(
         "set_coefficients",
         [](const AnyInstance &object, const std::string &path) {

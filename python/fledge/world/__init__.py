@@ -28,7 +28,7 @@ from fledge.world.bodies import (BODIES, EARTH, EMB, JUPITER, JUPITER_SYSTEM, MA
                                  URANUS_SYSTEM, VENUS, Body)
 from fledge.world.chebyshev import fit_ephemeris
 from fledge.world.orbit import Orbit
-from fledge.world.sky import EarthOrientation, Sky
+from fledge.world.sky import EarthOrientation, Sky, SpaceWeather
 from fledge.world.turning import fit_orientation
 
 TYPE_CHECKING = False

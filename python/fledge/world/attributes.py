@@ -13,7 +13,7 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
-from fledge.world.sky import Sky, number
+from fledge.world.sky import Sky, SpaceWeather, number
 
 # A body for the kernel: name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays.
 BodyFields = tuple[str, float, float, Any, Any, Any, Any, int | None, Any, float | None, bool]
@@ -171,6 +171,53 @@ def _get_coefficients(field: _core.Model) -> str:
     return file.stem if file.parent == _MAGNETIC_FILES else _core.coefficients(field)
 
 
+def _set_weather(air: _core.Model, weather: Any) -> None:
+    _changes(air)
+    if not isinstance(weather, SpaceWeather):
+        raise SetupError(f"{_core.path(air)}.weather: expected world.SpaceWeather(file); found {weather!r}")
+    _core.set_weather(air, weather._core)
+
+
+def _get_weather(air: _core.Model) -> SpaceWeather | None:
+    core = _core.weather(air)
+    return None if core is None else SpaceWeather._of(core)
+
+
+def _file_of(name: str, doc: str) -> property:
+    """A file that an EphemerisCraft follows."""
+    def set_file(craft: _core.Model, file: Any) -> None:
+        _changes(craft)
+        if not isinstance(file, (str, PathLike)):
+            raise SetupError(f"{_core.path(craft)}.{name}: expected the path of a file; found {file!r}")
+        _follow(craft, **{name: fspath(file)})
+
+    return property(lambda craft: _core.ephemeris_files(craft)[name == "attitude"], set_file, None, doc)
+
+
+def _set_sky_of_files(craft: _core.Model, sky: Any) -> None:
+    _set_sky(craft, sky)
+    _follow(craft)
+
+
+def _follow(craft: _core.Model, **changes: str) -> None:
+    """Give an EphemerisCraft what its files say in its sky, once both are there."""
+    sky = _get_sky(craft)
+    files = dict(zip(("orbit", "attitude"), _core.ephemeris_files(craft))) | changes
+    rows: dict[str, list[Any]] = {"orbit": [], "attitude": []}
+    for name, file in files.items():
+        if file and sky is not None:
+            from fledge.world import file_motion
+
+            motion = file_motion.of_file(file, sky)
+            parts = motion.orbits if name == "orbit" else motion.attitudes
+            if not parts or not all(part.knots for part in parts):
+                raise SetupError(f"{_core.path(craft)}.{name}: expected an {'OEM' if name == 'orbit' else 'AEM'}, or "
+                                 f"another file of an {name} over time; found {file}")
+            rows[name] = [(part.begin, part.end, *part.knots()) for part in parts if part.knots]
+    if any(files.values()):
+        _core.set_ephemeris(craft, files["orbit"], files["attitude"], rows["orbit"], rows["attitude"])
+
+
 def _source_of(name: str, doc: str) -> property:
     def set_source(part: _core.Model, source: Any) -> None:
         _changes(part)
@@ -211,9 +258,15 @@ def _add_attributes(types: dict[str, Any]) -> None:
                            "When set, the initial orbit; when read, the present one about the first body.")
     craft.sky = property(_get_sky, _set_sky, None, "The Sky that says where the bodies of `gravity` are, or None.")
 
+    following = types["EphemerisCraft"]
+    following.orbit = _file_of("orbit", "The file of the orbit that it follows, as an OEM.")
+    following.attitude = _file_of("attitude", "The file of the attitude that it follows, as an AEM.")
+    following.sky = property(_get_sky, _set_sky_of_files, None, "The Sky that says what dates and frames are.")
+
     celestial = types["CelestialBody"]
     celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
-    in_sky = ("CelestialBody", "Atmosphere", "Magnetism", "GroundStation", "PlanetRadiation", "Sunlight", "Radio")
+    in_sky = ("CelestialBody", "Atmosphere", "EarthAtmosphere", "Magnetism", "GroundStation", "PlanetRadiation",
+              "Sunlight", "Radio")
     for name in in_sky:
         types[name].sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
     for name in ("Atmosphere", "Magnetism", "GroundStation", "PlanetRadiation"):
@@ -225,6 +278,8 @@ def _add_attributes(types: dict[str, Any]) -> None:
     types["Radio"].station = _source_of("station", "The GroundStation with which it speaks.")
     types["Radio"].serves = property(_core.serves, _set_serves, None,
                                      "The flight process whose bytes it carries, or its name.")
+    types["EarthAtmosphere"].weather = property(_get_weather, _set_weather, None,
+                                                "The SpaceWeather, in place of a constant activity.")
     types["Magnetism"].coefficients = property(
         _get_coefficients, _set_coefficients, None,
         'A model of the Earth\'s field by its name, "WMM2025" or "IGRF-14", or by its file (.COF); or empty.')

@@ -54,10 +54,15 @@ def zero(sky: Sky) -> int:
 
 @dataclass
 class Part:
-    """A span of a file [ns of the run], and what gives (r_N, v_N) or beta_BN at times within it."""
+    """A span of a file [ns of the run], and what gives (r_N, v_N) or beta_BN at times within it.
+
+    knots: what gives the lines of the file in N: (degree, times, r_N, v_N), where v_N is empty if a polynomial goes
+    through the positions alone; or (times, beta_BN, their rates [1/s], or empty).
+    """
     begin: int
     end: int
     at: Callable[[np.ndarray], Any]
+    knots: Callable[[], tuple[Any, ...]] | None = None
 
 
 @dataclass
@@ -152,9 +157,14 @@ def _of_oem(segment: OemSegment, sky: Sky) -> Part:
     def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return reference_frames.to_N(sky, frame, center, times, *segment.at(times - shift), _place(segment.meta))
 
+    def knots() -> tuple[Any, ...]:
+        times, (method, degree) = segment.times + shift, segment.interpolation
+        r, v = reference_frames.to_N(sky, frame, center, times, segment.r, segment.v, _place(segment.meta))
+        return degree, times, r, v[:0] if method == "LINEAR" else v
+
     begin, end = (t + shift for t in segment.span)
     reference_frames.turning(sky, frame, np.array([begin]), _place(segment.meta))
-    return Part(begin, end, at)
+    return Part(begin, end, at, knots)
 
 
 def _of_aem(segment: AemSegment, sky: Sky) -> Part:
@@ -167,13 +177,24 @@ def _of_aem(segment: AemSegment, sky: Sky) -> Part:
                             f"body; found {' and '.join(frames)}")
     body_is_b = known[0] == frames[0]
 
-    def at(times: np.ndarray) -> np.ndarray:
-        beta = segment.at(times - shift) * (1 if body_is_b else np.array([1, -1, -1, -1]))      # body from frame
+    def in_N(times: np.ndarray, beta: np.ndarray) -> np.ndarray:
+        """Of quaternions of the file; of their rates where the frame does not turn."""
         dcm_FN, _ = reference_frames.turning(sky, known[0], times, _place(segment.meta))
-        return product(beta, dcm_to_quaternion(dcm_FN))
+        return product(beta if body_is_b else beta * [1, -1, -1, -1], dcm_to_quaternion(dcm_FN))
+
+    def at(times: np.ndarray) -> np.ndarray:
+        return in_N(times, segment.at(times - shift))
+
+    def knots() -> tuple[Any, ...]:
+        times, beta_BA = segment.times + shift, segment.beta_BA
+        beta, rates = in_N(times, beta_BA), segment.rates(beta_BA)
+        sides = np.cumprod(np.concatenate([[1.0], np.where(np.sum(beta[1:] * beta[:-1], axis=1) < 0, -1.0, 1.0)]))
+        if rates is None or not reference_frames.is_inertial(known[0]):
+            return times, beta * sides[:, None], beta[:0]
+        return times, beta * sides[:, None], in_N(times, rates) * sides[:, None]
 
     begin, end = (t + shift for t in segment.span)
-    return Part(begin, end, at)
+    return Part(begin, end, at, knots)
 
 
 def by_sgp4(elements: dict[str, Any], sky: Sky, t: Any) -> tuple[list[float], list[float]]:

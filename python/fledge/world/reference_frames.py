@@ -31,6 +31,11 @@ def is_known(frame: str) -> bool:
     return name in OF_N + TRUE_OF_DATE + TEME + FIXED or name.startswith("IAU_")
 
 
+def is_inertial(frame: str) -> bool:
+    """Whether a frame has the axes of N."""
+    return frame.upper().replace(" ", "") in OF_N
+
+
 def turning(sky: Sky, frame: str, times: np.ndarray, where: str = "frame") -> tuple[np.ndarray, np.ndarray]:
     """The axes of a frame at times of the run.
 
@@ -41,7 +46,7 @@ def turning(sky: Sky, frame: str, times: np.ndarray, where: str = "frame") -> tu
     import numpy as np
 
     name = frame.upper().replace(" ", "")
-    if name in OF_N:
+    if is_inertial(frame):
         return np.broadcast_to(np.eye(3), (len(times), 3, 3)), np.zeros((len(times), 3))
     axes: Any
     if name in TRUE_OF_DATE or name in TEME:

@@ -63,6 +63,32 @@ class EarthOrientation:
         self._core = _core.EarthData(theory == "IAU 1976/1980", self.eop, self.ut1_tai, pole)
 
 
+@suggesting()
+class SpaceWeather:
+    """The activity of the Sun and of the magnetic field, for EarthAtmosphere(weather=...).
+
+    files: a file of indices, or several, in the forms of CelesTrak (SW-All.csv, SW-All.txt), GFZ
+        (Kp_ap_Ap_SN_F107_since_1932.txt), NOAA (45-day-ap-forecast.txt) or, of JB2008, SOLFSMY.TXT and DTCFILE.TXT;
+        what several have is taken of the first.
+
+    Raises SetupError, with file and line, for a form that is not known, a damaged line, days out of order or missing,
+    and values out of range. An EarthAtmosphere refuses a run that the files do not cover, before the first step.
+    """
+
+    def __init__(self, files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> None:
+        listed = files if isinstance(files, (list, tuple)) else [files]
+        self._core = _core.SpaceWeather([_path(file, "SpaceWeather: files") for file in listed])
+
+    @classmethod
+    def _of(cls, core: _core.SpaceWeather) -> SpaceWeather:
+        weather = object.__new__(cls)
+        weather._core = core
+        return weather
+
+    def __repr__(self) -> str:
+        return f"<SpaceWeather of {self._core.files}>"
+
+
 @suggesting(date="epoch", time="epoch", utc="epoch", body="center", kernel="kernels")
 class Sky:
     """The solar system from an epoch on, which is the time 0 of the run; the run's clock counts TDB.

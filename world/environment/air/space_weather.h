@@ -51,6 +51,9 @@ public:
     /// Throws SetupError, with what is missing first and what to do, if they have not.
     void require(Epoch from, Epoch to, AirLaw law) const;
 
+    /// For messages.
+    const std::string &files() const { return files_; }
+
     static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
     /// Of a day of UTC, in solar flux units.
