@@ -14,6 +14,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 SIZE = (480, 360)       # [px] at most
+QUALITY = 60            # of WebP
 # Of a mission, its scenario, and a figure that this writes, or the time of a picture in 3-D and its look.
 FIGURES = {"nadir_spin": ("", "nadir_spin.png"), "asterisk_scan": ("wide", "asterisk_*_plane.png"),
            "rectangular_raster": ("", "*_sphere.png"), "single_spiral": ("", "*_plane.png"),
@@ -48,7 +49,7 @@ def write(mission: str) -> Path:
             return path
         drawn = Image.open(next(Path(folder).glob(chosen))).convert("RGB")
         drawn.thumbnail(SIZE, Image.Resampling.LANCZOS)
-        drawn.save(path, quality=60, method=6)
+        drawn.save(path, quality=QUALITY, method=6)
     return path
 
 

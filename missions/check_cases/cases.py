@@ -16,6 +16,8 @@ DURATION = 28800                    # [s]
 TYPICAL = [-4292653.41, 955168.47, 5139356.57], [109.649663, -7527.72649, 1484.521489]
 ELLIPTIC = [-4315967.74, 960356.20, 5167269.53], [129.091037, -7491.513855, 1452.515654]
 
+MET = 0.5    # [m] of 3 km that the air takes: here it turns about the pole of date, there about axis 3 of N
+
 ISS = 400e3, [[1.02e8, -6.96e6, -5.48e6], [-6.96e6, 0.91e8, 5.90e5], [-5.48e6, 5.90e5, 1.64e8]]
 CYLINDER = 1e3, [500.0, 12250.0, 12250.0]
 SPHERE = 1.0, [0.4, 0.4, 0.4]
@@ -31,12 +33,13 @@ class Case:
     degree: int = 0     # of the field; 0: a point mass
     others: bool = False    # Sun and Moon
     burn: tuple = ()    # from when to when the thruster is on [s]
-    air: bool = False
+    air: str = ""       # the law of the atmosphere
     gradient: bool = False  # the torque of gravity's gradient
     attitude: tuple = (-11.6, 0.0, 0.0), "213"
     rate: list | None = None    # at the start [rad/s]; None: that of LVLH
     T: list | None = None       # from N to the body, at the end
     omega: list | None = None   # [rad/s]
+    within: float = 1e-3        # [m] of the position; [km/s] of the velocity
 
 
 CASES = {
@@ -63,7 +66,11 @@ CASES = {
     "RUN_6A": Case(
         "air of constant density, elliptic",
         [-1050804.04499561, -6116991.169519112, 2625679.545008392],
-        [4747.834867748902, -3013.507407025143, -5262.878619425998], start=ELLIPTIC, body=SPHERE, air=True),
+        [4747.834867748902, -3013.507407025143, -5262.878619425998], start=ELLIPTIC, body=SPHERE, air="CONSTANT"),
+    "RUN_6B": Case(
+        "air by MET, elliptic",
+        [-1048196.405642499, -6118553.758058533, 2622766.894078463],
+        [4748.579286441168, -3009.248418162813, -5264.719231865177], start=ELLIPTIC, body=SPHERE, air="MET", within=MET),
     "RUN_6C": Case(
         "a burn across the orbit, 93 s",
         [3766009.110556092, -5980521.854193008, -335362.4451965684],
@@ -74,6 +81,16 @@ CASES = {
         [-1279792.784675588, -6056088.385423499, 2681719.639229632],
         [4634.149010857281, -3237.890941350906, -5226.434165966192], start=ELLIPTIC, body=SPHERE, degree=8,
         others=True),
+    "RUN_7C": Case(
+        "field of 4 x 4, Sun and Moon, air by MET, elliptic",
+        [-1276510.634876681, -6058053.56585724, 2677980.024411185],
+        [4635.432463073936, -3232.579993186649, -5229.00237207733], start=ELLIPTIC, body=SPHERE, degree=4,
+        others=True, air="MET", within=MET),
+    "RUN_7D": Case(
+        "field of 8 x 8, Sun and Moon, air by MET, elliptic",
+        [-1277001.66542323, -6057919.01763647, 2678542.230031871],
+        [4635.148743106563, -3233.274952226625, -5228.514839569732], start=ELLIPTIC, body=SPHERE, degree=8,
+        others=True, air="MET", within=MET),
     "RUN_10A": Case(
         "torque of gravity's gradient",
         [-1024262.411095882, -6151093.565368023, 2599975.06217899],

@@ -24,7 +24,8 @@ def fly(case, **parameters):
     return sim
 
 
-@pytest.mark.parametrize("case", ["RUN_2", "RUN_3A", "RUN_3B", "RUN_4", "RUN_6A", "RUN_6C", "RUN_7B", "RUN_10A"])
+@pytest.mark.parametrize("case", ["RUN_2", "RUN_3A", "RUN_3B", "RUN_4", "RUN_6A", "RUN_6B", "RUN_6C", "RUN_7B",
+                                  "RUN_7C", "RUN_7D", "RUN_10A"])
 def test_it_ends_where_the_case_says(case):
     fly(case)
 

@@ -30,7 +30,10 @@ def build(w, name, field):
     to_body, rate = rotation(array(r), array(v), *case.attitude)
     parts = []
     if case.air:
-        w.air = world.Atmosphere(body=earth, law="CONSTANT", density=1.4e-12 * kg / m**3, spin=SPIN * rad / s)
+        if case.air == "MET":
+            w.air = world.EarthAtmosphere(law="MET", F107=128.8, ap=15.7, sky=sky)
+        else:
+            w.air = world.Atmosphere(body=earth, law="CONSTANT", density=1.4e-12 * kg / m**3, spin=SPIN * rad / s)
         w.drag = world.Drag(air=w.air, Cd=0.02, area=1 * m**2)
         parts.append(w.drag)
     if case.gradient:

@@ -142,16 +142,10 @@ def _message(kind: str, segment: OemSegment | AemSegment) -> Message:
     return Message(kind, version, [Section("HEADER", {"CREATION_DATE": now, "ORIGINATOR": "FLEDGE"})], [segment])
 
 
-def write(run: Motion, form: str, path: str | os.PathLike[str], frame: str = "ICRF", xml: bool = False) -> list[Path]:
-    """Write the motion of a run: "oem", "aem", "spk" or "stk"; returns the paths. A path that is a record's gets the
-    suffix of the form."""
+def write(run: Motion, form: str, path: str | os.PathLike[str], frame: str = "ICRF", xml: bool = False) -> Path:
+    """Write the motion of a run, "oem" or "aem"; returns the path. One without a suffix, or that is a record's, gets
+    that of the form."""
     out = Path(path)
-
-    def named(suffix: str) -> Path:
-        return out.with_suffix(suffix) if out.suffix in ("", ".mcap") else out
-
-    if form in ("oem", "aem"):
-        message = oem_of(run, frame) if form == "oem" else aem_of(run, frame)
-        files.write(message, named(f".{form}"), "xml" if xml else "kvn")
-        return [named(f".{form}")]
-    raise NotImplementedError(form)
+    out = out.with_suffix(f".{form}") if out.suffix in ("", ".mcap") else out
+    files.write(oem_of(run, frame) if form == "oem" else aem_of(run, frame), out, "xml" if xml else "kvn")
+    return out

@@ -60,7 +60,7 @@ def run(tmp_path_factory):
 def test_a_run_written_is_read_as_it_was(run, tmp_path, frame, form):
     flown = motion.of_run(archive.Archive(run))
     for kind in ("oem", "aem"):
-        [path] = motion.write(flown, kind, tmp_path / f"x.{kind}", frame, form == "xml")
+        path = motion.write(flown, kind, tmp_path / f"x.{kind}", frame, form == "xml")
         table = motion.differences(flown, motion.of_file(path, flown.sky))
         assert len(table["t"]) == 301
         assert max(np.abs(values).max() for name, values in table.items() if name != "t") < 2e-6

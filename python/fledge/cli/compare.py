@@ -19,7 +19,7 @@ def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     sub = command("compare", compare, "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     sub.add_argument("runs", nargs=2, metavar="RUN", help=f"{WHAT}; the second may be a file of an orbit or attitude: "
-                     "an OEM, AEM, two-line elements, a kernel of SPICE or an ephemeris of STK")
+                     "an OEM, AEM, OMM or two-line elements")
     sub.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error, or "
                      "those of a process or module, as in chief; default: all")
     sub.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "

@@ -48,8 +48,6 @@ def add(command: Callable) -> None:
     kind.add_argument("--hdf5", action="store_true", help="one file")
     kind.add_argument("--oem", action="store_true", help="the orbit as a CCSDS OEM")
     kind.add_argument("--aem", action="store_true", help="the attitude as a CCSDS AEM")
-    kind.add_argument("--spk", action="store_true", help="the orbit as a SPICE kernel, type 13")
-    kind.add_argument("--stk", action="store_true", help="orbit and attitude as ephemerides of STK, .e and .a")
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
     sub.add_argument("--out", metavar="PATH", help="a folder for --csv, else a file; default: beside the record")
@@ -108,7 +106,7 @@ def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if options.about:
         return _about(archive)
-    if options.oem or options.aem or options.spk or options.stk:
+    if options.oem or options.aem:
         return _motion(archive, options)
     topics = [channel.topic for channel in _decodable(archive)]
     if not topics:
@@ -130,9 +128,7 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
         raise Failure("convert: --epoch and --center go together: the date of time 0, and the body that N is about", 2)
     sky = Sky(options.epoch, options.center) if options.epoch else None
     run = motion.of_run(archive, options.craft, sky)
-    form = next(form for form in ("oem", "aem", "spk", "stk") if getattr(options, form))
-    for path in motion.write(run, form, options.out or archive.path, options.frame, options.xml):
-        say(str(path))
+    say(str(motion.write(run, "oem" if options.oem else "aem", options.out or archive.path, options.frame, options.xml)))
     return 0
 
 
