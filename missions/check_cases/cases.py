@@ -70,7 +70,8 @@ CASES = {
     "RUN_6B": Case(
         "air by MET, elliptic",
         [-1048196.405642499, -6118553.758058533, 2622766.894078463],
-        [4748.579286441168, -3009.248418162813, -5264.719231865177], start=ELLIPTIC, body=SPHERE, air="MET", within=MET),
+        [4748.579286441168, -3009.248418162813, -5264.719231865177], start=ELLIPTIC, body=SPHERE, air="MET",
+        within=MET),
     "RUN_6C": Case(
         "a burn across the orbit, 93 s",
         [3766009.110556092, -5980521.854193008, -335362.4451965684],

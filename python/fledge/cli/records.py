@@ -128,7 +128,8 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
         raise Failure("convert: --epoch and --center go together: the date of time 0, and the body that N is about", 2)
     sky = Sky(options.epoch, options.center) if options.epoch else None
     run = motion.of_run(archive, options.craft, sky)
-    say(str(motion.write(run, "oem" if options.oem else "aem", options.out or archive.path, options.frame, options.xml)))
+    form = "oem" if options.oem else "aem"
+    say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))
     return 0
 
 
