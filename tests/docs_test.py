@@ -148,8 +148,9 @@ def test_the_cookbook_answers_what_teams_ask(tmp_path):
 
 @pytest.mark.long("follows the page")
 def test_files_are_exchanged_with_others(tmp_path):
-    assert follow("files.md", Shell(tmp_path)) == 2
+    assert follow("files.md", Shell(tmp_path)) == 3
     assert (tmp_path / "orbit.xml").stat().st_size > 1000
+    assert (tmp_path / "craft.bsp").stat().st_size % 1024 == 0
 
 
 @pytest.mark.long("follows the page; draws")
