@@ -45,7 +45,9 @@ def _spans(file: daf.Daf, number: int, segment: daf.Segment, clock: Sclk) -> lis
         file.refuse(f"{where}: is damaged: {count} attitudes in {spans} spans do not fill its {len(words)} words")
     rows, ticks, starts = words[:ends[0]].reshape(count, width), words[ends[0]:ends[1]], words[ends[2]:ends[3]]
     first = np.searchsorted(ticks, starts)
-    if not (np.all(np.isfinite(rows)) and np.all(np.abs(np.linalg.norm(rows[:, :4], axis=1) - 1) < 0.1)):
+    beta = rows[:, :4]
+    if not (np.all(np.isfinite(rows)) and np.all(np.abs(beta) < 2)
+            and np.all(np.abs(np.linalg.norm(beta, axis=1) - 1) < 0.1)):
         file.refuse(f"{where}: is damaged: expected unit quaternions, and finite rates")
     if not (np.all(np.diff(ticks) > 0) and np.all(np.diff(starts) > 0) and first[0] == 0
             and np.array_equal(ticks[np.minimum(first, count - 1)], starts)):
