@@ -18,6 +18,7 @@ import numpy as np
 from fledge import files
 from fledge.attitude import dcm_to_quaternion, mrp_to_quaternion
 from fledge.errors import SetupError, listed
+from fledge.files import spk
 from fledge.files.ephemeris import AemSegment, OemSegment
 from fledge.files.sections import Message, Section
 from fledge.world import reference_frames
@@ -125,6 +126,18 @@ def aem_of(run: Motion, frame: str = "ICRF") -> Message:
     return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF))
 
 
+def write_spk(run: Motion, path: str | os.PathLike[str], target: int) -> Path:
+    """Write the orbit of a run as a kernel of SPICE; returns the path, as write() does. target: the spacecraft's number
+    there, < 0, of NAIF or any that is free."""
+    if run.r_N is None or run.v_N is None:
+        raise SetupError(f"{run.name}: has no positions")
+    if target >= 0:
+        raise SetupError(f"{run.name}: expected a negative number, as spacecraft have in SPICE; found {target}")
+    out = _suffixed(path, "bsp")
+    spk.write(out, target=target, center=run.sky.center, times=run.epochs, r=run.r_N, v=run.v_N, name=run.name[:40])
+    return out
+
+
 def _center_name(center: int) -> str:
     for name, body in BODIES.items():
         if body.naif == center:
@@ -143,9 +156,10 @@ def _message(kind: str, segment: OemSegment | AemSegment) -> Message:
 
 
 def write(run: Motion, form: str, path: str | os.PathLike[str], frame: str = "ICRF", xml: bool = False) -> Path:
-    """Write the motion of a run, "oem" or "aem"; returns the path. One without a suffix, or that is a record's, gets
-    that of the form."""
-    out = Path(path)
-    out = out.with_suffix(f".{form}") if out.suffix in ("", ".mcap") else out
-    files.write(oem_of(run, frame) if form == "oem" else aem_of(run, frame), out, "xml" if xml else "kvn")
+    """Write the motion of a run: "oem" or "aem", or "e" or "a" of STK; returns the path. One without a suffix, or that
+    is a record's, gets that of the form, as any path does for STK."""
+    out, stk = Path(path), form in ("e", "a")
+    out = out.with_suffix(f".{form}") if stk or out.suffix in ("", ".mcap") else out
+    files.write(oem_of(run, frame) if form in ("oem", "e") else aem_of(run, frame), out,
+                "stk" if stk else "xml" if xml else "kvn")
     return out

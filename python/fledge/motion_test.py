@@ -66,6 +66,22 @@ def test_a_run_written_is_read_as_it_was(run, tmp_path, frame, form):
         assert max(np.abs(values).max() for name, values in table.items() if name != "t") < 2e-6
 
 
+@pytest.mark.parametrize("frame", ["ICRF", "J2000", "TEME", "TOD"])
+def test_a_run_written_for_stk_is_read_as_it_was(run, tmp_path, frame):
+    flown = motion.of_run(archive.Archive(run))
+    for kind in ("e", "a"):
+        path = motion.write(flown, kind, tmp_path / "x", frame)
+        assert path == tmp_path / f"x.{kind}"
+        table = motion.differences(flown, motion.of_file(path, flown.sky))
+        assert len(table["t"]) == 301 and ("attitude" in table) == (kind == "a")
+        assert max(np.abs(values).max() for name, values in table.items() if name != "t") < 2e-6
+    with pytest.raises(SetupError, match="expected a body and axes of STK, .*; found EARTH and IAU_EARTH"):
+        motion.write(flown, "e", tmp_path / "y", "IAU_EARTH")
+    text = (tmp_path / "x.e").read_text().replace("CoordinateSystem", "CoordinateSystem MeanOfDate #")
+    with pytest.raises(SetupError, match="the text, line 2: expected a reference frame of ICRF.*; found MeanOfDate"):
+        motion.of_file(text, flown.sky)
+
+
 def test_between_its_lines_a_file_is_where_the_run_was(run, tmp_path):
     fine = motion.of_run(archive.Archive(run))
     coarse = motion.of_run(archive.Archive(flight(tmp_path / "coarse.mcap", every=60 * s)))
@@ -105,6 +121,9 @@ def test_the_commands_convert_and_compare(run, tmp_path, capsys):
         shown = capsys.readouterr().out
         assert "301 instants, 2026-03-20T10:00:00Z to" in shown and ("radial" in shown) == (form == "oem")
         assert np.loadtxt(tmp_path / "d.csv", delimiter=",", skiprows=1).shape == (301, 6 if form == "oem" else 2)
+    assert cli.main(["convert", str(run), "--stk", "--out", str(tmp_path / "x.e")]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'x.e'}\n{tmp_path / 'x.a'}\n"
+    assert cli.main(["compare", str(run), str(tmp_path / "x.e"), "--tolerance", "1e-6"]) == 0
     other = flight(tmp_path / "other.mcap", Orbit(world.EARTH, a=7000.1 * km, e=0.01, i=50 * deg))
     assert cli.main(["compare", str(other), str(tmp_path / "craft.oem"), "--tolerance", "1"]) == 1
     assert cli.main(["compare", str(other), str(tmp_path / "craft.oem")]) == 0

@@ -48,12 +48,13 @@ def add(command: Callable) -> None:
     kind.add_argument("--hdf5", action="store_true", help="one file")
     kind.add_argument("--oem", action="store_true", help="the orbit as a CCSDS OEM")
     kind.add_argument("--aem", action="store_true", help="the attitude as a CCSDS AEM")
+    kind.add_argument("--stk", action="store_true", help="both as STK's files .e and .a")
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
     sub.add_argument("--out", metavar="PATH", help="a folder for --csv, else a file; default: beside the record")
     sub.add_argument("--xml", action="store_true", help="an OEM or AEM as XML, in place of KEYWORD = value")
     sub.add_argument("--craft", default="", metavar="NAME", help="which spacecraft of several")
-    sub.add_argument("--frame", default="ICRF", metavar="NAME", help="of an OEM or AEM: ICRF, TOD, TEME, "
+    sub.add_argument("--frame", default="ICRF", metavar="NAME", help="of orbits and attitudes: ICRF, TOD, TEME, "
                      "IAU_BODY, ...; default: %(default)s")
     sub.add_argument("--epoch", metavar="DATE", help="UTC of time 0, of a run without a sky; with --center")
     sub.add_argument("--center", metavar="BODY", help="what N is about, as EARTH, of a run without a sky")
@@ -106,7 +107,7 @@ def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if options.about:
         return _about(archive)
-    if options.oem or options.aem:
+    if options.oem or options.aem or options.stk:
         return _motion(archive, options)
     topics = [channel.topic for channel in _decodable(archive)]
     if not topics:
@@ -128,8 +129,8 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
         raise Failure("convert: --epoch and --center go together: the date of time 0, and the body that N is about", 2)
     sky = Sky(options.epoch, options.center) if options.epoch else None
     run = motion.of_run(archive, options.craft, sky)
-    form = "oem" if options.oem else "aem"
-    say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))
+    for form in ("e", "a") if options.stk else ("oem",) if options.oem else ("aem",):
+        say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))
     return 0
 
 

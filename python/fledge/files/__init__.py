@@ -38,14 +38,18 @@ def _reader(source: str | os.PathLike[str]) -> Any:
     from fledge.files import mean_elements, ndm
 
     data, _ = ndm.content(source)
+    if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"stk.v."):
+        from fledge.files import stk
+
+        return stk
     xml = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" or b"\0" in data[:8]
     return ndm if xml or b"CCSDS_" in data else mean_elements
 
 
 def read(source: str | os.PathLike[str]) -> Any:
     """What a file, or a text of several lines, holds; its form is known by its content: a message of CCSDS in KVN or
-    XML (ndm.Message), or mean elements in two lines, JSON or CSV (MeanElements). Raises SetupError, also where there
-    are several."""
+    XML (ndm.Message), an ephemeris or attitude of STK as an OEM or AEM, or mean elements in two lines, JSON or CSV
+    (MeanElements). Raises SetupError, also where there are several."""
     return _reader(source).read(source)
 
 
@@ -56,7 +60,11 @@ def read_all(source: str | os.PathLike[str]) -> list[Any]:
 
 
 def write(message: Message, path: str | os.PathLike[str], form: str = "kvn") -> None:
-    """Write a message of CCSDS. form: "kvn" or "xml". Raises SetupError where it would not read back."""
-    from fledge.files import ndm
+    """Write a message of CCSDS. form: "kvn", "xml" or, of an OEM and AEM, "stk". Raises SetupError where it would not
+    read back."""
+    from fledge.files import ndm, stk
 
-    ndm.write(message, path, form)
+    if form == "stk":
+        stk.write(message, path)
+    else:
+        ndm.write(message, path, form)

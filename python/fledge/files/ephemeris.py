@@ -116,8 +116,8 @@ class OemSegment(Tabulated):
 
     @property
     def v(self) -> np.ndarray:
-        """[m/s] (n, 3)"""
-        return self._stack(V)
+        """[m/s] (n, 3); of a table of positions alone the rates of at()"""
+        return self._stack(V) if V[0] in self.table.columns else self.at(self.times)[1]
 
     @property
     def a(self) -> np.ndarray | None:
@@ -138,11 +138,14 @@ class OemSegment(Tabulated):
         """Positions [m] (m, 3) and velocities [m/s] (m, 3) at times [ns] (m,), by INTERPOLATION and its degree.
 
         LAGRANGE interpolates positions and velocities each for itself; HERMITE takes the velocities as rates of the
-        positions, and gives the rate of what it finds. Without INTERPOLATION: LAGRANGE of degree 7, or less where there
-        are fewer lines. Raises SetupError outside the useable span, and where the degree needs more lines.
+        positions, and gives the rate of what it finds, as LAGRANGE does of positions alone. Without INTERPOLATION:
+        LAGRANGE of degree 7, or less where there are fewer lines. Raises SetupError outside the useable span, and where
+        the degree needs more lines.
         """
         found = self._at(t)
         method, degree = self.interpolation
+        if V[0] not in self.table.columns:
+            return interpolate(self.times, self.r, found, degree, None, self.meta)
         if method == "HERMITE":
             return interpolate(self.times, self.r, found, degree, self.v, self.meta)
         both, _ = interpolate(self.times, np.concatenate([self.r, self.v], axis=1), found, degree, None, self.meta)
@@ -210,8 +213,12 @@ class AemSegment(Tabulated):
         return found / np.linalg.norm(found, axis=-1, keepdims=True)
 
     def rates(self, beta: np.ndarray) -> np.ndarray | None:
-        """Derivatives [1/s] (n, 4) of the quaternions beta_BA; None where the table has none."""
+        """Derivatives [1/s] (n, 4) of the quaternions beta_BA; None where the table has neither them nor rates in B."""
         columns = self.table.columns
+        if "ANGVEL_X" in columns and self.meta.get("ANGVEL_FRAME") == self.meta["REF_FRAME_B"]:
+            omega = np.stack([columns[f"ANGVEL_{axis}"] for axis in "XYZ"], axis=-1)
+            return np.concatenate([-np.sum(omega * beta[:, 1:], axis=1, keepdims=True),
+                                   beta[:, :1] * omega - np.cross(omega, beta[:, 1:])], axis=1) / 2
         if "QC_DOT" not in columns:
             return None
         given = np.stack([columns[name] for name in ("QC", "Q1", "Q2", "Q3")], axis=-1)

@@ -145,8 +145,11 @@ class Clock:
         if self.scale != "UTC":
             core, scale = _core(), self.scale
             return self._ns(_calendar(_count(core.text(self.zero, scale).split(" ")[0].rstrip("Z")) + ns))
-        core = _core()          # seconds of SI, so that a leap second counts
-        return Clock("TAI")._ns(_calendar(_count(core.text(self.zero, "TAI").split(" ")[0]) + ns))
+        return Clock("TAI")._ns(_calendar(_tai(self.zero) + ns))       # seconds of SI, so that a leap second counts
+
+    def since(self, ns: int) -> int:
+        """[ns] past zero of a time on UTC: those that past() takes."""
+        return _tai(ns) - _tai(self.zero or 0)
 
     def _ns(self, text: str) -> int:
         normal = _normal(text)
@@ -159,6 +162,11 @@ class Clock:
         if not self.absolute:
             return _calendar(int(ns))
         return str(_core().text(int(ns), self.scale)).split(" ")[0].rstrip("Z")
+
+
+def _tai(ns: int) -> int:
+    """[ns] that a calendar of TAI shows at a time."""
+    return _count(_core().text(ns, "TAI").split(" ")[0])
 
 
 def _normal(text: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fledge import SetupError, Simulation, archive, motion, world
+from fledge import Orbit, SetupError, Simulation, archive, files, motion, world
 from fledge.motion_test import EPOCH, flight
 from fledge.units import s
 
@@ -55,6 +55,24 @@ def test_it_goes_where_the_run_went(written):
     assert int(sim.world.nav.attitude.head.quality) == 3
     clone = sim.clone()
     assert clone.snapshot() == sim.snapshot() and clone.world.craft.orbit == str(folder / "x.oem")
+
+
+def test_it_follows_files_of_stk(written, tmp_path):
+    run, folder = written
+    for form, source in (("e", "oem"), ("a", "aem")):
+        files.write(files.read(folder / f"x.{source}"), tmp_path / f"x.{form}", "stk")
+    _, log = followed(tmp_path, orbit=tmp_path / "x.e", attitude=tmp_path / "x.a")
+    np.testing.assert_allclose(log["craft.state.r_BN_N"], run.r_N, atol=1e-3)
+    turn = motion.product(motion.mrp_to_quaternion(log["craft.state.sigma_BN"]), run.beta_BN * [1, -1, -1, -1])
+    assert np.linalg.norm(turn[:, 1:], axis=1).max() < 1e-9
+    alone = "\n".join(line if line[:1].isalpha() else " ".join(line.split()[:4]) for line in
+                      (tmp_path / "x.e").read_text().replace("PosVel", "Pos").replace("Hermite", "Lagrange").replace(
+                          "SamplesM1 3", "SamplesM1 7").split("\n"))
+    (tmp_path / "alone.e").write_text(alone)
+    _, log = followed(tmp_path, orbit=tmp_path / "alone.e", attitude=tmp_path / "x.a")
+    np.testing.assert_allclose(log["craft.state.r_BN_N"], run.r_N, atol=0.1)
+    np.testing.assert_allclose(log["craft.state.v_BN_N"], run.v_N, atol=0.01)
+    np.testing.assert_allclose(Orbit.from_file(run.sky, tmp_path / "alone.e").v_BN_N, run.v_N[0], atol=0.01)
 
 
 def test_attitudes_with_rates_are_met_with_them(written, tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 from fledge import files
 from fledge.attitude import dcm_to_quaternion
 from fledge.errors import SetupError, listed
+from fledge.files import spk
 from fledge.files.ephemeris import AemSegment, OemSegment, R, V
 from fledge.files.mean_elements import MeanElements
 from fledge.files.sections import Message, Section, Segment
@@ -99,8 +100,10 @@ class FileMotion:
 
 
 def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
-    """The motion by a file: OEM, AEM, OPM, OMM or two-line elements. Raises SetupError for a file of another kind, and
-    for frames that are not known."""
+    """The motion by a file: OEM, AEM, OPM, OMM, STK's .e and .a or two-line elements. Raises SetupError for a file of
+    another kind, and for frames that are not known."""
+    if spk.is_kernel(source):
+        return _of_spk(source, sky)
     found = files.read(source)
     if isinstance(found, MeanElements):
         return FileMotion(found.title, sky, [_of_elements(found, sky)])
@@ -149,6 +152,21 @@ def _of_opm(segment: Segment, sky: Sky) -> Part:
     t = int(state["EPOCH"]) + _shift(segment, sky)
     found = reference_frames.to_N(sky, frame, center, np.array([t]), r, v, _place(segment.meta))
     return Part(t, t, lambda times: found)
+
+
+def _of_spk(path: str | os.PathLike[str], sky: Sky) -> FileMotion:
+    """A kernel's only target that is a spacecraft, a comet or an asteroid: no planet or moon has such a number."""
+    segments = [segment for segment in spk.read(path) if not 0 <= segment.target < 1_000_000]
+    targets = sorted({segment.target for segment in segments})
+    if len(targets) != 1:
+        raise SetupError(f"{path}: expected the orbit of a single spacecraft, comet or asteroid; found "
+                         f"{listed([str(target) for target in targets]) or 'none'}")
+
+    def part(segment: spk.SpkSegment) -> Part:
+        return Part(segment.begin + zero(sky), segment.end + zero(sky), lambda times: reference_frames.to_N(
+            sky, "J2000", segment.center, times, *segment.at(times - zero(sky)), str(path)))
+
+    return FileMotion(segments[0].name, sky, [part(segment) for segment in segments], center=segments[0].center)
 
 
 def _of_oem(segment: OemSegment, sky: Sky) -> Part:
