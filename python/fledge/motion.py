@@ -133,7 +133,8 @@ def write_spk(run: Motion, path: str | os.PathLike[str], target: int) -> Path:
         raise SetupError(f"{run.name}: has no positions")
     if target >= 0:
         raise SetupError(f"{run.name}: expected a negative number, as spacecraft have in SPICE; found {target}")
-    out = _suffixed(path, "bsp")
+    out = Path(path)
+    out = out.with_suffix(".bsp") if out.suffix in ("", ".mcap") else out
     spk.write(out, target=target, center=run.sky.center, times=run.epochs, r=run.r_N, v=run.v_N, name=run.name[:40])
     return out
 

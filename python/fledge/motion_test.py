@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, archive, cli, files, motion, world
+from fledge.files import spk
 from fledge.units import deg, km, rad, s
 from fledge.world import file_motion
 
@@ -64,6 +65,23 @@ def test_a_run_written_is_read_as_it_was(run, tmp_path, frame, form):
         table = motion.differences(flown, motion.of_file(path, flown.sky))
         assert len(table["t"]) == 301
         assert max(np.abs(values).max() for name, values in table.items() if name != "t") < 2e-6
+
+
+def test_a_run_written_for_spice_is_read_as_it_was(run, tmp_path):
+    flown = motion.of_run(archive.Archive(run))
+    assert cli.main(["convert", str(run), "--spk", "-42", "--out", str(tmp_path / "x.bsp")]) == 0
+    found = motion.of_file(tmp_path / "x.bsp", flown.sky)
+    table = motion.differences(flown, found)
+    assert len(table["t"]) >= 299                       # the kernel counts seconds in doubles, to 0.1 us
+    assert table["distance"].max() < 2e-3 and table["velocity"].max() < 2e-6
+    for center in (world.EARTH, world.MOON):            # as a body of a sky
+        with_craft = world.Sky(EPOCH, center=center, kernels=["DE405", str(tmp_path / "x.bsp")])
+        craft, earth = (np.asarray(with_craft.state(body, 1000.0).r_PN_N) for body in (-42, 399))
+        assert np.linalg.norm(craft - earth - flown.r_N[100]) < 2e-3
+    assert cli.main(["convert", str(run), "--spk", "42"]) == 2
+    spk.write(tmp_path / "moon.bsp", target="MOON", center="EARTH", times=flown.epochs, r=flown.r_N, v=flown.v_N)
+    with pytest.raises(SetupError, match="moon.bsp: expected the orbit of a single spacecraft.*found none"):
+        motion.of_file(tmp_path / "moon.bsp", flown.sky)
 
 
 @pytest.mark.parametrize("frame", ["ICRF", "J2000", "TEME", "TOD"])

@@ -49,6 +49,8 @@ def add(command: Callable) -> None:
     kind.add_argument("--oem", action="store_true", help="the orbit as a CCSDS OEM")
     kind.add_argument("--aem", action="store_true", help="the attitude as a CCSDS AEM")
     kind.add_argument("--stk", action="store_true", help="both as STK's files .e and .a")
+    kind.add_argument("--spk", type=int, metavar="NUMBER", help="the orbit as a SPICE kernel (.bsp), of a spacecraft "
+                      "of this NAIF number, -999 say")
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
     sub.add_argument("--out", metavar="PATH", help="a folder for --csv, else a file; default: beside the record")
@@ -107,7 +109,7 @@ def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if options.about:
         return _about(archive)
-    if options.oem or options.aem or options.stk:
+    if options.oem or options.aem or options.stk or options.spk is not None:
         return _motion(archive, options)
     topics = [channel.topic for channel in _decodable(archive)]
     if not topics:
@@ -129,6 +131,9 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
         raise Failure("convert: --epoch and --center go together: the date of time 0, and the body that N is about", 2)
     sky = Sky(options.epoch, options.center) if options.epoch else None
     run = motion.of_run(archive, options.craft, sky)
+    if options.spk is not None:
+        say(str(motion.write_spk(run, options.out or archive.path, options.spk)))
+        return 0
     for form in ("e", "a") if options.stk else ("oem",) if options.oem else ("aem",):
         say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))
     return 0

@@ -47,6 +47,15 @@ class SpkSegment:
         return r, v
 
 
+def is_kernel(source: object) -> bool:
+    """Whether it is the path of such a kernel, by its first bytes."""
+    try:
+        with open(os.fspath(source), "rb") as file:     # type: ignore[call-overload]
+            return bool(file.read(8) == KIND.encode())
+    except (OSError, TypeError, ValueError):
+        return False
+
+
 def read(path: str | os.PathLike[str]) -> list[SpkSegment]:
     """The segments of a kernel, of the types that a Sky reads. Raises SetupError with the file, the segment and what is
     wrong."""

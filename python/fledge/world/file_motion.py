@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 EVER = 2**62        # [ns]
 
+
 @dataclass
 class Motion:
     """A spacecraft at instants, in N.
@@ -100,8 +101,8 @@ class FileMotion:
 
 
 def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
-    """The motion by a file: OEM, AEM, OPM, OMM, STK's .e and .a or two-line elements. Raises SetupError for a file of
-    another kind, and for frames that are not known."""
+    """The motion by a file: OEM, AEM, OPM, OMM, STK's .e and .a, SPICE's .bsp or two-line elements. Raises SetupError
+    for a file of another kind, and for frames that are not known."""
     if spk.is_kernel(source):
         return _of_spk(source, sky)
     found = files.read(source)
