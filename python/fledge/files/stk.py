@@ -46,7 +46,7 @@ FRAMES = {**dict.fromkeys(("ICRF", "GCRF"), "ICRF"), **dict.fromkeys(("J2000", "
                                              "B1950", "AlignmentAtEpoch")}}
 OF_ANY_BODY = ("ICRF", "J2000", "Fixed", "Inertial")
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3}) (\d{4}) (\d\d:\d\d:\d\d(?:\.\d*)?)")
+DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3}) (\d{4}) (\d{1,2}): ?(\d{1,2}): ?(\d{1,2})(\.\d*)?")
 
 
 @dataclass
@@ -134,7 +134,9 @@ def _iso(text: str) -> str:
     found = DATE.fullmatch(text)
     if not found:
         return text
-    return f"{found[3]}-{MONTHS.index(found[2].title()) + 1:02}-{int(found[1]):02}T{found[4]}"
+    day, month, year, hour, minute, second, part = found.groups()
+    date = f"{year}-{MONTHS.index(month.title()) + 1:02}-{day:0>2}"
+    return f"{date}T{hour:0>2}:{minute:0>2}:{second:0>2}{part or ''}"
 
 
 def _epoch(file: _File, key: str) -> str:
@@ -238,6 +240,8 @@ def _frame(file: _File, key: str, center: str) -> str:
     known = FRAMES.get(name.upper(), "")
     if center != "EARTH" and known and known not in OF_ANY_BODY:
         file.refuse(key, f"{', '.join(OF_ANY_BODY)} about {center}, as others are known of the Earth only")
+    if name.upper() == "TEME" and f"{key}Epoch" in file.keys:       # as files of stk.v.4 have it
+        return "TEMEOfEpoch"
     return f"IAU_{center}" if known == "Fixed" and center != "EARTH" else known or name
 
 

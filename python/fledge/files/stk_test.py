@@ -179,6 +179,14 @@ def test_units_times_and_frames_are_those_of_the_file():
     text = ORBIT.replace("J2000", "TEMEOfEpoch\n    CoordinateSystemEpoch 1 Feb 2007 00:00:00")
     again = files.read(stk.text_of(files.read(text))).segment
     assert again.meta["REF_FRAME_EPOCH"] == again.clock.ns("2007-02-01")
+    for epoch, expected in (("29 Dec 2005 19: 0: 0.000268221", "2005-12-29T19:00:00.000268221"),
+                            ("\"5 Jun 2006  7:58:18\"", "2006-06-05T07:58:18"),
+                            ("2006-06-05T07:58:18", "2006-06-05T07:58:18")):
+        text = ORBIT.replace("12 Jan 2007 00:00:00.000883\n", epoch + "\n")
+        text = text.replace("J2000", "TEME\nCoordinateSystemEpoch " + epoch)
+        found = files.read(text).segment
+        assert found.meta["REF_FRAME"] == "TEMEOfEpoch" and found.clock.text(found.times[0]) == expected
+        assert found.meta["REF_FRAME_EPOCH"] == found.times[0]
 
 
 @pytest.mark.parametrize("text, expected", [
