@@ -29,7 +29,7 @@ HIGHEST = 27                # degree that NAIF's own reader takes
 @dataclass
 class SpkSegment:
     """Of a kernel: a body about another, by NAIF's numbers. frame: of the file's states; type: NAIF's; begin, end: [ns]
-    of TDB past J2000."""
+    of TDB past J2000; times, degree: of types 9 and 13, [ns] (n,) of the states and of polynomials."""
     target: int
     center: int
     frame: str
@@ -38,6 +38,8 @@ class SpkSegment:
     end: int
     name: str
     sky: Any = field(repr=False)
+    times: np.ndarray | None = field(default=None, repr=False)
+    degree: int = 0
 
     def at(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Positions [m] and velocities [m/s] (m, 3), in axes of J2000, at times [ns] (m,) of TDB past J2000; of the
@@ -67,17 +69,27 @@ def read(path: str | os.PathLike[str]) -> list[SpkSegment]:
     found = []
     for segment in segments:
         target, center, frame, kind = segment.integers
-        found.append(SpkSegment(target, center, daf.FRAMES[frame], kind, _within(segment.first, 1),
-                                _within(segment.last, -1), segment.name, sky))
+        made = SpkSegment(target, center, daf.FRAMES[frame], kind, _within(segment.first, 1),
+                          _within(segment.last, -1), segment.name, sky)
+        if kind in (9, 13):
+            last, n = (int(x) for x in segment.words[-2:])      # of a window, counted from 0; states
+            made.degree = 2 * last + 1 if kind == 13 else last
+            made.times = np.rint(segment.words[6 * n:7 * n] * 1e9).astype(np.int64).clip(made.begin, made.end)
+        found.append(made)
     return found
 
 
 def _within(seconds: float, side: int) -> int:
-    """[ns] The time next to an end of a segment that does not lie beyond it when it is rounded to a double [s]."""
-    ns = round(Fraction(seconds) * 10**9)
-    while (ns / 1e9 - seconds) * side < 0:
+    """[ns] The first (side 1) or last (-1) time that as a double [s] is not beyond an end of a segment."""
+    ns = round(Fraction(seconds) * 10**9) - 256 * side
+    while (_seconds(ns) - seconds) * side < 0:
         ns += side
     return ns
+
+
+def _seconds(ns: Any) -> Any:
+    """Rounded once, as Fledge's reader does."""
+    return ns // 10**9 + ns % 10**9 / 1e9
 
 
 def write(path: str | os.PathLike[str], *, target: int | str, center: int | str, times: ArrayLike, r: ArrayLike,
@@ -92,7 +104,7 @@ def write(path: str | os.PathLike[str], *, target: int | str, center: int | str,
     from fledge import _core
 
     where = os.fspath(path)
-    et = np.asarray(times, dtype=np.int64) / 1e9
+    et = _seconds(np.asarray(times, dtype=np.int64))
     states = np.concatenate([np.asarray(x, float).reshape(-1, 3) for x in (r, v)], axis=1) / 1e3 \
         if np.shape(r) == np.shape(v) else np.zeros((0, 6))
     if et.ndim != 1 or len(et) < 2 or states.shape != (len(et), 6):

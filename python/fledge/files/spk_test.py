@@ -2,6 +2,7 @@
 """Kernels of positions as Fledge writes them: their bytes, read by Fledge's reader of kernels, and by jplephem."""
 
 import struct
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from fledge.errors import SetupError
 from fledge.files import daf, spk
 
 TIMES = 700_000_000_000_000_000 + np.cumsum(np.random.default_rng(1).integers(50 * 10**9, 70 * 10**9, 230))
+SECONDS = [float(Fraction(int(t), 10**9)) for t in TIMES]
 RATE = np.array([1.1e-3, 0.9e-3, 0.7e-3])
 
 
@@ -25,12 +27,13 @@ def wrote(path, **other):
     return path
 
 
-@pytest.mark.parametrize("type, degree, within", [(13, 11, 1e-3), (9, 11, 3e-3), (13, 3, 10.0), (9, 8, 0.1)])
+@pytest.mark.parametrize("type, degree, within", [(13, 11, 1e-3), (9, 11, 1e-2), (13, 3, 10.0), (9, 8, 0.1)])
 def test_between_the_states_the_reader_finds_the_curve(tmp_path, type, degree, within):
     segment, = spk.read(wrote(tmp_path / "a.bsp", type=type, degree=degree))
     assert (segment.target, segment.center, segment.frame, segment.type, segment.name) == (
         -999, 399, "J2000", type, "FLEDGE")
-    assert abs(segment.begin - TIMES[0]) <= 128 and abs(segment.end - TIMES[-1]) <= 128
+    assert TIMES[0] - 256 <= segment.begin <= TIMES[0] and TIMES[-1] <= segment.end <= TIMES[-1] + 256
+    assert segment.degree == degree and np.abs(segment.times - TIMES).max() <= 128
     times = np.concatenate([np.linspace(segment.begin, segment.end, 301).astype(np.int64)[1:-1],
                             [segment.begin, segment.end], TIMES[1:-1]])
     r, v = segment.at(times)
@@ -61,11 +64,11 @@ def test_jplephem_reads_the_same_container(tmp_path):
         assert theirs.comments() == "of a test\ntwo\n"
         (name, values), = theirs.summaries()
         assert (name.strip(), values[2:6]) == (b"A CRAFT", (-999, 399, 1, 13))
-        assert values[:2] == (TIMES[0] / 1e9, TIMES[-1] / 1e9)
+        assert values[:2] == (SECONDS[0], SECONDS[-1])
         words = theirs.read_array(*values[6:])
     assert np.array_equal(words[:1380].reshape(-1, 6), np.hstack(curve(TIMES)) / 1e3)
-    assert np.array_equal(words[1380:1610], TIMES / 1e9)
-    assert list(words[1610:]) == [TIMES[99] / 1e9, TIMES[199] / 1e9, 5, 230]
+    assert np.array_equal(words[1380:1610], SECONDS)
+    assert list(words[1610:]) == [SECONDS[99], SECONDS[199], 5, 230]
 
 
 def test_the_head_is_as_naif_describes_it(tmp_path):

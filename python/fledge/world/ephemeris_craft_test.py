@@ -57,6 +57,15 @@ def test_it_goes_where_the_run_went(written):
     assert clone.snapshot() == sim.snapshot() and clone.world.craft.orbit == str(folder / "x.oem")
 
 
+def test_it_follows_a_kernel_of_spice(written, tmp_path):
+    run, folder = written
+    coarse = motion.of_run(archive.Archive(folder / "run.mcap"))
+    motion.write_spk(coarse, tmp_path / "x.bsp", -42)
+    _, log = followed(tmp_path, orbit=tmp_path / "x.bsp", attitude=folder / "x.aem")
+    np.testing.assert_allclose(log["craft.state.r_BN_N"], run.r_N, atol=2e-3)
+    np.testing.assert_allclose(log["craft.state.v_BN_N"], run.v_N, atol=1e-4)
+
+
 def test_it_follows_files_of_stk(written, tmp_path):
     run, folder = written
     for form, source in (("e", "oem"), ("a", "aem")):

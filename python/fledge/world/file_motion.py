@@ -164,8 +164,13 @@ def _of_spk(path: str | os.PathLike[str], sky: Sky) -> FileMotion:
                          f"{listed([str(target) for target in targets]) or 'none'}")
 
     def part(segment: spk.SpkSegment) -> Part:
-        return Part(segment.begin + zero(sky), segment.end + zero(sky), lambda times: reference_frames.to_N(
-            sky, "J2000", segment.center, times, *segment.at(times - zero(sky)), str(path)))
+        shift, lines = zero(sky), segment.times
+
+        def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return reference_frames.to_N(sky, "J2000", segment.center, times, *segment.at(times - shift), str(path))
+
+        knots = None if lines is None else lambda: (segment.degree, lines + shift, *at(lines + shift))
+        return Part(segment.begin + shift, segment.end + shift, at, knots)
 
     return FileMotion(segments[0].name, sky, [part(segment) for segment in segments], center=segments[0].center)
 
