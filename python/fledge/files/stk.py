@@ -125,6 +125,8 @@ def _keyword(file: _File, line: int, words: list[str]) -> None:
                                  f"{listed(known)}")
     elif names[word] in file.keys:
         refuse(file.where, line, f"{names[word]} is given twice; the first is in line {file.keys[names[word]][0]}")
+    elif len(words) == 1:
+        refuse(file.where, line, f"{names[word]}: expected a value; there is none")
     else:
         file.keys[names[word]] = line, " ".join(words[1:]).strip('"')
 

@@ -213,6 +213,7 @@ def test_units_times_and_frames_are_those_of_the_file():
     (replaced(POSITIONS, "Lagrange", "Hermite"), "InterpolationMethod: expected Lagrange, for EphemerisTimePos has no "
      "rates; found Hermite"),
     (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 five"), "SamplesM1: expected a whole number from 1; found five"),
+    (replaced(ORBIT, "Method\t\t Lagrange", "Method"), "line 9: InterpolationMethod: expected a value; there is none"),
     (replaced(ORBIT, "CentralBody", "CentralBdy"), "line 11: Ephemeris has no CentralBdy; did you mean 'CentralBody'?"),
     (replaced(ORBIT, "    CentralBody", "CentralBody Mars\n    CentralBody"),
      "line 12: CentralBody is given twice; the first is in line 11"),
