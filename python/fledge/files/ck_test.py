@@ -4,9 +4,10 @@
 import numpy as np
 import pytest
 
+from fledge import files
 from fledge.attitude import quaternion_to_dcm
 from fledge.errors import SetupError
-from fledge.files import ck, daf, sclk
+from fledge.files import ck, daf, ndm, sclk
 from fledge.files.sclk_test import BEPI
 
 RATE, AXIS = 2e-3, np.array([2.0, -1.0, 2.0]) / 3
@@ -60,6 +61,9 @@ def test_attitudes_are_those_of_the_c_matrix_and_spans_end_at_gaps(tmp_path, clo
         later = (c_matrix(1e-3) - c_matrix(-1e-3)) / 2e-3       # dC/dt = -C [rate x], of the rate in J2000
         assert np.allclose(later[[1, 2, 0], [2, 0, 1]], RATE * AXIS, rtol=0, atol=1e-9)
     assert clock.text(clock.ticks(last.times[:1])[0]) == "1/0000006000.00000"
+    message = ndm.create("AEM", [first, single, last], originator="TEAM", created="2026-01-02T00:00:00")
+    files.write(message, tmp_path / "a.aem")
+    assert np.array_equal(files.read(tmp_path / "a.aem").segments[2].beta_BA, last.beta_BA)
     with pytest.raises(SetupError, match="may be used from"):
         first.at(clock.ns(2195 * 65536))
 
