@@ -25,6 +25,8 @@ Example:
 """
 from __future__ import annotations
 
+from fledge.errors import SetupError
+
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import os
@@ -37,7 +39,10 @@ def _reader(source: str | os.PathLike[str]) -> Any:
     """The module that reads a file or text, by its content."""
     from fledge.files import mean_elements, ndm
 
-    data, _ = ndm.content(source)
+    data, where = ndm.content(source)
+    if data.startswith(b"DAF/"):
+        raise SetupError(f"{where}: is a kernel of SPICE, which may hold many objects: read it with "
+                         "files.spk.read(path), or files.ck.read(path, clock)")
     if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"stk.v."):
         from fledge.files import stk
 

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from fledge import files
 from fledge.errors import SetupError
 from fledge.files import daf, spk
 
@@ -121,3 +122,8 @@ def test_damaged_files_are_refused(tmp_path):
             spk.read(path)
     with pytest.raises(SetupError, match="cannot be read"):
         spk.read(tmp_path / "none.bsp")
+
+
+def test_files_read_says_what_reads_kernels(tmp_path):
+    with pytest.raises(SetupError, match="x.bsp: is a kernel of SPICE.*: read it with files.spk.read"):
+        files.read(wrote(tmp_path / "x.bsp"))
