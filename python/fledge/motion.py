@@ -8,7 +8,6 @@ in the forms of others, and to compare it with their files.
 """
 from __future__ import annotations
 
-import re
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FileMotion", "Motion", "differences", "of_file", "of_run", "product", "write"]
 
-SKY = re.compile(r"Sky from (\S+?)Z?, N about .*\((-?\d+)\)")
 UNITS = {"t": "s", "radial": "m", "along": "m", "cross": "m", "distance": "m", "velocity": "m/s", "attitude": "deg"}
 
 
@@ -51,11 +49,10 @@ def of_run(archive: Archive, craft: str = "", sky: Sky | None = None) -> Motion:
             "no CraftState is recorded, so there is no motion; record world.craft.state"))
     path, state = chosen[0], ports[chosen[0]].name
     if sky is None:
-        found = SKY.match(str(archive.parameters.get(f"{path}.sky", "")))
-        if not found:
+        sky = Sky.of_text(str(archive.parameters.get(f"{path}.sky", "")))
+        if not sky:
             raise SetupError(f"{archive.path}: {path} has no sky, so that its times have no date; give that of time 0 "
                              "and the center of N")
-        sky = Sky(found[1], center=int(found[2]))
     return Motion(archive.metadata.get("run", {}).get("mission", path), sky, archive.time_ns(ports[path].topic),
                   archive[f"{state}.r_BN_N"], archive[f"{state}.v_BN_N"],
                   mrp_to_quaternion(archive[f"{state}.sigma_BN"]), archive[f"{state}.omega_BN_B"])

@@ -24,7 +24,6 @@ HAPPENINGS = 500    # on the time line
 LONG, WIDE = 4.0, 1.6   # [-] largest length and radius of a cone, in extents of its spacecraft; half of it to keep out
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
 FLATTENING = {"EARTH": 1 / 298.257223563, "MARS": 1 - 3376.20 / 3396.19}     # WGS 84; of the IAU's report of 2000
-SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
 
 
 class Facts:
@@ -500,15 +499,15 @@ class Derivation:
         first = self.scene.crafts[0].path
         gravity = re.findall(r"(?:^|; )([A-Z][A-Z ]*), mu = (\S+) m\^3/s\^2, radius = (\S+) km",
                              self._facts.of(first, "gravity", "") or "")
-        sky = SKY.match(self._facts.of(first, "sky", "") or "")
-        if not sky:
+        ephemeris = world.Sky.of_text(self._facts.of(first, "sky", "") or "")
+        if not ephemeris:
             for name, mu, radius in gravity[:1]:    # at the origin of N
                 self.scene.planets.append(Planet(name, float(radius) * 1e3, None, self._spinning(),
                                                  FLATTENING.get(name, 0.0), float(mu)))
             self._recorded_sun()
             return
-        ephemeris, centre = world.Sky(sky[1], center=int(sky[2])), int(sky[2])
-        self.scene.epoch = sky[1]
+        centre = ephemeris.center
+        self.scene.epoch = ephemeris.utc().removesuffix("Z")
         wanted = [world.BODIES[name] for name, *_ in gravity if name in world.BODIES]
         wanted += [body for body in world.BODIES.values() if body.naif == centre]
         wanted += ([world.MOON] if centre == world.EARTH.naif else [])

@@ -233,6 +233,14 @@ class Sky:
         """The time of the run at a date [ns]."""
         return self._core.time_of(date)
 
+    @classmethod
+    def of_text(cls, text: str) -> Sky | None:
+        """The sky that a record names as repr() does, with the default ephemeris; None if the text names none."""
+        import re
+
+        found = re.match(r"<?Sky from (\S+?)Z, N about .*\((-?\d+)\)", text)
+        return cls(found[1], center=int(found[2])) if found else None
+
     def __repr__(self) -> str:
         return f"<Sky from {self.utc()}, N about {_core.body_name(self.center)}>"
 
