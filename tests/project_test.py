@@ -35,6 +35,70 @@ def replace(path, old, new_):
     path.write_text(text.replace(old, new_))
 
 
+# Air of the project's own, as world/dynamics/drag.h feels it.
+AIR = {
+    "thin_air.h": """
+#ifndef WORLD_THIN_AIR_H
+#define WORLD_THIN_AIR_H
+#include "world/msg/craft.h"
+#include "world/msg/environment.h"
+
+/** Air that becomes thinner by a factor e per scale height. */
+typedef struct ThinAir {
+    struct {
+        CraftState truth;
+    } in;
+    struct {
+        AirState air;
+    } out;
+    struct {
+        double density;      ///< [kg/m^3] required, > 0: at 400 km
+        double scale_height; ///< [m] required, > 0: of the density
+    } par;
+} ThinAir;
+#endif
+""",
+    "thin_air_model.h": """
+#pragma once
+#include "world/environment/air_model.h"
+#include "world/thin_air.h"
+
+namespace big_bird {
+class ThinAirModel final : public fledge::world::AirModel {
+public:
+    explicit ThinAirModel(ThinAir &interface) : AirModel(interface.in.truth, interface.out.air), par_(interface.par) {}
+    bool has_temperature() const override { return false; }
+
+private:
+    State air(const Place &place) const override;
+    Wind wind(const Place &) const override { return {}; }
+
+    const decltype(ThinAir::par) &par_;
+};
+} // namespace big_bird
+""",
+    "thin_air_model.cpp": """
+#include "world/thin_air_model.h"
+
+fledge::world::AirModel::State big_bird::ThinAirModel::air(const Place &place) const
+{
+    State state;
+    state.density = par_.density * fm_exp((400e3 - place.altitude) / par_.scale_height);
+    return state;
+}
+""",
+    "thin_air_model_test.cpp": """
+#include "world/thin_air_model.h"
+#include <gtest/gtest.h>
+
+TEST(ThinAir, DoesNotKnowItsTemperature)
+{
+    ThinAir interface = {};
+    EXPECT_FALSE(big_bird::ThinAirModel(interface).has_temperature());
+}
+"""}
+
+
 # --- one project, with one of each -----------------------------------------------------------------
 
 @pytest.mark.long("builds a project that fails")
@@ -76,30 +140,38 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """A project with a module, two models, and a mission that flies them."""
+    """A project with a module, three models, and a mission that flies them."""
     place = tmp_path_factory.mktemp("own")
     fledge("new", "project", "big-bird", cwd=place)
     for words in (["module", "navigation/RateSmoother", "--kind", "determination"], ["model", "GasLeak"],
                   ["model", "RateMeter", "--kind", "sensing"], ["mission", "FirstScan"]):
         fledge("--project", "big-bird", "new", *words, cwd=place)
+    for name, text in AIR.items():
+        (place / "big-bird/world" / name).write_text(text)
+    replace(place / "big-bird/CMakeLists.txt", "    WORLD\n", "    WORLD\n        world/thin_air\n")
     mission = place / "big-bird/missions/first_scan"
     replace(mission / "flight.py", "    f.motor    = ", "    f.smoother = fsw.RateSmoother(T=1 * s)\n    f.motor    = ")
     replace(mission / "flight.py", "        f.guidance.reference >> ",
             "        f.smoother.attitude >> f.tracking.attitude,\n        f.guidance.reference >> ")
     replace(mission / "flight.py", "run=[f.guidance,", "run=[f.smoother, f.guidance,")
     replace(mission / "world.py", "    w.nav    = ", "    w.leak   = world.GasLeak(damping=1e-4 * N * m * s)\n"
-            "    w.meter  = world.RateMeter(noise=1e-4 * rad / s)\n    w.nav    = ")
+            "    w.meter  = world.RateMeter(noise=1e-4 * rad / s)\n"
+            "    w.air    = world.ThinAir(body=world.EARTH, density=3e-12 * kg / m**3, scale_height=50 * km)\n"
+            "    w.drag   = world.Drag(air=w.air, Cd=2.2, area=1 * m**2)\n"
+            "    w.craft.parts, w.craft.mass = [w.drag], 100 * kg\n"
+            "    w.nav    = ")
     replace(mission / "world.py", "        # what flight sees\n",
-            "        w.craft.state >> [w.leak.truth, w.meter.truth], w.leak.load >> w.craft.external,\n")
+            "        w.craft.state >> [w.leak.truth, w.meter.truth, w.air.truth],\n"
+            "        w.leak.load >> w.craft.external,\n")
     replace(mission / "world.py", ">> f.tracking.attitude", ">> f.smoother.measured")
-    replace(mission / "world.py", "[w.craft, w.nav]", "[w.craft, w.leak, w.meter, w.nav]")
+    replace(mission / "world.py", "[w.craft, w.nav]", "[w.craft, w.leak, w.meter, w.air, w.nav]")
     return place / "big-bird"
 
 
 @pytest.mark.long("builds and tests a project: 20 s")
 def test_its_tests_pass(own):
     output = fledge("--project", own, "test", cwd=own)
-    assert output.splitlines()[-1] == "6 passed, 0 failed, 0 skipped"
+    assert output.splitlines()[-1] == "7 passed, 0 failed, 0 skipped"
     assert fledge("--project", own, "test", "-k", "RateSmoother", cwd=own).splitlines()[-1].startswith("2 passed")
 
 
@@ -121,6 +193,8 @@ def test_it_flies_on_a_target_too(own):
 
 
 SCRIPT = """
+import math
+
 import fledge
 from fledge import SetupError, flight as fsw, world
 
@@ -134,6 +208,11 @@ sim.restore(there)
 sim.run(60)
 assert clone.snapshot() == sim.snapshot()
 assert abs(sim.world.leak.load.torque_B).max() > 0
+air, drag = sim.world.air, sim.world.drag
+assert air.body.mu == world.EARTH.mu and air.sky is None
+wind = [a - b for a, b in zip(air.air.v_AN_N, sim.world.craft.state.v_BN_N)]
+pressure = 0.5 * 3e-12 * math.exp((400e3 - air.air.altitude) / 50e3) * sum(x * x for x in wind)
+assert abs(math.dist(drag.load.force_B, (0, 0, 0)) / (2.2 * pressure) - 1) < 1e-3
 assert "RateSmoother" in dir(fsw) and "RateSmoother" not in dir(world) and "GasLeak" not in dir(fsw)
 try:
     fsw.RateSmoother(T=-1)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Air that parts of a spacecraft ask for at each stage of the integrator: of a model in C++ (air_model.h), or of a
-// prototype in Python with a method `air(self, t, r_BN_N)`.
+// prototype in Python with a method `air_at(self, t, r_BN_N)`.
 #pragma once
 
 #include "sim/scripted_model.h"

@@ -37,8 +37,9 @@ if TYPE_CHECKING:  # Type checkers and editors assume that it is true. The build
     from _project_world import *
 del TYPE_CHECKING
 
-TYPES = {**_core.library("world"), **_project.types("world")}
-add_attributes(TYPES)
+_own = _project.types("world")
+TYPES = {**_core.library("world"), **_own}
+add_attributes(TYPES, _own)
 
 
 def RK4() -> _core.Integrator:

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Collection, Iterable
+from contextlib import suppress
 from os import PathLike, fspath
 from pathlib import Path
-from collections.abc import Iterable
 from typing import Any
 
 from fledge import _core
@@ -119,6 +120,9 @@ def _set_sky(model: _core.Model, sky: Any) -> None:
 def _get_sky(model: _core.Model) -> Sky | None:
     core = _core.sky(model)
     return None if core is None else Sky._of(core)
+
+
+_IN_SKY = property(_get_sky, _set_sky, None, "The Sky in which it is.")
 
 
 def _set_body(model: _core.Model, body: Any) -> None:
@@ -241,13 +245,24 @@ class _Signature:
         return own.replace(parameters=[*own.parameters.values(), *more])
 
 
-def add_attributes(types: dict[str, Any]) -> None:
-    """Give the models of `types`, by name, their further attributes, which are keywords of their classes too."""
+def add_attributes(types: dict[str, Any], own: Collection[str] = ()) -> None:
+    """Give the models of `types`, by name, their further attributes, which are keywords of their classes too.
+    Those in `own` are a project's."""
     before = {name: set(vars(cls)) for name, cls in types.items()}
     _add_attributes(types)
+    for name in own:
+        _add_surroundings(types[name])
     for name, cls in types.items():
         if more := [attribute for attribute in vars(cls) if attribute not in before[name]]:
             cls.__signature__ = _Signature(more)
+
+
+def _add_surroundings(cls: Any) -> None:
+    """Give a project's model a `body` and a `sky`, if its class in C++ takes them, as an EnvironmentModel does."""
+    for name, read, attribute in (("body", _core.bodies, _first_body("body")), ("sky", _core.sky, _IN_SKY)):
+        with suppress(TypeError):
+            read(cls())
+            setattr(cls, name, attribute)
 
 
 def _add_attributes(types: dict[str, Any]) -> None:
@@ -268,7 +283,7 @@ def _add_attributes(types: dict[str, Any]) -> None:
     in_sky = ("CelestialBody", "Atmosphere", "EarthAtmosphere", "Magnetism", "GroundStation", "PlanetRadiation",
               "Sunlight", "Radio")
     for name in in_sky:
-        types[name].sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
+        types[name].sky = _IN_SKY
     for name in ("Atmosphere", "Magnetism", "GroundStation", "PlanetRadiation"):
         types[name].body = _first_body("body")
     for name, hidden in (("Sunlight", "Sun"), ("Radio", "station")):
