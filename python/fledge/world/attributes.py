@@ -300,7 +300,7 @@ def _add_attributes(types: dict[str, Any]) -> None:
         'A model of the Earth\'s field by its name, "WMM2025" or "IGRF-14", or by its file (.COF); or empty.')
     for name in ("Thrusters", "Drag", "SolarPressure"):
         types[name].panels = _source_of("panels", "The HingedPanels on which some of it is mounted.")
-    types["Drag"].air = _source_of("air", "The air that it feels: an Atmosphere, or a prototype with air_at().")
+    types["Drag"].air = _source_of("air", "The air that it feels: an EarthAtmosphere, or any other model of air.")
     types["TorqueRods"].field = _source_of("field", "The Magnetism in which they are.")
     types["PlanetRadiation"].light = _source_of("light", "The Sunlight that shines on it.")
     types["SolarPressure"].light = _source_of("light", "The Sunlight that it feels.")
