@@ -121,7 +121,7 @@ class OemSegment(Tabulated):
 
     @property
     def a(self) -> np.ndarray | None:
-        """[m/s^2] (n, 3), None without"""
+        """[m/s^2] (n, 3), NaN where a line has none; None without"""
         return self._stack(A) if A[0] in self.table.columns else None
 
     @property

@@ -63,7 +63,8 @@ class Form:
 
     def of(self, version: str) -> list[Block]:
         """The blocks of a version, HEADER first."""
-        return [HEADER, *self.front, *(block for block in self.blocks if version[0] in block.versions)]
+        header = HEADER if version == self.versions[-1] else FIRST_HEADER
+        return [header, *self.front, *(block for block in self.blocks if version[0] in block.versions)]
 
 
 def _triangle(names: str, length: str, dot: str = "DOT") -> str:
@@ -73,6 +74,8 @@ def _triangle(names: str, length: str, dot: str = "DOT") -> str:
                     for i, a in enumerate(parts) for b in parts[:i + 1])
 
 
+# Of all versions but the last, and of that.
+FIRST_HEADER = Block("HEADER", fields("CREATION_DATE!:date ORIGINATOR!"), "", "header")
 HEADER = Block("HEADER", fields("CLASSIFICATION CREATION_DATE!:date ORIGINATOR! MESSAGE_FOR MESSAGE_ID"), "", "header")
 USER = Block("USER", {}, "", "userDefinedParameters")
 STATE = "EPOCH!:time X!:km Y!:km Z!:km X_DOT!:km/s Y_DOT!:km/s Z_DOT!:km/s"
@@ -117,10 +120,13 @@ OEM = Form("OEM", ("1.0", "2.0", "3.0"), (
           versions="23")),
     segments=True)
 
+_AEM_META = ("OBJECT_NAME! OBJECT_ID! CENTER_NAME REF_FRAME_A! REF_FRAME_B! ATTITUDE_DIR TIME_SYSTEM! " + SPAN +
+             "ATTITUDE_TYPE! QUATERNION_TYPE EULER_ROT_SEQ RATE_FRAME ANGVEL_FRAME INTERPOLATION_METHOD "
+             "INTERPOLATION_DEGREE:int")
+
 AEM = Form("AEM", ("1.0", "2.0"), (
-    Block("META", fields("OBJECT_NAME! OBJECT_ID! CENTER_NAME REF_FRAME_A! REF_FRAME_B! ATTITUDE_DIR TIME_SYSTEM! " +
-                         SPAN + "ATTITUDE_TYPE! QUATERNION_TYPE EULER_ROT_SEQ RATE_FRAME ANGVEL_FRAME "
-                         "INTERPOLATION_METHOD INTERPOLATION_DEGREE:int"), "META", "metadata", required=True),
+    Block("META", fields(_AEM_META.replace("_DIR", "_DIR!")), "META", "metadata", required=True, versions="1"),
+    Block("META", fields(_AEM_META), "META", "metadata", required=True, versions="2"),
     Block("DATA", {}, "DATA", "", required=True, rows=True, row="attitudeState")), segments=True)
 
 _QUATERNION = "Q1!:1 Q2!:1 Q3!:1 QC!:1 Q1_DOT:1/s Q2_DOT:1/s Q3_DOT:1/s QC_DOT:1/s"
@@ -275,7 +281,13 @@ CDM = Form("CDM", ("1.0",), (
 _DIRECTIONS = ("A2B", "B2A")
 CHOICES = {"ATTITUDE_DIR": _DIRECTIONS, "Q_DIR": _DIRECTIONS, "EULER_DIR": _DIRECTIONS, "SPIN_DIR": _DIRECTIONS,
            "QUATERNION_TYPE": ("FIRST", "LAST"), "OBJECT": ("OBJECT1", "OBJECT2")}
+# What theories of mean elements need, and of which an OMM has at most one.
+_SGP4 = ("MEAN_MOTION", "NORAD_CAT_ID", "BSTAR")
+THEORIES = {"SGP": (*_SGP4[:2], "MEAN_MOTION_DOT", "MEAN_MOTION_DDOT"), "SGP4": _SGP4, "SGP/SGP4": _SGP4,
+            "PPT3": ("MEAN_MOTION_DOT", "MEAN_MOTION_DDOT"), "SGP4-XP": ("BTERM", "AGOM")}
+RIVALS = (("BSTAR", "BTERM"), ("MEAN_MOTION_DDOT", "AGOM"))
 PAIRS = {"INTERPOLATION": "INTERPOLATION_DEGREE", "INTERPOLATION_METHOD": "INTERPOLATION_DEGREE",
          "ORB_REVNUM": "ORB_REVNUM_BASIS"}
 
+OTHERS = {"ACM": "a comprehensive attitude", "RDM": "a re-entry", "TDM": "tracking data"}      # which are not read
 FORMS = {form.name: form for form in (OPM, OMM, OEM, OCM, AEM, APM, CDM)}

@@ -19,10 +19,12 @@ from fledge.disk import Part, shown
 from fledge.errors import SetupError, did_you_mean, listed, printable
 from fledge.files import ephemeris, kvn, tables, xml
 from fledge.files.kvn import Token, refuse
-from fledge.files.messages import CHOICES, FORMS, OPTIONAL_ROWS, PAIRS, Block, Form
+from fledge.files.messages import CHOICES, FORMS, OPTIONAL_ROWS, OTHERS, PAIRS, RIVALS, THEORIES, Block, Form
 from fledge.files.sections import Message, Section, Segment, Value
 from fledge.files.values import TIME, UNITS, Clock, to_si, unit_of
 from fledge.files.writer import as_kvn, as_xml
+
+PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"]\0\0": "lzma", b"PK\3\4": "zip"}
 
 
 @dataclass
@@ -191,6 +193,7 @@ class _Builder:
         for raws in self.segments:
             self._check(raws, self.blocks[self.meta:])
             keys = raws[0].tokens
+            self._check_theory({key: token for raw in raws for key, token in raw.tokens.items()})
             scale, zero = (keys[key].text if key in keys else other for key, other in (
                 ("TIME_SYSTEM", "UTC"), ("EPOCH_TZERO", "")))
             try:
@@ -227,6 +230,16 @@ class _Builder:
             if raw.block.either and len(either) != 1:
                 refuse(self.where, raw.line, f"expected {' or '.join(raw.block.either)}; found {listed(either)}")
 
+    def _check_theory(self, keys: dict[str, Token]) -> None:
+        """Raise SetupError where an OMM lacks what its theory needs."""
+        theory = keys.get("MEAN_ELEMENT_THEORY")
+        missing = [key for key in THEORIES.get(theory.text.upper(), ()) if key not in keys] if theory else []
+        if theory and missing:
+            refuse(self.where, theory.line, f"expected {listed(missing)} for {theory.text}; there is none")
+        for a, b in RIVALS:
+            if a in keys and b in keys:
+                refuse(self.where, keys[b].line, f"expected {a} or {b}; found both")
+
     def _section(self, raw: _Raw, clock: Clock, meta: Section | None) -> Section:
         section = Section(raw.block.name, {}, raw.comments, {}, self.where, raw.line)
         for key, token in raw.tokens.items():
@@ -248,10 +261,11 @@ def message_of(kind: str, version: str, front: list[Section], segments: list[lis
     segment = {"OEM": ephemeris.OemSegment, "AEM": ephemeris.AemSegment}.get(kind, Segment)
     message = Message(kind, version, front, [segment(sections) for sections in segments])
     for part in message.segments[1:]:
-        for key in ("OBJECT_NAME", "OBJECT_ID") if kind in ("OEM", "AEM") else ():
+        same = {"OEM": ("OBJECT_NAME", "OBJECT_ID", "TIME_SYSTEM"), "AEM": ("OBJECT_NAME", "OBJECT_ID")}
+        for key in same.get(kind, ()):
             if part.meta[key].upper() != message.segments[0].meta[key].upper():
-                part.meta.refuse(f"{key}: expected {message.segments[0].meta[key]}, as in the first segment, for an "
-                                 f"{kind} is of a single object; found {part.meta[key]}: write another message for it")
+                part.meta.refuse(f"{key}: expected {message.segments[0].meta[key]}, as in the first segment of the "
+                                 f"{kind}; found {part.meta[key]}: write another message for it")
     for part in message.segments:
         if isinstance(part, ephemeris.Tabulated):
             part.check()
@@ -300,7 +314,8 @@ def messages(source: str | os.PathLike[str]) -> Iterator[Message]:
             if builder:
                 yield builder.message()
             if kind not in FORMS:
-                refuse(where, token.line, f"expected a message of {', '.join(FORMS)}; found {kind}")
+                found = f"{kind}, {OTHERS[kind]}" if kind in OTHERS else kind
+                refuse(where, token.line, f"expected a message of {', '.join(FORMS)}; found {found}")
             builder = _Builder(FORMS[kind], token.text, where, token.line, in_xml)
         elif builder:
             builder.feed(token)
@@ -317,9 +332,13 @@ def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:
         return source.encode(), "the text"
     where = str(shown(source))
     try:
-        return Path(source).read_bytes(), where
+        data = Path(source).read_bytes()
     except (OSError, ValueError) as error:
         raise SetupError(printable(f"{where}: expected a file; {getattr(error, 'strerror', error)}")) from None
+    for begin, program in PACKED.items():
+        if data.startswith(begin):
+            raise SetupError(f"{where}: expected a file that is not packed; found one of {program}: unpack it first")
+    return data, where
 
 
 def read_all(source: str | os.PathLike[str]) -> list[Message]:

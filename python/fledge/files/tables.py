@@ -2,9 +2,11 @@
 """The tables of CCSDS messages, line by line: ephemerides, attitudes, covariances and maneuvers."""
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from decimal import Decimal
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge.errors import listed
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
 
 Rows = list[tuple[int, list[tuple[str, str]]]]      # of each the line, and the names (XML, else "") and texts
 ENTRIES = [name for name in fields(COVARIANCE) if name != "COV_REF_FRAME"]
-ACCELERATION = "X_DDOT:km/s**2 Y_DDOT:km/s**2 Z_DDOT:km/s**2"
+ACCELERATION = "X_DDOT:km/s**2 Y_DDOT:km/s**2 Z_DDOT:km/s**2"      # which lines may have or not
+A = tuple(fields(ACCELERATION))
 ORDERINGS = ("LTM", "UTM", "FULL", "LTMWCC", "UTMWCC")
 
 
@@ -65,6 +68,8 @@ def _attitude(meta: Section, version: str) -> list[Column]:
     kind = attitude_type(meta, version)
     if kind.startswith("EULER") or kind == "QUATERNION/RATE":
         sequence(meta)
+    if version[0] == "1" and kind.startswith("QUATERNION") and "QUATERNION_TYPE" not in meta.values:
+        meta.refuse(f"expected QUATERNION_TYPE, FIRST or LAST, for {kind}; there is none")
     columns = _columns(ATTITUDES[version[0]][kind])
     for key, value in (("QUATERNION_TYPE", "LAST"), ("ATTITUDE_DIR", "A2B")):
         if version[0] != "1" and str(meta.get(key, value)).upper() != value:
@@ -139,22 +144,24 @@ def fill(section: Section, rows: Rows, clock: Clock, meta: Section | None, kind:
     if not rows:
         section.refuse(f"expected the lines of {section.name}; there are none")
     assert meta
-    columns = columns_of(section, meta, kind, version, len(rows[0][1]))
+    columns = columns_of(section, meta, kind, version, max(len(row) for _, row in rows))
+    widths = {len(columns), len(columns) - len(A)} if columns[-1].name in A else {len(columns)}
     texts: list[list[str]] = []
     rows = [row for before, row in zip([(0, []), *rows], rows) if row[1] != before[1]]      # a line given twice is once
     for line, row in rows:
         if row[0][0]:
             row = _in_order(row, columns, section, line)
-        if len(row) != len(columns):
-            refuse(section.where, line, f"expected {len(columns)} columns, {listed([c.name for c in columns], 12)}; "
-                                        f"found {len(row)}")
+        if len(row) not in widths:
+            names = [column.name for column in columns[:min(widths)]]
+            more = f", or {len(columns)} with {listed(list(A))}" if len(widths) > 1 else ""
+            refuse(section.where, line, f"expected {len(names)} columns, {listed(names, 12)}{more}; found {len(row)}")
         texts.append([text for _, text in row])
-    for column, cells in zip(columns, zip(*texts)):
+    for column, cells in zip(columns, zip_longest(*texts)):
         if column.unit == "text":
             section.columns[column.name] = np.array(cells, dtype=object)
             continue
         convert = _converter(column, clock, section.where)
-        values = [convert(text, line) for text, (line, _) in zip(cells, rows)]
+        values = [math.nan if text is None else convert(text, line) for text, (line, _) in zip(cells, rows)]
         section.columns[column.name] = np.array(values, dtype=np.int64 if column.unit == "time" else float)
     times_ = next(iter(section.columns.values()))
     back = np.flatnonzero(np.diff(times_) <= 0)
@@ -174,6 +181,7 @@ def _in_order(row: list[tuple[str, str]], columns: list[Column], section: Sectio
     angles = iter(item for item in row if re.fullmatch("[XYZ]_(ANGLE|RATE)", item[0]))
     found = [next((item for item in row if item[0] == column.name), None) or next(angles, None) for column in columns]
     missing = [column.name for column, item in zip(columns, found) if item is None]
+    missing = [] if missing == list(A) else missing
     unknown = [name for name in names if name not in [column.name for column in columns] and not
                re.fullmatch("[XYZ]_(ANGLE|RATE)", name)]
     if missing or unknown:
@@ -261,5 +269,6 @@ def lines(section: Section, meta: Section | None, clock: Clock, kind: str, versi
         values, unit = section.columns[column.name], column.unit
         texts.append([str(value) for value in values] if unit == "text" else
                      [clock.text(value) for value in values.tolist()] if isinstance(unit, str) else
-                     [from_si(value, unit) for value in values.tolist()])
-    return [list(zip(names, row)) for row in zip(*texts)]
+                     ["" if math.isnan(value) and column.name in A else from_si(value, unit)
+                      for value in values.tolist()])
+    return [[item for item in zip(names, row) if item[1]] for row in zip(*texts)]
