@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fledge import files
-from fledge.attitude import dcm_to_quaternion, mrp_to_quaternion
+from fledge.attitude import dcm_to_quaternion, mrp_to_quaternion, quaternion_to_dcm
 from fledge.errors import SetupError, listed
 from fledge.files import spk
 from fledge.files.ephemeris import AemSegment, OemSegment
@@ -109,18 +109,23 @@ def oem_of(run: Motion, frame: str = "ICRF", center: int | None = None) -> Messa
     r, v = reference_frames.from_N(run.sky, frame, center, run.times, run.r_N, run.v_N)
     meta = _meta(run, CENTER_NAME=_center_name(center), REF_FRAME=frame, TIME_SYSTEM="UTC", INTERPOLATION="HERMITE",
                  INTERPOLATION_DEGREE=7)
-    return _message("OEM", OemSegment.of(meta, run.epochs, r, v))
+    return _message("OEM", OemSegment.of(meta, run.epochs, r, v), "2.0")
 
 
-def aem_of(run: Motion, frame: str = "ICRF") -> Message:
-    """The attitude of a run as an AEM: quaternions of the body, SC_BODY_1, relative to a frame."""
+def aem_of(run: Motion, frame: str = "ICRF", rates: bool = False) -> Message:
+    """The attitude of a run as an AEM: quaternions of the body, SC_BODY_1, relative to a frame; with angular velocities
+    where rates says so, and the run has them."""
     if run.beta_BN is None:
         raise SetupError(f"{run.name}: has no attitudes")
-    dcm_FN, _ = reference_frames.turning(run.sky, frame, run.times)
+    dcm_FN, omega_FN_F = reference_frames.turning(run.sky, frame, run.times)
     beta_BF = product(run.beta_BN, dcm_to_quaternion(dcm_FN) * [1, -1, -1, -1])
-    meta = _meta(run, REF_FRAME_A=frame, REF_FRAME_B="SC_BODY_1", ATTITUDE_DIR="A2B", TIME_SYSTEM="UTC",
-                 INTERPOLATION_METHOD="LINEAR", INTERPOLATION_DEGREE=1, QUATERNION_TYPE="LAST")
-    return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF))
+    meta = _meta(run, REF_FRAME_A=frame, REF_FRAME_B="SC_BODY_1", TIME_SYSTEM="UTC", INTERPOLATION_METHOD="LINEAR",
+                 INTERPOLATION_DEGREE=1)
+    if rates and run.omega_BN_B is not None:
+        omega_FN_B = np.einsum("nij,nj->ni", quaternion_to_dcm(beta_BF), omega_FN_F)
+        return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF, run.omega_BN_B - omega_FN_B), "2.0")
+    meta |= {"ATTITUDE_DIR": "A2B", "QUATERNION_TYPE": "LAST"}
+    return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF), "1.0")
 
 
 def write_spk(run: Motion, path: str | os.PathLike[str], target: int) -> Path:
@@ -147,9 +152,8 @@ def _meta(run: Motion, **values: Any) -> dict[str, Any]:
     return {"OBJECT_NAME": run.name.upper(), "OBJECT_ID": "UNKNOWN", **values}
 
 
-def _message(kind: str, segment: OemSegment | AemSegment) -> Message:
+def _message(kind: str, segment: OemSegment | AemSegment, version: str) -> Message:
     now = datetime.now(timezone.utc).isoformat(timespec="seconds").partition("+")[0]
-    version = {"OEM": "2.0", "AEM": "1.0"}[kind]
     return Message(kind, version, [Section("HEADER", {"CREATION_DATE": now, "ORIGINATOR": "FLEDGE"})], [segment])
 
 
@@ -158,6 +162,6 @@ def write(run: Motion, form: str, path: str | os.PathLike[str], frame: str = "IC
     is a record's, gets that of the form, as any path does for STK."""
     out, stk = Path(path), form in ("e", "a")
     out = out.with_suffix(f".{form}") if stk or out.suffix in ("", ".mcap") else out
-    files.write(oem_of(run, frame) if form in ("oem", "e") else aem_of(run, frame), out,
+    files.write(oem_of(run, frame) if form in ("oem", "e") else aem_of(run, frame, rates=stk), out,
                 "stk" if stk else "xml" if xml else "kvn")
     return out

@@ -101,6 +101,15 @@ def test_a_run_written_for_stk_is_read_as_it_was(run, tmp_path, frame):
         motion.of_file(text, flown.sky)
 
 
+@pytest.mark.parametrize("frame", ["ICRF", "TEME", "ITRF"])
+def test_an_attitude_written_for_stk_has_rates(run, tmp_path, frame):
+    segment = files.read(motion.write(motion.of_run(archive.Archive(run)), "a", tmp_path / "x", frame)).segment
+    beta = segment.beta_BA
+    differences = (8 * (beta[3:-1] - beta[1:-3]) - (beta[4:] - beta[:-4])) / 120       # of the fourth order in 10 s
+    np.testing.assert_allclose(segment.rates(beta)[2:-2], differences, atol=1e-8)
+    assert "AttitudeTimeQuatAngVels" in (tmp_path / "x.a").read_text()
+
+
 def test_between_its_lines_a_file_is_where_the_run_was(run, tmp_path):
     fine = motion.of_run(archive.Archive(run))
     coarse = motion.of_run(archive.Archive(flight(tmp_path / "coarse.mcap", every=60 * s)))

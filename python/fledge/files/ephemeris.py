@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 R, V, A = (("X", "Y", "Z"), ("X_DOT", "Y_DOT", "Z_DOT"), ("X_DDOT", "Y_DDOT", "Z_DDOT"))
+RATES = ("ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z")
 METHODS = ("LINEAR", "LAGRANGE", "HERMITE")
 DEGREE = 7      # where the message does not say, and has lines enough
 
@@ -156,11 +157,18 @@ class AemSegment(Tabulated):
     """Attitudes over time of meta["REF_FRAME_B"] relative to meta["REF_FRAME_A"]."""
 
     @classmethod
-    def of(cls, meta: dict[str, Any], times: ArrayLike, beta_BA: ArrayLike) -> AemSegment:
-        """A segment of times [ns] (n,) and quaternions of B relative to A, scalar first (n, 4). meta: its keywords."""
-        names = ("QC", "Q1", "Q2", "Q3")
-        return cls._of_columns("DATA", {"ATTITUDE_TYPE": "QUATERNION", **meta},
-                               {"EPOCH": times, **dict(zip(names, np.asarray(beta_BA, float).T))})
+    def of(cls, meta: dict[str, Any], times: ArrayLike, beta_BA: ArrayLike,
+           omega_BA_B: ArrayLike | None = None) -> AemSegment:
+        """A segment of times [ns] (n,) and quaternions of B relative to A, scalar first (n, 4). meta: its keywords.
+
+        omega_BA_B: [rad/s] (n, 3) the rate of B relative to A in axes of B, which AEMs have since version 2.0.
+        """
+        kind, columns = "QUATERNION", {"EPOCH": times,
+                                       **dict(zip(("QC", "Q1", "Q2", "Q3"), np.asarray(beta_BA, float).T))}
+        if omega_BA_B is not None:
+            kind, meta = "QUATERNION/ANGVEL", {"ANGVEL_FRAME": meta["REF_FRAME_B"], **meta}
+            columns |= dict(zip(RATES, np.asarray(omega_BA_B, float).T))
+        return cls._of_columns("DATA", {"ATTITUDE_TYPE": kind, **meta}, columns)
 
     @classmethod
     def from_pandas(cls, frame: Any, meta: dict[str, Any]) -> AemSegment:
@@ -216,7 +224,7 @@ class AemSegment(Tabulated):
         """Derivatives [1/s] (n, 4) of the quaternions beta_BA; None where the table has neither them nor rates in B."""
         columns = self.table.columns
         if "ANGVEL_X" in columns and self.meta.get("ANGVEL_FRAME") == self.meta["REF_FRAME_B"]:
-            omega = np.stack([columns[f"ANGVEL_{axis}"] for axis in "XYZ"], axis=-1)
+            omega = np.stack([columns[name] for name in RATES], axis=-1)
             return np.concatenate([-np.sum(omega * beta[:, 1:], axis=1, keepdims=True),
                                    beta[:, :1] * omega - np.cross(omega, beta[:, 1:])], axis=1) / 2
         if "QC_DOT" not in columns:

@@ -20,12 +20,12 @@ import numpy as np
 from fledge.disk import Part
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import ndm
-from fledge.files.ephemeris import A, AemSegment, OemSegment, R, V
+from fledge.files.ephemeris import A, AemSegment, OemSegment, R, RATES, V
 from fledge.files.kvn import refuse
 from fledge.files.sections import Message, Section
 from fledge.files.values import DEG, NUMBER, Clock, from_si, to_si
 
-QUATERNION, RATES, BODY = ("Q1", "Q2", "Q3", "QC"), ("ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z"), "SC_BODY_1"
+QUATERNION, BODY = ("Q1", "Q2", "Q3", "QC"), "SC_BODY_1"
 # The columns of the lines of a block, after their time; rates are in deg/s, in axes of the body.
 BLOCKS = {"EphemerisTimePos": R, "EphemerisTimePosVel": R + V, "EphemerisTimePosVelAcc": R + V + A,
           "AttitudeTimeQuaternions": QUATERNION, "AttitudeTimeQuatScalarFirst": ("QC", *QUATERNION[:3]),
@@ -46,7 +46,7 @@ FRAMES = {**dict.fromkeys(("ICRF", "GCRF"), "ICRF"), **dict.fromkeys(("J2000", "
                                              "B1950", "AlignmentAtEpoch")}}
 OF_ANY_BODY = ("ICRF", "J2000", "Fixed", "Inertial")
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3}) (\d{4}) (\d{1,2}): ?(\d{1,2}): ?(\d{1,2})(\.\d*)?")
+DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3,9}) (\d{4}) (\d{1,2}): ?(\d{1,2}): ?(\d{1,2})(\.\d*)?")
 
 
 @dataclass
@@ -137,7 +137,7 @@ def _iso(text: str) -> str:
     if not found:
         return text
     day, month, year, hour, minute, second, part = found.groups()
-    date = f"{year}-{MONTHS.index(month.title()) + 1:02}-{day:0>2}"
+    date = f"{year}-{MONTHS.index(month[:3].title()) + 1:02}-{day:0>2}"
     return f"{date}T{hour:0>2}:{minute:0>2}:{second:0>2}{part or ''}"
 
 
@@ -229,8 +229,9 @@ def _columns(file: _File, clock: Clock) -> dict[str, np.ndarray]:
         except ValueError as error:
             refuse(file.where, line, f"expected a number; found {str(error)!r}")
     count = f"NumberOf{file.kind}Points"
-    if file.get(count, str(len(times))) != str(len(times)):
-        file.refuse(count, f"{len(times)}, the lines of {file.block}")
+    most = file.get(count, str(len(times)))
+    if not most.isdecimal() or int(most) < len(times):      # STK reads no more; many files have fewer
+        file.refuse(count, f"{len(times)} or more, the lines of {file.block}")
     return {"EPOCH": np.array(times, dtype=np.int64), **dict(zip(names, np.array(numbers).T))}
 
 
@@ -254,7 +255,10 @@ def _interpolation(file: _File, lines: int) -> dict[str, str | int]:
     text = file.get(key, "5" if orbit else "1")
     if not text.isdecimal() or int(text) < 1:
         file.refuse(key, "a whole number from 1")
-    method, more = file.get("InterpolationMethod", "Lagrange").upper().split()[0], min(int(text), lines - 1)
+    method, more = file.get("InterpolationMethod", "Lagrange").upper().split()[0], int(text)
+    if method == "HERMITE" and orbit and key.endswith("Order"):     # a degree: two lines with rates give 3
+        more = max(more - 1, 2) // 2
+    more = min(more, lines - 1)
     if method == "HERMITE" and file.block in ("EphemerisTimePos", "AttitudeTimeQuaternions",
                                               "AttitudeTimeQuatScalarFirst"):
         file.refuse("InterpolationMethod", f"Lagrange, for {file.block} has no rates")
