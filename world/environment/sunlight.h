@@ -7,8 +7,8 @@
 
 /** Sunlight at a spacecraft, and the eclipses by any bodies: for solar radiation pressure, and as a message for
  *  sensors and power. Python's `sun` is the Sun, `shadows` the bodies that may hide it, `sky` says where they are.
- *  Assumptions: the Sun is a sphere, equally bright all over its disc; what two bodies hide of it is added up, as if
- *  they did not overlap; bodies have no atmosphere. What they reflect and radiate is that of PlanetRadiation.
+ *  Assumptions: the Sun is a sphere, equally bright all over its disc; bodies have no atmosphere. What they reflect and
+ *  radiate is that of PlanetRadiation.
  *  Source: Montenbruck and Gill, section 3.4.2; Kopp and Lean 2011 for the irradiance. */
 typedef struct Sunlight {
     struct {

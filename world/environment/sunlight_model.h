@@ -3,6 +3,7 @@
 #pragma once
 
 #include "world/environment/environment_model.h"
+#include "world/environment/shadow.h"
 #include "world/environment/sunlight.h"
 
 namespace fledge::world {
@@ -38,12 +39,13 @@ private:
     };
 
     double hidden_by(std::size_t body, sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N,
-                     const Eigen::Vector3d &r_SB) const;
+                     const Eigen::Vector3d &r_SB, Disc &disc) const;
     State light(double visible, const Eigen::Vector3d &r_SB) const;
     void publish(sim::Ns t) override;
 
     Sunlight &interface_;
-    std::vector<Shape> shapes_; ///< in the order of bodies()
+    std::vector<Shape> shapes_;       ///< in the order of bodies()
+    mutable std::vector<Disc> discs_; ///< of the Sun, and of the bodies before it
 };
 
 } // namespace fledge::world

@@ -102,67 +102,136 @@ TEST(Shadow, PartsOfTheDiscAreThoseOfRingsOfTheSky)
     }
 }
 
-/// The share of the Sun's disc, by rays from all over it, that meet an ellipsoid with the pole p.
-double hidden_rays(const Vector3d &r_SB, const Vector3d &r_PB, double a, double b, const Vector3d &p)
+/// An ellipsoid of revolution about the pole p, and where the observer is relative to it.
+struct Seen {
+    Vector3d r_PB;
+    double a, b;
+    Vector3d p;
+
+    Vector3d scaled(const Vector3d &r) const { return r / a + (1.0 / b - 1.0 / a) * p.dot(r) * p; }
+    bool meets(const Vector3d &direction) const
+    {
+        const Vector3d ray = scaled(direction), r = scaled(r_PB);
+        const double along = ray.dot(r);
+        return along < 0.0 && along * along > ray.squaredNorm() * (r.squaredNorm() - 1.0);
+    }
+};
+
+/// The share of the Sun's disc, by rays from all over it, that meet a body.
+double hidden_rays(const Vector3d &r_SB, const std::vector<Seen> &bodies)
 {
     const double angle = std::asin(Rs / r_SB.norm());
     const Vector3d z = -r_SB.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
-    const auto scaled = [&](const Vector3d &r) -> Vector3d { return r / a + (1.0 / b - 1.0 / a) * p.dot(r) * p; };
     constexpr int rings = 300, rays = 300;
     int met = 0;
     for (int i = 0; i < rings; i++) {
         const double cosine = 1.0 - (i + 0.5) / rings * (1.0 - std::cos(angle)), sine = std::sqrt(1 - cosine * cosine);
         for (int j = 0; j < rays; j++) {
             const double turn = 2.0 * pi * (j + 0.5 * (i % 2)) / rays;
-            const Vector3d ray = scaled(cosine * z + sine * (std::cos(turn) * x + std::sin(turn) * y));
-            const Vector3d r = scaled(r_PB);
-            const double along = ray.dot(r);
-            met += along < 0.0 && along * along > ray.squaredNorm() * (r.squaredNorm() - 1.0);
+            const Vector3d ray = cosine * z + sine * (std::cos(turn) * x + std::sin(turn) * y);
+            met += std::ranges::any_of(bodies, [&](const Seen &body) { return body.meets(ray); });
         }
     }
     return static_cast<double>(met) / (rings * rays);
 }
 
+/// Of random bodies before the Sun.
+struct Sights {
+    std::mt19937 random{1};
+    std::normal_distribution<double> normal;
+
+    Vector3d any() { return Vector3d(normal(random), normal(random), normal(random)).normalized(); }
+    double between(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+
+    /// An oblate body and where the Sun is: a ray that touches the body in q meets the observer and, up to 1.2 of its
+    /// radius beside its centre, the Sun.
+    std::pair<Seen, Vector3d> limb(double a, double b, double D, double altitude)
+    {
+        const Vector3d p = any(), e = any();
+        const Vector3d q = a * e + (b - a) * p.dot(e) * p;
+        const Vector3d n = (q + ((a * a) / (b * b) - 1.0) * p.dot(q) * p).normalized();
+        const Vector3d t = n.cross(any()).normalized();
+        const Vector3d r_PB = q + std::sqrt((a + altitude) * (a + altitude) - q.squaredNorm()) * t;
+        return {{r_PB, a, b, p}, D * t - between(-1.2, 1.2) * Rs * n};
+    }
+};
+
+constexpr double earth_a = 6378137.0, earth_b = 6356752.3, saturn_a = 60268e3, saturn_b = 54364e3;
+
 TEST(Shadow, OfAnOblateBodyIsThatOfRaysPastItsEllipsoid)
 {
-    std::mt19937 random(1);
-    std::normal_distribution<double> normal;
-    std::uniform_real_distribution<double> share(-1.2, 1.2);
-    const auto any = [&]() -> Vector3d {
-        return Vector3d(normal(random), normal(random), normal(random)).normalized();
-    };
+    Sights sights;
     struct Case {
         double a, b, D, altitude, within;
     };
-    constexpr double earth = 6378137.0, saturn = 60268e3;
-    for (const Case &c : {Case{earth, 6356752.3, AU, 500e3, 4e-4},
-                          {earth, 6356752.3, AU, 3.6e7, 2e-4},
-                          {earth, 6356752.3, AU, 1.5e9, 2e-3},
-                          {saturn, 54364e3, 9.5 * AU, 1e7, 4e-4},
-                          {saturn, 54364e3, 9.5 * AU, 1e9, 4e-4}}) {
+    for (const Case &c : {Case{earth_a, earth_b, AU, 500e3, 4e-4},
+                          {earth_a, earth_b, AU, 3.6e7, 2e-4},
+                          {earth_a, earth_b, AU, 1.5e9, 2e-3},
+                          {saturn_a, saturn_b, 9.5 * AU, 1e7, 4e-4},
+                          {saturn_a, saturn_b, 9.5 * AU, 1e9, 4e-4}}) {
         double worst = 0.0, by_sphere = 0.0;
         for (int round = 0; round < 40; round++) {
-            // A ray that touches the body in q, on which the observer is; the Sun is up to 1.2 of its radius beside.
-            const Vector3d p = any(), e = any();
-            const Vector3d q = c.a * e + (c.b - c.a) * p.dot(e) * p;
-            const Vector3d n = (q + ((c.a * c.a) / (c.b * c.b) - 1.0) * p.dot(q) * p).normalized();
-            const Vector3d t = n.cross(any()).normalized();
-            const double distance = c.a + c.altitude;
-            const Vector3d r_PB = q + std::sqrt(distance * distance - q.squaredNorm()) * t;
-            const Vector3d r_SB = c.D * t - share(random) * Rs * n;
-            const double rays = hidden_rays(r_SB, r_PB, c.a, c.b, p);
-            worst = std::max(worst, std::abs(hidden_share(r_SB, Rs, r_PB, c.a, c.b, p) - rays));
-            by_sphere = std::max(by_sphere, std::abs(hidden_share(r_SB, Rs, r_PB, c.a) - rays));
+            const auto &[body, r_SB] = sights.limb(c.a, c.b, c.D, c.altitude);
+            const double rays = hidden_rays(r_SB, {body});
+            worst = std::max(worst, std::abs(hidden_share(r_SB, Rs, body.r_PB, c.a, c.b, body.p) - rays));
+            by_sphere = std::max(by_sphere, std::abs(hidden_share(r_SB, Rs, body.r_PB, c.a) - rays));
         }
         EXPECT_LT(worst, c.within) << c.altitude;
         EXPECT_GT(by_sphere, 1.2 * c.within) << c.altitude;
     }
     // Annular, on the axis and beside it; a sphere is a sphere.
     const Vector3d r_SB(AU, 0, 0), r_PB(2e9, 1e3, 2e3), z(0, 0, 1);
-    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth, 6356752.3, z), hidden_rays(r_SB, r_PB, earth, 6356752.3, z),
+    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth_a, earth_b, z), hidden_rays(r_SB, {{r_PB, earth_a, earth_b, z}}),
                 3.4e-3);
-    EXPECT_GT(hidden_share(r_SB, Rs, {2e9, 0, 0}, earth, 6356752.3, z), 0.4);
-    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth, earth, z), hidden_share(r_SB, Rs, r_PB, earth), 1e-15);
+    EXPECT_GT(hidden_share(r_SB, Rs, {2e9, 0, 0}, earth_a, earth_b, z), 0.4);
+    EXPECT_NEAR(hidden_share(r_SB, Rs, r_PB, earth_a, earth_a, z), hidden_share(r_SB, Rs, r_PB, earth_a), 1e-15);
+}
+
+TEST(Shadow, OfBodiesThatMeetIsThatOfRaysPastAllOfThem)
+{
+    Sights sights; // a limb, and one or two small spheres before or behind it
+    double worst = 0.0, by_sum = 0.0;
+    for (int round = 0; round < 160; round++) {
+        const auto &[body, r_SB] =
+            round % 2 ? sights.limb(earth_a, earth_b, AU, 500e3) : sights.limb(saturn_a, saturn_b, 9.5 * AU, 1e8);
+        std::vector<Seen> bodies{body};
+        for (int i = 0; i < 1 + round / 2 % 2; i++) {
+            const double distance = 3.8e8, sun = Rs / r_SB.norm();
+            const Vector3d off = Rs * sights.between(0.0, 1.2) * r_SB.cross(sights.any()).normalized();
+            const double radius = distance * sun * sights.between(0.1, 1.2);
+            bodies.push_back({distance * (r_SB + off).normalized(), radius, radius, sights.any()});
+        }
+        std::vector<Disc> discs{{{0.0, 0.0}, 1.0}};
+        double sum = 0.0;
+        for (const Seen &seen : bodies) {
+            Disc disc{};
+            const double hidden = hidden_share(r_SB, Rs, seen.r_PB, seen.a, seen.b, seen.p, &disc);
+            sum += hidden;
+            if (hidden > 0.0 && hidden < 1.0) {
+                discs.push_back(disc);
+            }
+        }
+        if (discs.size() == 1 + bodies.size()) {
+            const double rays = hidden_rays(r_SB, bodies);
+            worst = std::max(worst, std::abs(hidden_together(discs) - rays));
+            by_sum = std::max(by_sum, std::min(sum, 1.0) - rays);
+        }
+    }
+    EXPECT_LT(worst, 5e-4);
+    EXPECT_GT(by_sum, 0.3);
+}
+
+TEST(Shadow, OfDiscsApartIsTheirSumAndWithinAnotherThatOfTheLarger)
+{
+    const Disc sun{{0, 0}, 1}, left{{-0.5, 0.1}, 0.3}, right{{0.6, 0}, 0.25}, within{{-0.55, 0.1}, 0.2};
+    EXPECT_FALSE(left.meets(right));
+    EXPECT_TRUE(left.meets(within));
+    for (const auto &[discs, hidden] : {std::pair{std::vector{sun, left, right}, 0.09 + 0.0625},
+                                        {{sun, left, within}, 0.09},
+                                        {{sun, within, right, left}, 0.09 + 0.0625},
+                                        {{sun}, 0.0}}) {
+        EXPECT_NEAR(hidden_together(discs), hidden, 1e-12);
+    }
 }
 
 TEST(Shadow, IsBehindTheBodyOnly)
@@ -230,6 +299,26 @@ TEST_F(Light, FallsWithTheSquareOfTheDistanceAndWithEachEclipse)
     EXPECT_EQ(i.out.light.head.t, 5);
 }
 
+TEST_F(Light, IsHiddenByBodiesTogetherWhereTheyMeet)
+{
+    const auto visible = [&](const std::vector<std::pair<Vector3d, double>> &bodies) {
+        Sunlight parameters{};
+        SunlightModel light{parameters};
+        light.set_body(body("SUN", Rs, {AU, 0, 0}));
+        for (const auto &[r, radius] : bodies) {
+            light.add_body(body(("BODY " + std::to_string(radius)).c_str(), radius, r));
+        }
+        light.prepare({"world.light", 1, nullptr});
+        return light.at(0, 0.0, {0, 0, 0}).visible;
+    };
+    const std::pair<Vector3d, double> moon{{384e6, 0, 0}, 8e5}, same{{1e9, 0, 0}, 8e5 / 384e6 * 1e9 * (1 + 1e-9)};
+    const std::pair<Vector3d, double> beside{{384e6, 13e5, 0}, 3e5}, whole{{384e6, 0, 0}, 2e6};
+    EXPECT_NEAR(visible({moon, same}), visible({moon}), 1e-8);
+    const auto hidden = [](auto &seen) { return hidden_share({-AU, 0, 0}, Rs, -seen.first, seen.second); };
+    EXPECT_EQ(visible({moon, beside}), 1.0 - (hidden(moon) + hidden(beside)));
+    EXPECT_EQ(visible({moon, same, whole}), 0.0);
+}
+
 TEST_F(Light, ComesPastEllipsoidsAndBodiesThatMoveOn)
 {
     GravityBody earth = body("EARTH", 6378137.0, {0, 0, 0});
@@ -263,6 +352,8 @@ TEST_F(Light, NamesWhatIsWrong)
     EXPECT_EQ(refusal(), "world.light.sun is missing: give it a body, as in sun=world.SUN");
     model.set_body(body("SUN", Rs, {AU, 0, 0}));
     EXPECT_EQ(refusal(), "");
+    model.add_body(body("EARTH", 6378e3, {0, 0, 0}));
+    EXPECT_EQ(refusal(), "world.light.shadows: EARTH is there twice: name each body once");
     model.set_sky(testing::TwoCircles::sky(testing::TwoCircles::sun));
     EXPECT_EQ(refusal(), "world.light: SUN has no NAIF number, by which the sky would find it");
     GravityBody sun = body("SUN", Rs, {AU, 0, 0});
