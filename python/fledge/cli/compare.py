@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 
 from fledge.cli.arguments import number
+from fledge.errors import SetupError
 from fledge.cli.runs import WHAT
 
 
@@ -19,7 +20,7 @@ def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     sub = command("compare", compare, "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     sub.add_argument("runs", nargs=2, metavar="RUN", help=f"{WHAT}; the second may be a file of an orbit or attitude: "
-                     "an OEM, AEM, OMM or two-line elements")
+                     "an OEM, AEM, OPM, OMM or two-line elements, STK's .e or .a, or SPICE's .bsp")
     sub.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error, or "
                      "those of a process or module, as in chief; default: all")
     sub.add_argument("--ignore", nargs="+", default=[], metavar="FIELD", help="fields that do not count, as in "
@@ -92,7 +93,10 @@ def _with_file(options: argparse.Namespace) -> int:
 
     run = motion.of_run(open_run(options.runs[0]), options.craft)
     other = motion.of_file(options.runs[1], run.sky)
-    table = motion.differences(run, other)
+    try:
+        table = motion.differences(run, other)
+    except SetupError as error:
+        raise SetupError(f"{options.runs[1]}: {error}") from None
     t = table.pop("t")
     say(f"{run.name} less {other.name}: {counted(len(t), 'instant')}, {run.sky.utc(t[0])} to {run.sky.utc(t[-1])}")
     rows = [("", "rms", "largest", "at", "at the end")]

@@ -25,6 +25,8 @@ Example:
 """
 from __future__ import annotations
 
+import re
+
 from fledge.errors import SetupError
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -37,18 +39,24 @@ if TYPE_CHECKING:
 
 def _reader(source: str | os.PathLike[str]) -> Any:
     """The module that reads a file or text, by its content."""
-    from fledge.files import mean_elements, ndm
+    from fledge.files import kvn, mean_elements, ndm
 
-    data, where = ndm.content(source)
+    data, where = kvn.content(source)
     if data.startswith(b"DAF/"):
         raise SetupError(f"{where}: is a kernel of SPICE, which may hold many objects: read it with "
                          "files.spk.read(path), or files.ck.read(path, clock)")
-    if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"stk.v."):
+    begin = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if begin.startswith(b"stk.v."):
         from fledge.files import stk
 
         return stk
-    xml = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" or b"\0" in data[:8]
-    return ndm if xml or b"CCSDS_" in data else mean_elements
+    if begin[:1] == b"<" or b"\0" in data[:8] or b"CCSDS_" in data:
+        return ndm
+    if begin[:1] not in (b"{", b"[") and b"MEAN_MOTION" not in data and not re.search(rb"^[12] ", data, re.MULTILINE):
+        found = kvn.decoded(begin, where).split("\n")[0]
+        kvn.refuse(where, 1, "expected a message of CCSDS (CCSDS_..._VERS = ... first), an ephemeris or attitude of "
+                             f"STK (stk.v... first), or mean elements in two lines, JSON or CSV; found {found!r}")
+    return mean_elements
 
 
 def read(source: str | os.PathLike[str]) -> Any:

@@ -132,7 +132,7 @@ def test_arrays_that_are_no_segment_are_refused():
         OemSegment.of({}, [1, 1], np.zeros((2, 3)), np.zeros((2, 3)))
     with pytest.raises(SetupError, match="create: expected a message of OPM, OMM, OEM, .*; found 'TDM'"):
         ndm.create("TDM", [], originator="T", created="2026-01-01T00:00:00")
-    with pytest.raises(SetupError, match="no_such.oem: expected a file; No such file or directory"):
+    with pytest.raises(SetupError, match="no_such.oem: expected a file, or a text of several lines; No such file"):
         files.read("no_such.oem")
     with pytest.raises(SetupError, match="the correlations do not fit the covariances beside them"):
         tables.history(files.read(OCM.replace("5e-7 0 0.5", "5e-7 0 0.4"))["COV"])

@@ -2,15 +2,20 @@
 """CCSDS messages as lines of KEYWORD = value: their tokens, which xml.py makes of the other form, too."""
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
+from fledge.disk import shown
 from fledge.errors import SetupError, printable
 
 KEY = re.compile(r"\s*([A-Z][A-Z0-9_]*)\s*=(.*)", re.DOTALL)
 MARK = re.compile(r"\s*([A-Z]+)_(START|STOP)\s*")
 UNIT = re.compile(r"(.*?)\s*\[(.*)\]", re.DOTALL)
+PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"]\0\0": "lzma", b"PK\3\4": "zip"}
+MOST = 600          # characters that a refusal shows
 
 
 class Token(NamedTuple):
@@ -31,12 +36,39 @@ class Token(NamedTuple):
 
 
 def refuse(where: str, line: int, text: str) -> NoReturn:
+    """Raise SetupError; of a long text with its begin and end."""
+    text = text if len(text) <= MOST else f"{text[:MOST - 100]} ... {text[-100:]}"
     raise SetupError(printable(f"{where}, line {line}: {text}"))
+
+
+def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:
+    """The bytes of a file, or of a text of several lines, and what refusals call it."""
+    if isinstance(source, str) and ("\n" in source or source.lstrip()[:1] in ("<", "{", "[")):
+        return source.encode(), "the text"
+    where = str(shown(source))
+    try:
+        data = Path(source).read_bytes()
+    except (OSError, ValueError) as error:
+        raise SetupError(printable(f"{where}: expected a file, or a text of several lines; "
+                                   f"{getattr(error, 'strerror', error)}")) from None
+    for begin, program in PACKED.items():
+        if data.startswith(begin):
+            raise SetupError(f"{where}: expected a file that is not packed; found one of {program}: unpack it first")
+    return data, where
+
+
+def decoded(data: bytes, where: str) -> str:
+    """A text in UTF-8. Raises SetupError."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        refuse(where, data.count(b"\n", 0, error.start) + 1,
+               "expected a text in UTF-8; found another encoding, or no text: save it as UTF-8")
 
 
 def tokens(text: str) -> Iterator[Token]:
     """Those of all messages of a text, line by line."""
-    for number, line in enumerate(text.lstrip("\ufeff").split("\n"), 1):
+    for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1):
         line = line.strip()
         if re.match(r"COMMENT\b", line):
             yield Token("comment", "", line[7:].strip(), number)

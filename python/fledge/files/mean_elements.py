@@ -22,11 +22,9 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
-from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-from fledge.errors import SetupError, did_you_mean, listed, printable
-from fledge.disk import shown
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import kvn, xml
 from fledge.files.kvn import Token, refuse
 from fledge.files.values import NUMBER
@@ -77,42 +75,28 @@ def read(source: str | os.PathLike[str], name: str | int | None = None) -> MeanE
     name: its name or its number in the catalogue, where there are several. Raises SetupError, with what is wrong where.
     """
     sets = read_all(source)
-    where = "the text" if _is_text(source) else str(shown(source))
     matches = [e for e in sets if name is None or _is_named(e, name)]
     if not matches:
         names = [e.name or str(e.number) for e in sets]
-        raise SetupError(f"{where}: has no object {name!r}{did_you_mean(str(name), names)} it has "
+        raise SetupError(f"{kvn.content(source)[1]}: has no object {name!r}{did_you_mean(str(name), names)} it has "
                          f"{listed([e.title for e in sets], 10)}")
     if len(matches) > 1:
         several = len({e.number for e in matches}) > 1
         what = ("objects; give the name or the number of one" if several else
                 "element sets of one object; give a file of one, or choose among read_all(...)")
-        raise SetupError(f"{where}: has {len(matches)} {what}: "
+        raise SetupError(f"{kvn.content(source)[1]}: has {len(matches)} {what}: "
                          f"{listed([e.title if several else f'{e.title} of {e.utc}' for e in matches], 10)}")
     return matches[0]
 
 
 def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
     """The elements of all objects in a file, or in a text of several lines. Raises SetupError."""
-    if _is_text(source):
-        text, where = str(source), "the text"
-    else:
-        where = str(shown(source))
-        try:
-            text = Path(source).read_text(encoding="utf-8-sig")
-        except UnicodeDecodeError:
-            raise SetupError(f"{where}: expected a text in UTF-8") from None
-        except (OSError, ValueError) as error:
-            raise SetupError(printable(f"{where}: expected a file of elements, or their text of several lines; "
-                                       f"{getattr(error, 'strerror', error)}")) from None
+    data, where = kvn.content(source)
+    text = kvn.decoded(data, where)
     sets = list(_reader(text)(text, where))
     if not sets:
         raise SetupError(f"{where}: expected two-line elements, or an OMM in KVN, XML, JSON or CSV; it has none")
     return sets
-
-
-def _is_text(source: object) -> bool:
-    return isinstance(source, str) and ("\n" in source or source.lstrip()[:1] in ("<", "{", "["))
 
 
 def _is_named(elements: MeanElements, name: object) -> bool:
@@ -134,7 +118,9 @@ def _reader(text: str) -> Callable[[str, str], Iterator[MeanElements]]:
 
 
 def _refuse(place: str, text: str) -> NoReturn:
-    raise SetupError(printable(f"{place}: {text}"))
+    """Raise SetupError. place: as places() has them, with file and line."""
+    where, _, line = place.rpartition(", line ")
+    refuse(where, int(line), text)
 
 
 def _elements(places: Callable[[str], str], name: str, number: int, designator: str, epoch: int,

@@ -188,7 +188,7 @@ XML = (FOLDER / "sample_omm.xml").read_text()
     ('{"OBJECT_NAME": \n', "line 2: expected JSON; Expecting value"),
     ("EPOCH,MEAN_MOTION\n1\n", "line 2: expected 2 columns, as the first line names; found 1"),
     ("\n\n", "the text: expected two-line elements, or an OMM in KVN, XML, JSON or CSV; it has none"),
-    ("no_such_file.txt", "no_such_file.txt: expected a file of elements, or their text of several lines; No such file"),
+    ("no_such_file.txt", "no_such_file.txt: expected a file, or a text of several lines; No such file"),
 ], ids=map(str, itertools.count()))
 def test_bad_elements_are_refused(source, text):
     refused(source, text)

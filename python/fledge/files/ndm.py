@@ -13,18 +13,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from fledge.disk import Part, shown
-from fledge.errors import SetupError, did_you_mean, listed, printable
+from fledge.disk import Part
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import ephemeris, kvn, tables, xml
 from fledge.files.kvn import Token, refuse
 from fledge.files.messages import CHOICES, FORMS, OPTIONAL_ROWS, OTHERS, PAIRS, RIVALS, THEORIES, Block, Form
 from fledge.files.sections import Message, Section, Segment, Value
 from fledge.files.values import TIME, UNITS, Clock, to_si, unit_of
 from fledge.files.writer import as_kvn, as_xml
-
-PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"]\0\0": "lzma", b"PK\3\4": "zip"}
 
 
 @dataclass
@@ -299,12 +296,9 @@ def value_of(kind: str, token: Token, clock: Clock, where: str) -> Value:
 
 def messages(source: str | os.PathLike[str]) -> Iterator[Message]:
     """The messages of a file, or of a text of several lines, in KVN or XML. Raises SetupError."""
-    data, where = content(source)
+    data, where = kvn.content(source)
     in_xml = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" or b"<\0" in data[:8] or b"\0<" in data[:8]
-    try:
-        tokens: Iterable[Token] = xml.tokens(data, where) if in_xml else kvn.tokens(data.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        refuse(where, data.count(b"\n", 0, error.start) + 1, "expected a text in UTF-8")
+    tokens: Iterable[Token] = xml.tokens(data, where) if in_xml else kvn.tokens(kvn.decoded(data, where))
     builder: _Builder | None = None
     combined = in_xml
     for token in tokens:
@@ -326,26 +320,12 @@ def messages(source: str | os.PathLike[str]) -> Iterator[Message]:
         yield builder.message()
 
 
-def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:
-    """The bytes of a file, or of a text of several lines, and what messages call it."""
-    if isinstance(source, str) and ("\n" in source or source.lstrip()[:1] == "<"):
-        return source.encode(), "the text"
-    where = str(shown(source))
-    try:
-        data = Path(source).read_bytes()
-    except (OSError, ValueError) as error:
-        raise SetupError(printable(f"{where}: expected a file; {getattr(error, 'strerror', error)}")) from None
-    for begin, program in PACKED.items():
-        if data.startswith(begin):
-            raise SetupError(f"{where}: expected a file that is not packed; found one of {program}: unpack it first")
-    return data, where
-
-
 def read_all(source: str | os.PathLike[str]) -> list[Message]:
     """All messages of a file, or of a text of several lines, also those of an NDM. Raises SetupError."""
     found = list(messages(source))
     if not found:
-        raise SetupError(f"{content(source)[1]}: expected a message of {', '.join(FORMS)}, in KVN or XML; it has none")
+        raise SetupError(f"{kvn.content(source)[1]}: expected a message of {', '.join(FORMS)}, in KVN or XML; it has "
+                         "none")
     return found
 
 
@@ -353,7 +333,7 @@ def read(source: str | os.PathLike[str]) -> Message:
     """The only message of a file, or of a text of several lines. Raises SetupError, with what is wrong where."""
     found = read_all(source)
     if len(found) > 1:
-        raise SetupError(f"{content(source)[1]}: has {len(found)} messages, {listed([m.kind for m in found], 10)}: "
+        raise SetupError(f"{kvn.content(source)[1]}: has {len(found)} messages, {listed([m.kind for m in found], 10)}: "
                          "choose among read_all(...)")
     return found[0]
 

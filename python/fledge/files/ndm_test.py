@@ -254,7 +254,7 @@ EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGL
     (replaced(OCM, "MAN_UNITS = [s,", "MAN_UNITS = [kg,"), "MAN_UNITS: expected [s,km/s,1], those of MAN_COMPOSITION"),
     (replaced(OCM, "TIME_RELATIVE, ", ""), "MAN_COMPOSITION: expected TIME_ABSOLUTE or TIME_RELATIVE, then of "),
     (XML.replace("<opm", BOMB + "<opm"), "line 2: expected no document type, whose entities could fill the memory"),
-    (replaced(XML, "</opm>", ""), "expected XML; no element found"),
+    (replaced(XML, "</opm>", ""), "expected XML; no element found: the file may be cut"),
     (replaced(XML, 'units="km"', 'units="m"'), "X: expected the unit km, or none; found m"),
     (replaced(XML, "<stateVector>", "<stateVector>\n<GM>1</GM>"), "the block STATE has no GM; "),
     (replaced(CDM, CDM_OBJECT.format(2), ""), "line 1: expected OBJECT1 and OBJECT2; found 1 objects"),
@@ -315,6 +315,30 @@ def test_lines_of_an_ephemeris_may_have_accelerations():
         again = ndm.read(ndm.text_of(oem, form)).segment
         assert np.array_equal(again.a, oem.segment.a, equal_nan=True) and np.array_equal(again.v, oem.segment.v)
     assert "0.0 7.5 0.0\n2017-01-01T00:00:00 7000.0 15.0 0.0 0.0 7.5 0.0 -0.008 0.0 1E-9\n" in ndm.text_of(oem)
+
+
+@pytest.mark.parametrize("data, expected", [
+    (b"", "line 1: expected a message of CCSDS (CCSDS_..._VERS = ... first), an ephemeris or attitude of STK (stk.v... "
+     "first), or mean elements in two lines, JSON or CSV; found ''"),
+    (b"Dear colleague,\nsee below.\n", "line 1: expected a message of CCSDS"),
+    (OEM.encode("utf-16"), "line 1: expected a text in UTF-8; found another encoding, or no text: save it as UTF-8"),
+    (OEM.replace("TEAM", "\u00e9quipe").encode("latin-1"), "line 3: expected a text in UTF-8"),
+    (bytes(range(256)), "line 2: expected a text in UTF-8"),
+    (b"stk.v.11.0\n\xff\n", "line 2: expected a text in UTF-8"),
+    (b"<!DOCTYPE html>\n<html>404</html>\n", "line 1: expected a message in XML; found a page of the web"),
+    (OEM.replace("TEAM", "TEAM\nZ" + "Z" * 10**6).encode(), "line 4: expected KEYWORD = value; found 'ZZZ"),
+])
+def test_what_is_no_message_is_refused_in_a_few_words(tmp_path, data, expected):
+    (tmp_path / "x.oem").write_bytes(data)
+    with pytest.raises(SetupError) as error:
+        files.read(tmp_path / "x.oem")
+    assert f"x.oem, {expected}" in str(error.value) and len(str(error.value)) < 2000, str(error.value)
+
+
+def test_lines_may_end_as_on_any_system():
+    for end in ("\r\n", "\r"):
+        found = files.read(OEM.replace("\n", end) + "\n").segment
+        assert np.array_equal(found.times, files.read(OEM).segment.times)
 
 
 def test_a_packed_file_is_named(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 
 from fledge.disk import Part
 from fledge.errors import SetupError, did_you_mean, listed
-from fledge.files import ndm
+from fledge.files import kvn, ndm
 from fledge.files.ephemeris import A, AemSegment, OemSegment, R, RATES, V
 from fledge.files.kvn import refuse
 from fledge.files.sections import Message, Section
@@ -79,7 +79,7 @@ class _File:
 def _parse(text: str, where: str) -> _File:
     """Order the lines of a text."""
     file, inside, number = _File(where), [""], 0
-    for number, line in enumerate(text.lstrip("\ufeff").split("\n"), 1):
+    for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
         if not words or (not file.kind and words[0].lower().startswith(("stk.v.", "writtenby"))):
             continue
@@ -182,8 +182,8 @@ def read(source: str | os.PathLike[str]) -> Message:
     The name of the object is that of the file. Of segments, which interpolation does not cross, there are several.
     Positions alone are a table without X_DOT...: `at` gives the rate of the polynomial.
     """
-    data, where = ndm.content(source)
-    file = _parse(data.decode("utf-8", "replace"), where)
+    data, where = kvn.content(source)
+    file = _parse(kvn.decoded(data, where), where)
     orbit = file.kind == "Ephemeris"
     clock = _clock(file)
     columns = _columns(file, clock)

@@ -194,7 +194,7 @@ def test_units_times_and_frames_are_those_of_the_file():
 
 
 @pytest.mark.parametrize("text, expected", [
-    (ORBIT[:ORBIT.index("END Eph")], "line 22: expected END Ephemeris; found the end of the file, which may be cut"),
+    (ORBIT[:ORBIT.index("END Eph")], "line 21: expected END Ephemeris; found the end of the file, which may be cut"),
     (replaced(ORBIT, "Points\t\t 6", "Points\t\t 5"),
      "line 7: NumberOfEphemerisPoints: expected 6 or more, the lines of EphemerisTimePosVel; found 5"),
     (replaced(ORBIT, ROWS[2][:23], " 6.0e1"), "line 18: expected a time after 6.0000000000000000e+01, that of the line "

@@ -13,7 +13,7 @@ from decimal import Context, Decimal
 from functools import cache
 from typing import Any
 
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError
 from fledge.files.kvn import refuse
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -112,7 +112,7 @@ class Clock:
         self.scale = scale.upper()
         known = [*SCALES, *OTHER_SCALES]
         if self.scale not in known:
-            refuse(where, line, f"TIME_SYSTEM: expected {', '.join(known)}; found {scale}{did_you_mean(scale, known)}")
+            refuse(where, line, f"TIME_SYSTEM: expected {', '.join(known)}; found {scale}")
         self.zero = self._ns(zero) if zero else None
 
     @property

@@ -57,7 +57,9 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
         elif element.name not in MESSAGES:
             found.append(Token("close", element.name, f"</{element.name}>", element.line))
 
-    def doctype(*_: object) -> None:
+    def doctype(name: str, *_: object) -> None:
+        if name.lower() == "html":
+            refuse(where, parser.CurrentLineNumber + skipped, "expected a message in XML; found a page of the web")
         refuse(where, parser.CurrentLineNumber + skipped,
                "expected no document type, whose entities could fill the memory; remove <!DOCTYPE ...>")
 
@@ -66,7 +68,10 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
     try:
         parser.Parse(text[before:], True)
     except expat.ExpatError as error:
-        refuse(where, error.lineno + skipped, f"expected XML; {expat.ErrorString(error.code)}")
+        cut = error.code in (expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS],
+                             expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_TOKEN])
+        refuse(where, error.lineno + skipped, f"expected XML; {expat.ErrorString(error.code)}"
+                                              f"{': the file may be cut' if cut else ''}")
     except SetupError:
         raise
     except (LookupError, ValueError) as error:          # an encoding that Python does not know

@@ -14,7 +14,7 @@ import numpy as np
 from fledge import files
 from fledge.attitude import dcm_to_quaternion
 from fledge.errors import SetupError, listed
-from fledge.files import spk
+from fledge.files import mean_elements, spk
 from fledge.files.ephemeris import AemSegment, OemSegment, R, V
 from fledge.files.mean_elements import MeanElements
 from fledge.files.sections import Message, Section, Segment
@@ -106,6 +106,8 @@ def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
     if spk.is_kernel(source):
         return _of_spk(source, sky)
     found = files.read(source)
+    if getattr(found, "kind", "") == "OMM":
+        found = mean_elements.read(source)
     if isinstance(found, MeanElements):
         return FileMotion(found.title, sky, [_of_elements(found, sky)])
     if not isinstance(found, Message) or found.kind not in ("OEM", "AEM", "OPM"):
