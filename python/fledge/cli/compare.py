@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable
 
 from fledge.cli.arguments import number
-from fledge.errors import SetupError
 from fledge.cli.runs import WHAT
 
 
@@ -90,6 +89,7 @@ def _with_file(options: argparse.Namespace) -> int:
     from fledge.cli.console import counted, say
     from fledge.cli.runs import open_run
     from fledge.columns import columns
+    from fledge.errors import SetupError
 
     run = motion.of_run(open_run(options.runs[0]), options.craft)
     other = motion.of_file(options.runs[1], run.sky)
