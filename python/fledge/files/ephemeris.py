@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, listed
 from fledge.files.sections import Section, Segment
 from fledge.files.tables import sequence
 
@@ -81,13 +81,15 @@ class Tabulated(Segment):
 
     @classmethod
     def _of_columns(cls, name: str, meta: dict[str, Any], columns: dict[str, Any]) -> Any:
-        columns = {key: np.asarray(values, dtype=np.int64 if key == "EPOCH" else float)
-                   for key, values in columns.items()}
-        times = columns.get("EPOCH", np.zeros(0, dtype=np.int64))
-        if not len(times) or np.any(np.diff(times) <= 0) or len({len(values) for values in columns.values()}) != 1:
-            raise SetupError(f"{cls.__name__}: expected EPOCH [ns], increasing, and columns as long as it")
+        arrays = {key: np.asarray(values) for key, values in columns.items()}
+        times = arrays.get("EPOCH", np.zeros(0))
+        if times.dtype.kind not in "iu" or not times.size or np.any(np.diff(times) <= 0) or any(
+                x.shape != times.shape or x.dtype.kind not in "iuf" for x in arrays.values()):
+            raise SetupError(f"{cls.__name__}: expected EPOCH [ns], whole numbers that increase, and columns of "
+                             "numbers, as many as it has")
+        arrays = {key: x.astype(np.int64 if key == "EPOCH" else float) for key, x in arrays.items()}
         span = {"START_TIME": int(times[0]), "STOP_TIME": int(times[-1])}
-        segment = cls([Section("META", {**span, **meta}), Section(name, columns=columns)])
+        segment = cls([Section("META", {**span, **meta}), Section(name, columns=arrays)])
         segment.check()
         return segment
 
@@ -108,6 +110,9 @@ class OemSegment(Tabulated):
         return cls._of_columns("STATE", meta, {key: frame[key].to_numpy() for key in frame.columns})
 
     def _stack(self, names: tuple[str, ...]) -> np.ndarray:
+        missing = [name for name in names if name not in self.table.columns]
+        if missing:
+            self.table.refuse(f"expected the columns {', '.join(names)}; there is no {listed(missing)}")
         return np.stack([self.table.columns[name] for name in names], axis=-1)
 
     @property
@@ -166,7 +171,7 @@ class AemSegment(Tabulated):
         kind, columns = "QUATERNION", {"EPOCH": times,
                                        **dict(zip(("QC", "Q1", "Q2", "Q3"), np.asarray(beta_BA, float).T))}
         if omega_BA_B is not None:
-            kind, meta = "QUATERNION/ANGVEL", {"ANGVEL_FRAME": meta["REF_FRAME_B"], **meta}
+            kind, meta = "QUATERNION/ANGVEL", {"ANGVEL_FRAME": meta.get("REF_FRAME_B", ""), **meta}
             columns |= dict(zip(RATES, np.asarray(omega_BA_B, float).T))
         return cls._of_columns("DATA", {"ATTITUDE_TYPE": kind, **meta}, columns)
 

@@ -103,6 +103,8 @@ def test_a_frame_of_pandas_goes_there_and_back(tmp_path):
     frame = segment.to_pandas()
     assert frame["Y"].tolist() == [0, 7500, 15000, 22500] and len(frame) == 4
     meta = {key: value for key, value in segment.meta.values.items() if not key.startswith("INTERP")}
+    with pytest.raises(SetupError, match="expected the columns X, Y, Z; there is no Y"):
+        OemSegment.from_pandas(frame.drop(columns="Y"), meta).r
     again = OemSegment.from_pandas(frame, meta)
     files.write(ndm.create("OEM", [again], originator="TEAM", created="2026-01-01T00:00:00"), tmp_path / "a.oem")
     found = files.read(tmp_path / "a.oem").segment
@@ -128,8 +130,11 @@ def test_what_cannot_be_interpolated_is_refused_when_it_is_used(text, expected):
 
 
 def test_arrays_that_are_no_segment_are_refused():
-    with pytest.raises(SetupError, match="OemSegment: expected EPOCH \\[ns\\], increasing, and columns as long as it"):
-        OemSegment.of({}, [1, 1], np.zeros((2, 3)), np.zeros((2, 3)))
+    r = np.zeros((2, 3))
+    for times, lines in (([1, 1], r), ([1, 2, 3], r), ([1.0, 2.0], r), (["2026-01-01", "2026-01-02"], r),
+                         ([1, 2], r[0])):
+        with pytest.raises(SetupError, match="OemSegment: expected EPOCH \\[ns\\], whole numbers that increase, and"):
+            OemSegment.of({}, times, lines, lines)
     with pytest.raises(SetupError, match="create: expected a message of OPM, OMM, OEM, .*; found 'TDM'"):
         ndm.create("TDM", [], originator="T", created="2026-01-01T00:00:00")
     with pytest.raises(SetupError, match="no_such.oem: expected a file, or a text of several lines; No such file"):

@@ -36,9 +36,9 @@ class Token(NamedTuple):
 
 
 def refuse(where: str, line: int, text: str) -> NoReturn:
-    """Raise SetupError; of a long text with its begin and end."""
+    """Raise SetupError; of a long text with its begin and end. line: 0 of what is in no file."""
     text = text if len(text) <= MOST else f"{text[:MOST - 100]} ... {text[-100:]}"
-    raise SetupError(printable(f"{where}, line {line}: {text}"))
+    raise SetupError(printable(f"{where}, line {line}: {text}" if line else f"{where}: {text}"))
 
 
 def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:

@@ -28,7 +28,7 @@ class Section:
     comments: list[str] = field(default_factory=list)
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     where: str = "the message"
-    line: int = 1
+    line: int = 0
 
     def __getitem__(self, key: str) -> Any:
         if key not in self.values:

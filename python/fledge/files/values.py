@@ -108,7 +108,7 @@ class Clock:
     zero: the time from which an OCM counts seconds.
     """
 
-    def __init__(self, scale: str, where: str = "the message", line: int = 1, zero: str = "") -> None:
+    def __init__(self, scale: str, where: str = "the message", line: int = 0, zero: str = "") -> None:
         self.scale = scale.upper()
         known = [*SCALES, *OTHER_SCALES]
         if self.scale not in known:
