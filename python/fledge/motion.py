@@ -45,8 +45,8 @@ def of_run(archive: Archive, craft: str = "", sky: Sky | None = None) -> Motion:
     chosen = [path for path in ports if craft in ("", path, path.rpartition(".")[2])]
     if len(chosen) != 1:
         raise SetupError(f"{archive.path}: " + (
-            f"expected the name of one spacecraft of {listed(list(ports))}; found {craft or 'none'}: name it (--craft)" if ports
-            else
+            f"expected the name of one spacecraft of {listed(list(ports))}; found {craft or 'none'}: name it, "
+            "--craft NAME" if ports else
             "no CraftState is recorded, so there is no motion; let the scenario say sim.record(sim.world.craft.state, "
             "every=10 * s)"))
     path, state = chosen[0], ports[chosen[0]].name
