@@ -346,7 +346,7 @@ private:
             refuse("is damaged: its polynomials go through " + std::to_string(window) +
                    " records; expected 2 to 28, for Hermite's 1 to 14, of type 18 an even number");
         }
-        s.window = std::min(window, s.count);
+        s.window = s.cut_at_ends ? window : std::min(window, s.count);
         for (std::size_t i = 0; i < s.count; i++) {
             check_record(s, i, refuse);
         }

@@ -50,7 +50,7 @@ struct Nodes {
             end = std::min(low + 1 + half, s.count);
         } else {
             const bool next =
-                s.window % 2 == 1 && low + 1 < s.count && -t.since(epoch_of(s, low + 1)) < t.since(epoch_of(s, low));
+                s.window % 2 == 1 && low + 1 < s.count && -t.since(epoch_of(s, low + 1)) <= t.since(epoch_of(s, low));
             const std::size_t left = s.window % 2 == 0 ? half - 1 : half;
             begin = low + (next ? 1 : 0);
             begin = std::min(begin > left ? begin - left : 0, s.count - s.window);
