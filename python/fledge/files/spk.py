@@ -80,11 +80,11 @@ def read(path: str | os.PathLike[str]) -> list[SpkSegment]:
 
 
 def _within(seconds: float, side: int) -> int:
-    """[ns] The first (side 1) or last (-1) time that as a double [s] is not beyond an end of a segment."""
+    """[ns] The first (side 1) or last (-1) int64 that as a double [s] is not beyond an end of a segment."""
     ns = round(Fraction(seconds) * 10**9) - 256 * side
     while (_seconds(ns) - seconds) * side < 0:
         ns += side
-    return ns
+    return min(max(ns, -2**63), 2**63 - 1)
 
 
 def _seconds(ns: Any) -> Any:

@@ -57,6 +57,14 @@ def test_a_hermite_polynomial_of_degree_3_is_between_two_states(tmp_path):
     assert np.allclose(rate, slope, rtol=0, atol=1e-6)
 
 
+def test_a_span_beyond_the_years_of_64_bits_ends_with_them(tmp_path):
+    words = np.array([7000.0, 0, 0, 0, 7.5, 0, 0.0, 398600.4418, 1])    # a conic from J2000 on, without an end
+    daf.write(tmp_path / "a.bsp", daf.Daf("DAF/SPK ", [daf.Segment(-1e10, 1e10, (-1, 399, 1, 5), "S", words)]))
+    segment, = spk.read(tmp_path / "a.bsp")
+    assert (segment.begin, segment.end) == (-2**63, 2**63 - 1)
+    assert np.allclose(segment.at([0])[0], [7e6, 0, 0]) and np.isfinite(segment.at([segment.begin, segment.end])).all()
+
+
 def test_jplephem_reads_the_same_container(tmp_path):
     jplephem = pytest.importorskip("jplephem.daf", reason="python3-jplephem is not installed")
     path = wrote(tmp_path / "a.bsp", comments=["of a test", "two"], name="A CRAFT")
