@@ -73,12 +73,22 @@ def test_a_clock_on_tt_counts_from_its_date(clock):
     assert bepi.text(bepi.ticks(zero + 10**9 // 4)[0]) == "1/0000000000.16384"
 
 
-def test_a_clock_that_is_set_back_waits(clock):
+def test_a_rate_holds_up_to_the_next_knot(clock):
     late = clock(BEPI.replace("SYSTEM_69 = 2", "SYSTEM_69 = 1").replace(
         "1.0 )", "1.0   655360 @12-JUL-2016-00:01:20 1.0 )"))       # after 10 s, 11.816 s have passed
     begin = late.parallel[0]
-    assert list(late.ticks(begin + np.array([5, 10, 11, 12]) * 10**9) / 65536) == pytest.approx([5, 10, 10, 10.184])
+    assert list(late.ticks(begin + np.array([5, 10, 11, 12]) * 10**9) / 65536) == pytest.approx([5, 10, 11, 10.184])
     assert list(late.ns([655359.999, 655360]) - begin) == [9999999985, 11816000000]
+
+
+def test_knots_out_of_order_are_taken_as_spices_bisection_does(clock):
+    # The third of five is late, as the 35th of 23,133 of LRO's. Bisected: 1, 3, then to its left or right.
+    ticks, seconds = [0, 10, 35, 20, 30], [0, 10, 36, 21, 32]
+    knots = " ".join(f"{65536 * n} {-1e8 + t} 1.0" for n, t in zip(ticks, seconds))
+    odd = clock(BEPI.replace("SYSTEM_69 = 2", "SYSTEM_69 = 1").replace("0.0 @2016-07-12T00:01:08.184 1.0", knots))
+    found = odd.ns(65536 * np.array([5, 12, 22, 25, 29, 30, 36]))
+    assert list(found / 1e9 + 1e8) == pytest.approx([5, 12, 22, 25, 29, 32, 38])
+    assert odd.ticks(found[[0, 1, 5, 6]]) / 65536 == pytest.approx([5, 12, 30, 36])
 
 
 def test_what_a_clock_does_not_show_is_refused(clock):
@@ -89,6 +99,7 @@ def test_what_a_clock_does_not_show_is_refused(clock):
                       (lambda: voyager.ticks_of("noon"), "found 'noon'"),
                       (lambda: voyager.text(1e12), "ticks from 0 to 3145199983; found 1000000000000"),
                       (lambda: voyager.ns(10), "ticks from 985327950"),
+                      (lambda: clock(BEPI).ns(2.0**59), "up to 73 years past those of the kernel; found 5.7646"),
                       (lambda: voyager.ticks(-7 * 10**17), "known from 1979-07-05T21:51:11.41777158 TDB on")):
         with pytest.raises(SetupError, match=text):
             use()
@@ -97,6 +108,7 @@ def test_what_a_clock_does_not_show_is_refused(clock):
 def test_damaged_kernels_are_refused_with_their_line(clock, tmp_path):
     for old, new, text in (("( 65536 60 800 )", "( 65536 60 )", "line 7: SCLK01_MODULI_32: expected 3 numbers; found"),
                            ("65536 60 800 )", "65536 60 800", "line 8: SCLK01_MODULI_32: expected values and"),
+                           ("65536 60", "65536 60.5", "line 7: SCLK01_MODULI_32: expected whole numbers > 0"),
                            ("65536 60", "65536 sixty", "line 7: SCLK01_MODULI_32: expected a number.*found 'sixty'"),
                            ("TYPE_32        = ( 1 )", "TYPE_32 = 2", "SCLK_DATA_TYPE_32: expected 1; found 2"),
                            ("SCLK01_MODULI_32  ", "SCLK01_MODULI_33 ", "has no SCLK01_MODULI_32"),
