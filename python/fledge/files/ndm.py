@@ -200,8 +200,9 @@ class _Builder:
             except ValueError:
                 refuse(self.where, keys["EPOCH_TZERO"].line, f"EPOCH_TZERO: expected a time; found {zero!r}")
             meta = self._section(raws[0], clock, None)
-            segments.append([meta] + [self._section(raw, clock, meta) for raw in raws[1:]
-                                      if raw.tokens or raw.rows or raw.comments])
+            sections = [meta, *(self._section(raw, clock, meta) for raw in raws[1:]
+                                if raw.tokens or raw.rows or raw.comments)]
+            segments.append([section for section in sections if section.values or section.columns or section.comments])
         return message_of(self.form.name, self.version, front, segments)
 
     def _check(self, raws: list[_Raw], blocks: list[Block]) -> None:

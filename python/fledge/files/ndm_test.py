@@ -305,6 +305,9 @@ def test_what_others_leave_empty_or_give_twice_is_read():
     assert files.read(OPM.replace("2026-01-02T03:04:05", "")).header["CREATION_DATE"] == ""
     line = "2017-01-01T00:00:01 7000 22.5 0 0 7.5 0\n"
     assert len(files.read(OEM.replace(line, line * 2)).segment.times) == 4
+    empty = files.read(replaced(OPM, "MASS = 100 [kg]", "MASS ="))
+    assert not empty.segment.all("SPACECRAFT")
+    is_same(empty, ndm.read(ndm.text_of(empty, "kvn")))
     assert files.read(XML.replace("TEAM", "THE\n  TEAM")).header["ORIGINATOR"] == "THE TEAM"
 
 
