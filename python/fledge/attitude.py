@@ -13,7 +13,7 @@ Conventions. An attitude of B relative to N is one of
 where angle and axis turn N into B. Every function takes arrays with any leading dimensions and
 returns new arrays. Results lie in the ranges above; inputs need not.
 
-Composition of dcm_CN = dcm_CB @ dcm_BN is `compose(sigma_CB, sigma_BN)`.
+Composition of dcm_CN = dcm_CB @ dcm_BN is `compose(sigma_CB, sigma_BN)`, or `quaternion_product(beta_CB, beta_BN)`.
 
 Source: Schaub, Junkins, Analytical Mechanics of Space Systems, chapter 3; Shepperd (1978) for the
 quaternion of a matrix.
@@ -125,6 +125,14 @@ def prv_to_quaternion(prv: ArrayLike) -> np.ndarray:
     prv = _vector(prv, "a principal rotation vector")
     half = 0.5 * np.linalg.norm(prv, axis=-1, keepdims=True)
     return _upper(np.concatenate([np.cos(half), 0.5 * prv * np.sinc(half / np.pi)], axis=-1))
+
+
+def quaternion_product(beta_CB: ArrayLike, beta_BN: ArrayLike) -> np.ndarray:
+    """beta_CN of two rotations in a row: dcm_CN = dcm_CB @ dcm_BN. Linear in both, for rates too, so of either sign."""
+    c, b = _array(beta_CB, (4,), "a quaternion"), _array(beta_BN, (4,), "a quaternion")
+    scalar = c[..., :1] * b[..., :1] - np.sum(c[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
+    vector = c[..., :1] * b[..., 1:] + b[..., :1] * c[..., 1:] + np.cross(b[..., 1:], c[..., 1:])
+    return np.concatenate([scalar, vector], axis=-1)
 
 
 # --- Euler angles ----------------------------------------------------------------------------------
@@ -262,11 +270,7 @@ def switch(sigma: ArrayLike) -> np.ndarray:
 
 def compose(sigma_CB: ArrayLike, sigma_BN: ArrayLike) -> np.ndarray:
     """sigma_CN of two rotations in a row: dcm_CN = dcm_CB @ dcm_BN."""
-    c = mrp_to_quaternion(sigma_CB)
-    b = mrp_to_quaternion(sigma_BN)
-    scalar = c[..., :1] * b[..., :1] - np.sum(c[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
-    vector = c[..., :1] * b[..., 1:] + b[..., :1] * c[..., 1:] + np.cross(b[..., 1:], c[..., 1:])
-    return quaternion_to_mrp(np.concatenate([scalar, vector], axis=-1))
+    return quaternion_to_mrp(quaternion_product(mrp_to_quaternion(sigma_CB), mrp_to_quaternion(sigma_BN)))
 
 
 def relative(sigma_BN: ArrayLike, sigma_RN: ArrayLike) -> np.ndarray:

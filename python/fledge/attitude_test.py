@@ -75,6 +75,8 @@ def test_compose_and_relative():
     first, second = SETS["mrp"], SETS["mrp"][::-1]
     both = att.mrp_to_dcm(second) @ att.mrp_to_dcm(first)
     np.testing.assert_allclose(att.mrp_to_dcm(att.compose(second, first)), both, atol=1e-12)
+    quaternions = att.mrp_to_quaternion(second), att.mrp_to_quaternion(first)
+    np.testing.assert_allclose(att.quaternion_to_dcm(att.quaternion_product(*quaternions)), both, atol=1e-12)
     error = att.mrp_to_dcm(second) @ np.swapaxes(att.mrp_to_dcm(first), -1, -2)
     np.testing.assert_allclose(att.mrp_to_dcm(att.relative(second, first)), error, atol=1e-12)
 

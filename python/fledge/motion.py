@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fledge import files
-from fledge.attitude import dcm_to_quaternion, mrp_to_quaternion, quaternion_to_dcm
+from fledge.attitude import dcm_to_quaternion, mrp_to_quaternion, quaternion_product, quaternion_to_dcm
 from fledge.errors import SetupError, listed
 from fledge.files import spk
 from fledge.files.ephemeris import AemSegment, OemSegment
 from fledge.files.sections import Message, Section
 from fledge.world import reference_frames
 from fledge.world.bodies import BODIES
-from fledge.world.file_motion import FileMotion, Motion, of_file, product
+from fledge.world.file_motion import FileMotion, Motion, of_file
 from fledge.world.sky import Sky
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from fledge.archive import Archive
 
-__all__ = ["FileMotion", "Motion", "differences", "of_file", "of_run", "product", "write"]
+__all__ = ["FileMotion", "Motion", "differences", "of_file", "of_run", "write", "write_spk"]
 
 UNITS = {"t": "s", "radial": "m", "along": "m", "cross": "m", "distance": "m", "velocity": "m/s", "attitude": "deg"}
 
@@ -85,7 +85,7 @@ def differences(run: Motion, other: FileMotion) -> dict[str, np.ndarray]:
         table["distance"] = np.linalg.norm(d, axis=1)
         table["velocity"] = np.linalg.norm(run.v_N[inside] - v, axis=1)
     if run.beta_BN is not None and theirs.beta_BN is not None:
-        turn = product(run.beta_BN[inside], theirs.beta_BN * [1, -1, -1, -1])
+        turn = quaternion_product(run.beta_BN[inside], theirs.beta_BN * [1, -1, -1, -1])
         table["attitude"] = np.degrees(2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0])))
     if len(table) == 1:
         raise SetupError(f"{other.name}: has neither an orbit nor an attitude that the run has, too")
@@ -120,7 +120,7 @@ def aem_of(run: Motion, frame: str = "ICRF", rates: bool = False) -> Message:
     if run.beta_BN is None:
         raise SetupError(f"{run.name}: has no attitudes")
     dcm_FN, omega_FN_F = reference_frames.turning(run.sky, frame, run.times)
-    beta_BF = product(run.beta_BN, dcm_to_quaternion(dcm_FN) * [1, -1, -1, -1])
+    beta_BF = quaternion_product(run.beta_BN, dcm_to_quaternion(dcm_FN) * [1, -1, -1, -1])
     meta = _meta(run, REF_FRAME_A=frame, REF_FRAME_B="SC_BODY_1", TIME_SYSTEM="UTC", INTERPOLATION_METHOD="LINEAR",
                  INTERPOLATION_DEGREE=1)
     if rates and run.omega_BN_B is not None:
@@ -130,13 +130,16 @@ def aem_of(run: Motion, frame: str = "ICRF", rates: bool = False) -> Message:
     return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF), "1.0")
 
 
-def write_spk(run: Motion, path: str | os.PathLike[str], target: int) -> Path:
+def write_spk(run: Motion, path: str | os.PathLike[str], target: int, frame: str = "ICRF") -> Path:
     """Write the orbit of a run as a kernel of SPICE; returns the path, as write() does. target: the spacecraft's number
-    there, < 0, of NAIF or any that is free."""
+    there, < 0, of NAIF or any that is free; frame: one with the axes of N, which a kernel names J2000."""
     if run.r_N is None or run.v_N is None:
         raise SetupError(f"{run.name}: has no positions")
     if target >= 0:
         raise SetupError(f"{run.name}: expected a negative number, as spacecraft have in SPICE; found {target}")
+    if not reference_frames.is_inertial(frame):
+        raise SetupError(f"{run.name}: expected a frame of {', '.join(reference_frames.OF_N)}, which a kernel of SPICE "
+                         f"names J2000; found {frame}: leave it out, or write an OEM")
     out = Path(path)
     out = out.with_suffix(".bsp") if out.suffix in ("", ".mcap") else out
     spk.write(out, target=target, center=run.sky.center, times=run.epochs, r=run.r_N, v=run.v_N, name=run.name[:40])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, archive, cli, files, motion, world
+from fledge.attitude import quaternion_product
 from fledge.files import ndm, spk
 from fledge.units import deg, km, rad, s
 from fledge.world import file_motion
@@ -87,7 +88,7 @@ def test_a_run_written_is_read_as_it_was(run, tmp_path, frame, form):
         assert max(np.abs(values).max() for name, values in table.items() if name != "t") < 2e-6
 
 
-def test_a_run_written_for_spice_is_read_as_it_was(run, tmp_path):
+def test_a_run_written_for_spice_is_read_as_it_was(run, tmp_path, capsys):
     flown = motion.of_run(archive.Archive(run))
     assert cli.main(["convert", str(run), "--spk", "-42", "--out", str(tmp_path / "x.bsp")]) == 0
     found = motion.of_file(tmp_path / "x.bsp", flown.sky)
@@ -100,6 +101,12 @@ def test_a_run_written_for_spice_is_read_as_it_was(run, tmp_path):
         craft, earth = (np.asarray(with_craft.state(body, 1000.0).r_PN_N) for body in (-42, 399))
         assert np.linalg.norm(craft - earth - flown.r_N[100]) < 2e-3
     assert cli.main(["convert", str(run), "--spk", "42"]) == 2
+    written = (tmp_path / "x.bsp").read_bytes()
+    for frame, status in (("GCRF", 0), ("J2000", 0), ("TEME", 2)):
+        out = tmp_path / f"{frame}.bsp"
+        assert cli.main(["convert", str(run), "--spk", "-42", "--frame", frame, "--out", str(out)]) == status
+        assert (out.read_bytes() == written) if out.exists() else status
+    assert "found TEME: leave it out, or write an OEM" in capsys.readouterr().err
     spk.write(tmp_path / "moon.bsp", target="MOON", center="EARTH", times=flown.epochs, r=flown.r_N, v=flown.v_N)
     with pytest.raises(SetupError, match="moon.bsp: expected the orbit of a single spacecraft.*found none"):
         motion.of_file(tmp_path / "moon.bsp", flown.sky)
@@ -154,7 +161,7 @@ def test_differences_are_along_the_axes_of_the_orbit(tmp_path, run):
     np.testing.assert_allclose(table["distance"][:len(speed)], speed, rtol=2e-3)
     assert table["along"].min() > 7000 and np.abs(table["cross"]).max() < 1e-3
     turn = np.tile([np.cos(np.pi / 720), *(np.sin(np.pi / 720) * np.array([2, -1, 2]) / 3)], (len(flown.times), 1))
-    turned = file_motion.Motion(**{**vars(flown), "beta_BN": motion.product(turn, flown.beta_BN)})
+    turned = file_motion.Motion(**{**vars(flown), "beta_BN": quaternion_product(turn, flown.beta_BN)})
     motion.write(turned, "aem", tmp_path / "turned.aem")
     table = motion.differences(flown, motion.of_file(tmp_path / "turned.aem", flown.sky))
     np.testing.assert_allclose(table["attitude"], 0.5, atol=1e-9)

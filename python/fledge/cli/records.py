@@ -132,7 +132,7 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
     sky = Sky(options.epoch, options.center) if options.epoch else None
     run = motion.of_run(archive, options.craft, sky)
     if options.spk is not None:
-        say(str(motion.write_spk(run, options.out or archive.path, options.spk)))
+        say(str(motion.write_spk(run, options.out or archive.path, options.spk, options.frame)))
         return 0
     for form in ("e", "a") if options.stk else ("oem",) if options.oem else ("aem",):
         say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))

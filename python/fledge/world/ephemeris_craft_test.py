@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, archive, files, motion, world
+from fledge.attitude import mrp_to_quaternion, quaternion_product
 from fledge.motion_test import EPOCH, flight
 from fledge.units import s
 
@@ -43,7 +44,7 @@ def test_it_goes_where_the_run_went(written):
     sim, log = followed(folder)
     np.testing.assert_allclose(log["craft.state.r_BN_N"], run.r_N, atol=1e-3)
     np.testing.assert_allclose(log["craft.state.v_BN_N"], run.v_N, atol=1e-4)
-    turn = motion.product(motion.mrp_to_quaternion(log["craft.state.sigma_BN"]), run.beta_BN * [1, -1, -1, -1])
+    turn = quaternion_product(mrp_to_quaternion(log["craft.state.sigma_BN"]), run.beta_BN * [1, -1, -1, -1])
     assert np.linalg.norm(turn[:, 1:], axis=1).max() < 1e-9
     # Between the lines of the attitude the rate is its mean over a second.
     np.testing.assert_allclose(log["craft.state.omega_BN_B"][:-1], (run.omega_BN_B[1:] + run.omega_BN_B[:-1]) / 2,
@@ -72,7 +73,7 @@ def test_it_follows_files_of_stk(written, tmp_path):
         files.write(files.read(folder / f"x.{source}"), tmp_path / f"x.{form}", "stk")
     _, log = followed(tmp_path, orbit=tmp_path / "x.e", attitude=tmp_path / "x.a")
     np.testing.assert_allclose(log["craft.state.r_BN_N"], run.r_N, atol=1e-3)
-    turn = motion.product(motion.mrp_to_quaternion(log["craft.state.sigma_BN"]), run.beta_BN * [1, -1, -1, -1])
+    turn = quaternion_product(mrp_to_quaternion(log["craft.state.sigma_BN"]), run.beta_BN * [1, -1, -1, -1])
     assert np.linalg.norm(turn[:, 1:], axis=1).max() < 1e-9
     alone = "\n".join(line if line[:1].isalpha() else " ".join(line.split()[:4]) for line in
                       (tmp_path / "x.e").read_text().replace("PosVel", "Pos").replace("Hermite", "Lagrange").replace(

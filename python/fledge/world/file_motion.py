@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fledge import files
-from fledge.attitude import dcm_to_quaternion
+from fledge.attitude import dcm_to_quaternion, quaternion_product
 from fledge.errors import SetupError, listed
 from fledge.files import mean_elements, spk
 from fledge.files.ephemeris import AemSegment, OemSegment, R, V
@@ -206,7 +206,7 @@ def _of_aem(segment: AemSegment, sky: Sky) -> Part:
     def in_N(times: np.ndarray, beta: np.ndarray) -> np.ndarray:
         """Of quaternions of the file; of their rates where the frame does not turn."""
         dcm_FN, _ = reference_frames.turning(sky, known[0], times, _place(segment.meta))
-        return product(beta if body_is_b else beta * [1, -1, -1, -1], dcm_to_quaternion(dcm_FN))
+        return quaternion_product(beta if body_is_b else beta * [1, -1, -1, -1], dcm_to_quaternion(dcm_FN))
 
     def at(times: np.ndarray) -> np.ndarray:
         return in_N(times, segment.at(times - shift))
@@ -243,10 +243,3 @@ def _of_elements(elements: MeanElements, sky: Sky) -> Part:
         return states[:, 0] + about[:, 0], states[:, 1] + about[:, 1]
 
     return Part(-EVER, EVER, at)
-
-
-def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The attitudes beta_CA (n, 4) of beta_CB and beta_BA, scalar first: [CA] = [CB][BA]."""
-    a0, b0, av, bv = a[:, :1], b[:, :1], a[:, 1:], b[:, 1:]
-    return np.concatenate([a0 * b0 - np.sum(av * bv, axis=1, keepdims=True),
-                           a0 * bv + b0 * av - np.cross(av, bv)], axis=1)
