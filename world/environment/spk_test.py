@@ -158,7 +158,8 @@ def tail_of(kind, epochs, size, subtype=None):
 @pytest.mark.parametrize("kind, size, subtype, count", [
     (8, 3, None, 120), (8, 4, None, 120), (8, 7, None, 120), (9, 2, None, 250), (9, 8, None, 250), (9, 9, None, 250),
     (9, 28, None, 250), (12, 2, None, 120), (12, 5, None, 120), (13, 2, None, 250), (13, 4, None, 250),
-    (13, 7, None, 250), (13, 14, None, 250), (18, 4, 0, 250), (18, 8, 1, 250), (18, 6, 2, 250), (18, 8, 1, 3), (18, 6, 2, 5)])
+    (13, 7, None, 250), (13, 14, None, 250), (18, 4, 0, 250), (18, 8, 1, 250), (18, 6, 2, 250), (18, 8, 1, 3),
+    (18, 6, 2, 5)])
 def test_polynomials_through_states_are_as_scipy_has_them(library, tmp_path, kind, size, subtype, count):
     epochs = EPOCHS[:count] if kind not in (8, 12) else 1000.0 + 60.0 * np.arange(count)
     records = curve(epochs)
