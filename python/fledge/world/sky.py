@@ -68,8 +68,8 @@ class SpaceWeather:
     """The activity of the Sun and of the magnetic field, for EarthAtmosphere(weather=...).
 
     files: a file of indices, or several, in the forms of CelesTrak (SW-All.csv, SW-All.txt), GFZ
-        (Kp_ap_Ap_SN_F107_since_1932.txt), NOAA (45-day-ap-forecast.txt) or, of JB2008, SOLFSMY.TXT and DTCFILE.TXT;
-        what several have is taken of the first.
+        (Kp_ap_Ap_SN_F107_since_1932.txt), NOAA (45-day-ap-forecast.txt; DSD.txt and DGD.txt together) or, of JB2008,
+        SOLFSMY.TXT and DTCFILE.TXT; what several have is taken of the first.
 
     Raises SetupError, with file and line, for a form that is not known, a damaged line, days out of order or missing,
     and values out of range. An EarthAtmosphere refuses a run that the files do not cover, before the first step.

@@ -97,7 +97,7 @@ const char *lack(const SolarActivity &a, AirLaw law)
         return "F10.7 of the day before";
     }
     if (std::isnan(a.F107_average)) {
-        return law == AirLaw::met ? "half of the 162 days of its mean F10.7" : "mean F10.7 of 81 days";
+        return law == AirLaw::met ? "half of the 162 days of its mean F10.7" : "half of the 81 days of its mean F10.7";
     }
     switch (law) {
     case AirLaw::nrlmsise00:
@@ -121,6 +121,11 @@ double kp_of_ap(double ap)
         return 9.0;
     }
     return (static_cast<double>(next - 1 - ap_of_thirds) + (ap - next[-1]) / (next[0] - next[-1])) / 3.0;
+}
+
+double ap_of_kp(double kp)
+{
+    return std::isnan(kp) ? kp : ap_of_thirds[static_cast<std::size_t>(std::lround(3.0 * kp))];
 }
 
 SpaceWeather::Day::Day()

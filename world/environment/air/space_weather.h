@@ -14,6 +14,8 @@
 //                    between the months), with means of 81 days
 //   GFZ              Kp_ap_Ap_SN_F107_since_1932.txt, and the nowcast's
 //   NOAA             45-day-ap-forecast.txt, of one ap a day
+//   NOAA, daily      DSD.txt with F10.7 and DGD.txt with the estimated planetary A and K, together; those of a quarter
+//                    or a year likewise
 //   SET              SOLFSMY.TXT and DTCFILE.TXT, together
 // Means that a file does not have are of those days that are there, at least half.
 // Sources: the headers of the files; Picone et al. 2002; Bruinsma, Thuillier and Barlier 2003; Bowman et al. 2008.
@@ -33,6 +35,9 @@ enum class AirLaw { nrlmsise00, jb2008, dtm2000, met };
 
 /// Kp by ap: between the 28 pairs of their definition linear.
 double kp_of_ap(double ap);
+
+/// ap by the third next to Kp, which is from 0 to 9, or NaN.
+double ap_of_kp(double kp);
 
 /// Immutable: clones and threads share it.
 class SpaceWeather {

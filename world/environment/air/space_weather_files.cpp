@@ -292,6 +292,54 @@ void read_noaa(const std::vector<IndexLine> &lines, SpaceWeather::Activity &all)
     }
 }
 
+/// The days of a daily file of NOAA's SWPC: line, MJD and words from the date on.
+template <typename Read>
+void read_swpc(const std::vector<IndexLine> &lines, const char *form, std::size_t size, SpaceWeather::Activity &all,
+               Read read)
+{
+    for (const IndexLine &line : lines) {
+        std::string spaced; // values that are not there run together: "1-1-1"
+        for (const char c : line.text) {
+            spaced += c == '-' ? " -" : std::string(1, c);
+        }
+        const std::vector<std::string_view> words = words_of(spaced);
+        if (words.empty() || line.text.starts_with(":")) {
+            continue;
+        }
+        if (words.size() != size) {
+            line.refuse("expected a day of NOAA's " + std::string(form) + ": a date and " + std::to_string(size - 3) +
+                        " values; found " + std::to_string(words.size()) + " words");
+        }
+        const int mjd = line.date(line.integer(words[0], "a year"), line.integer(words[1], "a month"),
+                                  line.integer(words[2], "a day"));
+        line.follows(mjd, all.indices);
+        read(line, words, all.indices.make(mjd));
+    }
+}
+
+/// DSD: F10.7, then sunspots, the mean field, X-rays and flares.
+void read_dsd(const std::vector<IndexLine> &lines, SpaceWeather::Activity &all)
+{
+    read_swpc(lines, "DSD.txt", 16, all, [](const IndexLine &line, const auto &words, Day &day) {
+        day.F107 = line.flux(words[3], "F10.7", -1.0);
+    });
+}
+
+/// DGD: A and eight K of Fredericksburg, of College, and as estimated of the planet, in whole numbers or hundredths.
+void read_dgd(const std::vector<IndexLine> &lines, SpaceWeather::Activity &all)
+{
+    read_swpc(lines, "DGD.txt", 30, all, [](const IndexLine &line, const auto &words, Day &day) {
+        bool whole = true;
+        for (std::size_t k = 0; k < 8; k++) {
+            day.kp[k] = std::round(3.0 * line.within(words[22 + k], "K", 0.0, 9.0, -1.0)) / 3.0;
+            day.ap[k] = ap_of_kp(day.kp[k]);
+            whole = whole && !std::isnan(day.kp[k]);
+        }
+        const double A = line.ap(words[21]);
+        day.Ap = whole ? A : SpaceWeather::unknown; // before the day's end it is that of the hours so far
+    });
+}
+
 /// SOLFSMY: year, day of it, Julian date, then day's value and mean of F10, S10, M10 and Y10, and where they come from.
 void read_solfsmy(const std::vector<IndexLine> &lines, SpaceWeather::Activity &all)
 {
@@ -368,12 +416,14 @@ SpaceWeather::Activity read_activity(const std::string &path)
 {
     const std::string whole = read_whole(path);
     std::vector<IndexLine> lines;
-    bool noaa = false, celestrak = false;
+    bool noaa = false, celestrak = false, dsd = false, dgd = false;
     std::size_t number = 0;
     for (const std::string_view text : lines_of(whole)) {
         number++;
         celestrak = celestrak || text.starts_with("BEGIN OBSERVED");
         noaa = noaa || text.starts_with("45-DAY AP");
+        dsd = dsd || text.starts_with(":Product: Daily Solar Data");
+        dgd = dgd || text.starts_with(":Product: Daily Geomagnetic Data");
         if (!text.starts_with("#")) {
             lines.push_back({path, number, text});
         }
@@ -384,6 +434,8 @@ SpaceWeather::Activity read_activity(const std::string &path)
         read_celestrak_text(lines, all);
     } else if (noaa) {
         read_noaa(lines, all);
+    } else if (dsd || dgd) {
+        (dsd ? read_dsd : read_dgd)(lines, all);
     } else if (!lines.empty() && lines.front().text.starts_with("DATE,")) {
         read_celestrak_csv(lines, all);
     } else if (!lines.empty() && lines.front().text.starts_with("DTC ")) {
@@ -395,7 +447,8 @@ SpaceWeather::Activity read_activity(const std::string &path)
     } else {
         refuse_file(path,
                     "expected a file of indices: CelesTrak's SW-All.csv or .txt, GFZ's Kp_ap_Ap_SN_F107..., NOAA's "
-                    "45-day-ap-forecast.txt, or JB2008's SOLFSMY.TXT and DTCFILE.TXT; its first line is none of them");
+                    "45-day-ap-forecast.txt, DSD.txt and DGD.txt, or JB2008's SOLFSMY.TXT and DTCFILE.TXT; its first "
+                    "line is none of them");
     }
     if (all.indices.days.empty() && all.jb2008.days.empty()) {
         refuse_file(path, "has no days");

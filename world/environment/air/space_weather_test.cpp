@@ -248,6 +248,106 @@ TEST(SpaceWeather, goes_on_with_a_forecast)
     EXPECT_THAT(refused(later), AllOf(HasSubstr(":6: "), HasSubstr("\"21Jly24\"")));
 }
 
+// Of September 2026, as SWPC published them; the last day was not over.
+const std::string dsd = ":Product: Daily Solar Data            DSD.txt\n:Issued: 0825 UT 22 Sep 2026\n#\n"
+                        "2026 09 19   97     11       10      1    -999      *   1  0  0  0  0  0  0\n"
+                        "2026 09 20  101     54       90      3    -999      *   2  0  0  4  1  0  0\n"
+                        "2026 09 21  104     85      140      3    -999   B6.8   2  0  0  1  0  0  0\n";
+const std::string dgd = ":Product: Daily Geomagnetic Data          DGD.txt\n:Issued: 1230 UT 22 Sep 2026\n#\n"
+                        "2026 09 20     6  2 3 2 1 2 1 1 0     4  1 3 3 0 0 0 0 0     6   2.33  3.00  2.00  0.67  "
+                        "1.00  0.33  0.33  1.00\n"
+                        "2026 09 21     2  1 1 0 1 2 1 0 0     0  1 0 0 0 0 0 0 0     3   1.67  1.00  0.33  0.67  "
+                        "0.67  0.33  0.00  1.33\n"
+                        "2026 09 22    -1  1 0-1-1-1-1-1-1    -1  1 0-1-1-1-1-1-1     7   2.00  0.67 -1.00 -1.00 "
+                        "-1.00 -1.00 -1.00 -1.00\n";
+constexpr double september_20 = 61'303.0; // MJD
+
+/// Days of SWPC's DSD from 2018-07-05 on, with F10.7 of 70 and more by the number of the day.
+std::string quarter(int days)
+{
+    std::string text = ":Product: Daily Solar Data     quar_DSD.txt\n";
+    const int begin[] = {5, 1, 1, 1}, end[] = {31, 31, 30, 31};
+    int i = 0;
+    for (int m = 0; m < 4; m++) {
+        for (int day = begin[m]; day <= end[m] && i < days; day++) {
+            char line[120];
+            std::snprintf(line, sizeof line,
+                          "2018 %02d %02d  %3d     11       10      1    -999   A6.8   0  0  0  0  0"
+                          "  0  0\n",
+                          7 + m, day, 70 + i++);
+            text += line;
+        }
+    }
+    return text;
+}
+
+TEST(SpaceWeather, reads_swpcs_days)
+{
+    const SpaceWeather weather = read({{"DSD.txt", dsd}, {"DGD.txt", dgd}});
+    const SolarActivity a = weather.at(september_20 + 1.99, AirLaw::nrlmsise00);
+    EXPECT_EQ(a.F107, 101.0);
+    EXPECT_EQ(a.ap[0], 3.0);
+    EXPECT_EQ(a.ap[1], 5.0); // 1.33 is one and a third
+    EXPECT_EQ(a.ap[2], 0.0);
+    EXPECT_EQ(a.ap[3], 2.0);
+    EXPECT_EQ(weather.at(september_20 + 0.2, AirLaw::dtm2000).kp_before, 7.0 / 3.0);
+    // The published A is the mean of the day's ap, rounded.
+    for (const double day : {0.0, 1.0}) {
+        double sum = 0.0;
+        for (int k = 0; k < 8; k++) {
+            sum += weather.at(september_20 + day + (k + 0.5) / 8.0, AirLaw::nrlmsise00).ap[1];
+        }
+        EXPECT_EQ(std::round(sum / 8.0), weather.at(september_20 + day + 0.5, AirLaw::nrlmsise00).ap[0]);
+    }
+    // Of a day that is not over: what is there, and no A.
+    EXPECT_EQ(weather.at(september_20 + 2.2, AirLaw::nrlmsise00).ap[1], 3.0);
+    EXPECT_TRUE(std::isnan(weather.at(september_20 + 2.3, AirLaw::nrlmsise00).ap[1]));
+    EXPECT_TRUE(std::isnan(weather.at(september_20 + 2.2, AirLaw::nrlmsise00).ap[0]));
+}
+
+TEST(SpaceWeather, takes_means_of_swpcs_quarters)
+{
+    // K in whole numbers, as until 2021: as published, 7 to 9 October 2018, with F10.7 from 5 July on.
+    const SpaceWeather weather =
+        read({{"DGD.txt", ":Product: Daily Geomagnetic Data     quar_DGD.txt\n"
+                          "2018 10 07    13  0 0 2 3 3 4 4 3    44  0 0 2 6 7 6 4 3    24  0 1 1 3 4 5 5 5\n"
+                          "2018 10 08    16  4 4 3 3 3 3 1 2    53  3 5 6 6 7 5 2 1    21  4 4 4 3 4 3 2 2\n"
+                          "2018 10 09    14  2 3 3 3 3 3 3 3    39  2 3 5 6 6 5 3 3    17  3 3 3 4 3 4 3 3\n"},
+              {"DSD.txt", quarter(97)}}); // to 9 October
+    const SolarActivity a = weather.at(times.epoch("2018-10-09T12:00:00"), AirLaw::dtm2000);
+    EXPECT_EQ(a.F107, 70.0 + 95.0);
+    EXPECT_NEAR(a.F107_average, 70.0 + 76.0, 1e-10); // of 30 August to 9 October
+    EXPECT_EQ(a.ap[0], 17.0);
+    EXPECT_EQ(a.kp_before, 4.0);
+    EXPECT_TRUE(weather.covers(times.epoch("2018-10-08"), times.epoch("2018-10-09T23:59:00"), AirLaw::dtm2000));
+    EXPECT_THAT(error_of([&] {
+                    weather.require(times.epoch("2018-10-09"), times.epoch("2018-10-10T01:00:00"), AirLaw::dtm2000);
+                }),
+                AllOf(HasSubstr("half of the 81 days of its mean F10.7 at 2018-10-10T"), HasSubstr("to 2018-10-09")));
+    EXPECT_THAT(error_of([&] {
+                    read({{"DSD.txt", quarter(97)}})
+                        .require(times.epoch("2018-10-08"), times.epoch("2018-10-09"), AirLaw::dtm2000);
+                }),
+                HasSubstr("Kp of the 24 h before"));
+}
+
+TEST(SpaceWeather, refuses_damaged_days_of_swpc)
+{
+    const auto swapped = [](std::string text, const std::string &from, const std::string &to) {
+        text.replace(text.find(from), from.size(), to);
+        return refused(text);
+    };
+    EXPECT_THAT(refused(dsd.substr(0, dsd.size() - 10)),
+                AllOf(HasSubstr(":6: "), HasSubstr("DSD.txt: a date and 13"), HasSubstr("found 13 words")));
+    EXPECT_THAT(swapped(dsd, "2026 09 20", "2026 09 22"),
+                AllOf(HasSubstr(":5: "), HasSubstr("expected 2026-09-20"), HasSubstr("found 2026-09-22")));
+    EXPECT_THAT(swapped(dsd, " 101 ", " 1o1 "), AllOf(HasSubstr(":5: "), HasSubstr("\"1o1\"")));
+    EXPECT_EQ(swapped(dsd, " 101 ", "  -1 "), "");
+    EXPECT_THAT(refused(dgd.substr(0, dgd.size() - 8)), AllOf(HasSubstr(":6: "), HasSubstr("found 29 words")));
+    EXPECT_THAT(swapped(dgd, "  3.00", " 13.00"), AllOf(HasSubstr(":4: "), HasSubstr("K is 13")));
+    EXPECT_THAT(refused(":Product: Daily Solar Data\n#\n"), HasSubstr("has no days"));
+}
+
 TEST(SpaceWeather, knows_kp_by_ap)
 {
     EXPECT_EQ(kp_of_ap(0.0), 0.0);
