@@ -114,7 +114,11 @@ Attraction::Source Attraction::find(const GravityBody &body) const
             refuse("solid tides are those of the Earth, not of " + name_of(body));
         }
         for (const int raiser : tide_raisers) {
-            require(raiser, 0, 0);
+            try {
+                sky_->require(raiser, 0, 0);
+            } catch (const sim::SetupError &error) {
+                refuse("tides need the Moon and the Sun in the sky: " + std::string(error.what()));
+            }
         }
         source.tide.emplace(Tide{*body.field->tides});
     }

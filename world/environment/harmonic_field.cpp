@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/environment/harmonic_field.h"
 
+#include "flight/math/elementary.h"
 #include "sim/error.h"
 #include "sim/text.h"
 #include "world/environment/text_input.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
-#include <optional>
+#include <limits>
+#include <numbers>
 #include <string_view>
 
 namespace fledge::world {
@@ -15,6 +18,7 @@ namespace fledge::world {
 namespace {
 
 constexpr int highest_in_header = 10'000; // a header beyond it is damaged: 1.6 GB of numbers
+constexpr double largest_radius = 1e9;    // [m] beyond that of the Sun
 
 /// sqrt((2 - d_m0) (2 n + 1) (n - m)! / (n + m)!): C = C' / this for an unnormalised C'.
 double normalisation(int n, int m)
@@ -38,6 +42,18 @@ public:
     /// n, m, C, S are the words from `first` on.
     void take(const std::vector<std::string_view> &words, std::size_t first, std::size_t line)
     {
+        take(row(words, first, line), line);
+    }
+
+    struct Row {
+        int n, m;
+        double C, S; ///< normalised
+
+        std::size_t index() const { return HarmonicField::index(n, m); }
+    };
+
+    Row row(const std::vector<std::string_view> &words, std::size_t first, std::size_t line) const
+    {
         if (words.size() < first + 4) {
             refuse_line(file_, line, "expected n, m, C, S, found " + std::to_string(words.size() - first) + " values");
         }
@@ -53,29 +69,41 @@ public:
                             "; the header promises up to " + std::to_string(field_.degree) + ", " +
                             std::to_string(field_.order));
         }
-        const std::size_t i = HarmonicField::index(*n, *m);
-        if (seen_[i]) {
-            refuse_line(file_, line,
-                        "degree " + std::to_string(*n) + ", order " + std::to_string(*m) + " is given twice");
-        }
-        seen_[i] = true;
         const double scale = normalised_ ? 1.0 : 1.0 / normalisation(*n, *m);
-        field_.C[i] = *C * scale;
-        field_.S[i] = *S * scale;
-        if (!std::isfinite(field_.C[i]) || !std::isfinite(field_.S[i])) {
+        const Row row{*n, *m, *C * scale, *S * scale};
+        if (!std::isfinite(row.C) || !std::isfinite(row.S)) {
             refuse_line(file_, line, "the coefficient is beyond the range of numbers");
         }
+        return row;
     }
 
-    void finish() const
+    void take(const Row &row, std::size_t line)
+    {
+        const std::size_t i = row.index();
+        if (seen_[i]) {
+            refuse_line(file_, line,
+                        "degree " + std::to_string(row.n) + ", order " + std::to_string(row.m) + " is given twice");
+        }
+        seen_[i] = true;
+        field_.C[i] = row.C;
+        field_.S[i] = row.S;
+    }
+
+    void add(const Row &row, double factor)
+    {
+        field_.C[row.index()] += row.C * factor;
+        field_.S[row.index()] += row.S * factor;
+    }
+
+    void finish(const char *perhaps = "Is the file cut short?") const
     {
         for (int n = 2; n <= field_.degree; n++) {
             for (int m = 0; m <= std::min(n, field_.order); m++) {
                 if (!seen_[HarmonicField::index(n, m)]) {
                     throw sim::SetupError(file_ + ": degree " + std::to_string(n) + ", order " + std::to_string(m) +
                                           " is missing; the header promises all up to " +
-                                          std::to_string(field_.degree) + ", " + std::to_string(field_.order) +
-                                          ". Is the file cut short?");
+                                          std::to_string(field_.degree) + ", " + std::to_string(field_.order) + ". " +
+                                          perhaps);
                 }
             }
         }
@@ -118,9 +146,10 @@ double HarmonicField::J(int n) const
     return -std::sqrt(2.0 * n + 1.0) * C[index(n, 0)];
 }
 
-HarmonicField read_shadr(const std::string &path, LengthUnit unit)
+namespace {
+
+HarmonicField parse_shadr(std::string_view text, const std::string &path, LengthUnit unit)
 {
-    const std::string text = read_whole(path);
     const auto lines = lines_of(text);
     const auto header = lines.empty() ? std::vector<std::string_view>() : words_of(lines[0]);
     const auto number = [&](std::size_t i) { return i < header.size() ? parse_number(header[i]) : std::nullopt; };
@@ -130,13 +159,18 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     if (!radius || !mu || !degree || !order || !normalised || *radius <= 0.0 || *mu <= 0.0 || *degree < 0 ||
         *degree > highest_in_header || *order < 0 || *order > *degree) {
         refuse_line(path, 1,
-                    "expected the header of a SHADR file: radius, mu, sigma of mu, degree, "
-                    "order, 1 if normalised");
+                    "expected the header of a SHADR file: radius, mu, sigma of mu, degree, order, 1 if normalised; or "
+                    "a file in ICGEM's format, with a line end_of_head. Others, as GMAT's .cof, SHM, EGM and GRGS, are "
+                    "not read: icgem.gfz-potsdam.de has most fields as .gfc");
     }
     if (*normalised != 0 && *normalised != 1) {
         refuse_line(path, 1,
                     "the sixth value is 1: fully normalised, or 0: not normalised; found " +
                         std::to_string(*normalised));
+    }
+    if (*radius > largest_radius) {
+        refuse_line(path, 1,
+                    "a radius of " + sim::format_number(*radius) + " is none: SHADR has the radius first, then mu");
     }
     const bool kilometres = unit == LengthUnit::kilometre || (unit == LengthUnit::by_radius && *radius < 1e5);
     HarmonicField field =
@@ -154,14 +188,13 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     return field;
 }
 
-namespace {
-
 /// The head of a file in ICGEM's format.
 struct IcgemHead {
     std::string name, tide_system = "unknown";
     std::optional<double> mu, radius;
     std::optional<int> degree;
     bool normalised = true;
+    bool intervals = false; ///< icgem2.0: each term that varies has a time from which and up to which it holds
 
     /// From a line of a key and a value.
     void take(const std::string &path, std::size_t line, std::string_view key, std::string_view value)
@@ -182,6 +215,9 @@ struct IcgemHead {
             understood = normalised || value == "unnormalized";
         } else if (key == "tide_system") {
             tide_system = value;
+        } else if (key == "format") {
+            intervals = value == "icgem2.0";
+            understood = intervals || value == "icgem1.0";
         }
         if (!understood) {
             refuse_line(path, line,
@@ -190,26 +226,154 @@ struct IcgemHead {
     }
 };
 
-} // namespace
+/// A date in a row.
+struct IcgemDate {
+    double day;      ///< [d] past 2000-01-01
+    double new_year; ///< and the beginning of its year
+};
 
-HarmonicField read_icgem(const std::string &path)
+/// Of yyyymmdd or yyyymmdd.hhmm; the minutes may be 60, as EIGEN-6S4 has them.
+std::optional<IcgemDate> parse_date(std::string_view word)
 {
-    const std::string text = read_whole(path);
-    const auto lines = lines_of(text);
-    std::size_t i = 0;
+    using namespace std::chrono;
+    const auto date = parse_integer(word.substr(0, 8));
+    const auto clock = word.size() == 8 ? 0 : word.size() == 13 && word[8] == '.' ? parse_integer(word.substr(9)) : -1;
+    if (word.size() < 8 || !date || *date < 1'00'00 || !clock || *clock < 0 || *clock > 2400 || *clock % 100 > 60) {
+        return {};
+    }
+    const year_month_day calendar{year(*date / 1'00'00), month(unsigned(*date / 100 % 100)),
+                                  day(unsigned(*date % 100))};
+    if (!calendar.ok()) {
+        return {};
+    }
+    const sys_days origin = 2000y / January / 1, new_year = calendar.year() / January / 1;
+    return IcgemDate{static_cast<double>((sys_days(calendar) - origin).count()) +
+                         (*clock / 100 * 60 + *clock % 100) / 1440.0,
+                     static_cast<double>((new_year - origin).count())};
+}
+
+/// Takes the rows behind the head: what changes, as it is at the epoch.
+class IcgemRows {
+public:
+    IcgemRows(const std::string &path, const IcgemHead &head, HarmonicField &field, std::optional<Epoch> epoch)
+        : path_(path), collector_(path, field, head.normalised), intervals_(head.intervals),
+          begin_(field.C.size(), std::numeric_limits<double>::quiet_NaN())
+    {
+        if (epoch) {
+            now_ = epoch->seconds() / 86400.0 + 0.5;
+        }
+    }
+
+    void take(const std::vector<std::string_view> &words, std::size_t line)
+    {
+        const std::string_view key = words[0];
+        const bool value = key == "gfct", slope = key == "trnd" || key == "dot", wave = key == "acos" || key == "asin";
+        if (key == "gfc") {
+            collector_.take(words, 1, line);
+        } else if (value || slope || wave) {
+            take_term(words, value, wave, line);
+        } else {
+            refuse_line(path_, line,
+                        "expected gfc, gfct, trnd, dot, asin or acos, found \"" + std::string(key.substr(0, 40)) +
+                            "\"");
+        }
+    }
+
+    void finish() const
+    {
+        collector_.finish(intervals_ && now_ ? "Does no interval of it hold the epoch, or is the file cut short?"
+                                             : "Is the file cut short?");
+    }
+
+private:
+    void take_term(const std::vector<std::string_view> &words, bool value, bool wave, std::size_t line)
+    {
+        if (!now_) {
+            refuse_line(path_, line,
+                        "its coefficients change in time; say when they are to hold, as in epoch=\"2026-03-20\"");
+        }
+        const Collector::Row row = collector_.row(words, 1, line);
+        // n, m, C, S, their sigmas or none, t0, t1, period.
+        const std::size_t dates = intervals_ ? 2 : value ? 1 : 0, tail = words.size() - dates - (wave ? 1 : 0);
+        if (tail < 5 || tail > words.size()) {
+            refuse_line(path_, line, "the row ends before its dates or its period");
+        }
+        IcgemDate t0{begin_[row.index()], begin_[row.index()]};
+        if (dates > 0) {
+            t0 = date(words[tail], line);
+        }
+        if (dates == 2 && (*now_ < t0.day || *now_ >= date(words[tail + 1], line).day)) {
+            return;
+        }
+        if (value) {
+            collector_.take(row, line);
+            begin_[row.index()] = t0.day;
+            return;
+        }
+        if (std::isnan(begin_[row.index()])) {
+            refuse_line(path_, line,
+                        "expected gfct of degree " + std::to_string(row.n) + ", order " + std::to_string(row.m) +
+                            " at the epoch before what it changes by");
+        }
+        collector_.add(row, wave ? phase(words, t0, line) : (*now_ - t0.day) / days_a_year);
+    }
+
+    /// cos or sin of 2 pi (t - t0) / period. With intervals they count from the new year before t0, where
+    /// EIGEN-6S4 is continuous: from t0 it would jump by 100 times as much in 2002 and 2014.
+    double phase(const std::vector<std::string_view> &words, const IcgemDate &t0, std::size_t line) const
+    {
+        const auto period = parse_number(words.back());
+        if (!period || !(*period > 0.001)) { // it may be the sigma before a period that is left out
+            refuse_line(path_, line, "expected a period > 0.001 y, found \"" + std::string(words.back()) + "\"");
+        }
+        const double years = (*now_ - (intervals_ ? t0.new_year : t0.day)) / days_a_year;
+        double s = 0.0, c = 0.0;
+        fm_sincos(2.0 * std::numbers::pi * years / *period, &s, &c);
+        return words[0] == "acos" ? c : s;
+    }
+
+    IcgemDate date(std::string_view word, std::size_t line) const
+    {
+        const auto date = parse_date(word);
+        if (!date) {
+            refuse_line(path_, line, "expected a date yyyymmdd or yyyymmdd.hhmm, found \"" + std::string(word) + "\"");
+        }
+        return *date;
+    }
+
+    static constexpr double days_a_year = 365.25;
+
+    std::string path_;
+    Collector collector_;
+    bool intervals_;
+    std::vector<double> begin_; // [d] past 2000-01-01, t0 of gfct
+    std::optional<double> now_; // [d] past 2000-01-01
+};
+
+IcgemHead parse_head(const std::vector<std::string_view> &lines, const std::string &path, std::size_t &i)
+{
+    const auto key = [&](std::size_t at) {
+        const auto words = words_of(lines[at]);
+        return words.empty() ? std::string_view() : words[0];
+    };
+    // All before begin_of_head is comment; without it, only what has no key.
+    for (std::size_t at = 0; at < lines.size() && !key(at).starts_with("end_of_head"); at++) {
+        if (key(at).starts_with("begin_of_head")) {
+            i = at + 1;
+        }
+    }
     IcgemHead head;
     head.name = path;
     bool ended = false;
     for (; i < lines.size() && !ended; i++) {
         const auto words = words_of(lines[i]);
-        ended = !words.empty() && words[0] == "end_of_head";
+        ended = key(i).starts_with("end_of_head");
         if (words.size() >= 2) {
             head.take(path, i + 1, words[0], words[1]);
         }
     }
     if (!ended) {
-        throw sim::SetupError(path + ": has no line end_of_head; expected a gravity field in ICGEM's "
-                                     "format (.gfc)");
+        throw sim::SetupError(path + ": has no line end_of_head; expected a gravity field in ICGEM's format (.gfc)");
     }
     if (!head.mu || !head.radius || !head.degree) {
         throw sim::SetupError(path + ": its header lacks " +
@@ -217,34 +381,43 @@ HarmonicField read_icgem(const std::string &path)
                                : !head.radius ? "radius"
                                               : "max_degree"));
     }
+    return head;
+}
+
+HarmonicField parse_icgem(std::string_view text, const std::string &path, std::optional<Epoch> epoch)
+{
+    const auto lines = lines_of(text);
+    std::size_t i = 0;
+    const IcgemHead head = parse_head(lines, path, i);
     HarmonicField field = HarmonicField::zero(*head.mu, *head.radius, *head.degree);
     field.name = head.name;
     field.tide_system = head.tide_system;
-    Collector collector(path, field, head.normalised);
+    IcgemRows rows(path, head, field, epoch);
     for (; i < lines.size(); i++) {
         const auto words = words_of(lines[i]);
-        if (words.empty()) {
-            continue;
-        }
-        // gfct: the value at an epoch; the lines after it hold its change in time.
-        if (words[0] == "gfc" || words[0] == "gfct") {
-            field.varies = field.varies || words[0] == "gfct";
-            collector.take(words, 1, i + 1);
-        } else if (words[0] == "trnd" || words[0] == "dot" || words[0] == "asin" || words[0] == "acos") {
-            field.varies = true;
-        } else {
-            refuse_line(path, i + 1,
-                        "expected gfc, gfct, trnd, dot, asin or acos, found \"" + std::string(words[0].substr(0, 40)) +
-                            "\"");
+        if (!words.empty()) {
+            rows.take(words, i + 1);
         }
     }
-    collector.finish();
+    rows.finish();
     return field;
 }
 
-HarmonicField read_gravity_field(const std::string &path)
+} // namespace
+
+HarmonicField read_shadr(const std::string &path, LengthUnit unit)
 {
-    return path.ends_with(".gfc") ? read_icgem(path) : read_shadr(path);
+    return parse_shadr(read_whole(path), path, unit);
+}
+
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch)
+{
+    const std::string text = read_whole(path);
+    if (text.starts_with("\x1f\x8b") || text.starts_with("PK\3\4")) {
+        refuse_file(path, "is compressed; unpack it first, with gunzip or unzip");
+    }
+    const bool icgem = path.ends_with(".gfc") || text.find("\nend_of_head") != text.npos;
+    return icgem ? parse_icgem(text, path, epoch) : parse_shadr(text, path, LengthUnit::by_radius);
 }
 
 } // namespace fledge::world

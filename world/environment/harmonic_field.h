@@ -4,12 +4,20 @@
 //   SHADR  PDS: a header line (radius, mu, sigma of mu, degree, order, normalised?, reference
 //          longitude, latitude), then a row per coefficient: n, m, C, S, sigma of C, sigma of S.
 //          Separated by commas or blanks.
-//   ICGEM  .gfc: lines of a keyword and its value up to end_of_head, then rows: gfc n m C S ...
+//   ICGEM  .gfc: lines of a keyword and its value up to end_of_head, then rows: gfc n m C S ... Rows gfct, trnd
+//          (dot), acos and asin change in time:
+//
+//            C(t) = gfct + trnd (t - t0) + sum over periods p [acos cos(2 pi (t - t0) / p) + asin sin(...)]
+//
+//          icgem1.0 has t0 in the row gfct, icgem2.0 in each row, with the t1 up to which it holds.
 //
 // Source: PDS, SHADR software interface specification; ICGEM, "Format of the gravity field files".
 #pragma once
 
+#include "world/environment/timescale.h"
+
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,7 +30,6 @@ struct HarmonicField {
     double radius = 0.0;       ///< [m] of reference
     int degree = 0, order = 0; ///< the highest
     std::string tide_system;   ///< tide_free, zero_tide, mean_tide or unknown: as stated, used as is
-    bool varies = false;       ///< the file also has drifts and periods, which are left out
     std::vector<double> C, S;  ///< at index(n, m)
 
     static std::size_t index(int n, int m)
@@ -45,9 +52,9 @@ enum class LengthUnit { by_radius, metre, kilometre };
 /// Throws SetupError with file and line where the file is damaged, foreign, or ends too early.
 /// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0.
 HarmonicField read_shadr(const std::string &path, LengthUnit unit = LengthUnit::by_radius);
-HarmonicField read_icgem(const std::string &path);
 
-/// ICGEM if the name ends in .gfc, else SHADR.
-HarmonicField read_gravity_field(const std::string &path);
+/// ICGEM if the name ends in .gfc or the file has a line end_of_head, else SHADR. What changes in time is as it is at
+/// the epoch; throws SetupError where it changes and no epoch is given. Dates in the file count as TDB.
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch = std::nullopt);
 
 } // namespace fledge::world

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace fledge::world {
 namespace harmonic_field_test {
@@ -26,11 +27,20 @@ HarmonicField shadr(const std::string &text, LengthUnit unit = LengthUnit::by_ra
     return read_shadr(file.path(), unit);
 }
 
-HarmonicField icgem(const std::string &text)
+HarmonicField icgem(const std::string &text, std::optional<Epoch> epoch = std::nullopt)
 {
     const TemporaryFile file("a.gfc", text);
-    return read_gravity_field(file.path());
+    return read_gravity_field(file.path(), epoch);
 }
+
+/// Days past 2000-01-01, the noon of which is J2000.
+Epoch day(double days)
+{
+    return {std::llround((days - 0.5) * 86400e9)};
+}
+
+const std::string icgem_rest = "gfc 2 1 0 0\ngfc 2 2 0 0\n";
+constexpr double days_2005 = 1827.0, year = 365.25; // 2005-01-01; the Julian year
 
 TEST(HarmonicField, RealFieldsHaveTheirKnownFlattening)
 {
@@ -118,17 +128,86 @@ TEST(HarmonicField, IcgemStatesItsTidesAndWhatVaries)
     EXPECT_EQ(field.mu, 3.986004415e14);
     EXPECT_EQ(field.radius, 6378136.3);
     EXPECT_EQ(field.S[HarmonicField::index(2, 1)], 2e-10);
-    EXPECT_FALSE(field.varies);
-
-    field = icgem(icgem_head + "end_of_head\n" +
-                  "gfct 2 0 -0.48e-3 0 0 0 20050101\n"
-                  "trnd 2 0 1e-11 0\nasin 2 0 1e-11 0 0 0 1.0\ngfc 2 1 0 0\ngfc 2 2 0 0\n");
-    EXPECT_EQ(field.tide_system, "unknown");
-    EXPECT_TRUE(field.varies);
-    EXPECT_EQ(field.C[HarmonicField::index(2, 0)], -0.48e-3);
 
     field = icgem(icgem_head + "norm unnormalized\nend_of_head\n" + icgem_rows);
     EXPECT_NEAR(field.C[HarmonicField::index(2, 0)], -0.48e-3 / std::sqrt(5.0), 1e-18);
+}
+
+TEST(HarmonicField, ChangesOfIcgemAreThoseOfTheEpoch)
+{
+    const std::string rows = "gfct 2 0 -0.48e-3 2e-9 1e-13 0 20050101\ntrnd 2 0 1e-11 4e-12 0 0\n"
+                             "acos 2 0 3e-11 5e-11 0 0 1.0\nasin 2 0 7e-11 1.1e-10 0 0 1.0\n"
+                             "acos 2 0 1.3e-11 1.7e-11 0 0 0.5\nasin 2 0 1.9e-11 2.3e-11 0 0 0.5\n" +
+                             icgem_rest;
+    // After n + 1/4 of a year, the cosine of a year is 0 and its sine 1; of half a year, -1 and 0.
+    for (const double years : {-3.75, 0.25, 8.25}) {
+        const HarmonicField field = icgem(icgem_head + "end_of_head\n" + rows, day(days_2005 + years * year));
+        const std::size_t i = HarmonicField::index(2, 0);
+        EXPECT_NEAR(field.C[i], -0.48e-3 + 1e-11 * years + 7e-11 - 1.3e-11, 1e-18) << years;
+        EXPECT_NEAR(field.S[i], 2e-9 + 4e-12 * years + 1.1e-10 - 1.7e-11, 1e-22) << years;
+    }
+    const HarmonicField raw = icgem(icgem_head + "norm unnormalized\nend_of_head\n" +
+                                        "gfct 2 0 1e-3 0 20041001\ndot 2 0 1e-5 0\n" + icgem_rest,
+                                    day(days_2005 - 92.0 + 2.0 * year));
+    EXPECT_NEAR(raw.C[HarmonicField::index(2, 0)], 1.02e-3 / std::sqrt(5.0), 1e-17);
+}
+
+TEST(HarmonicField, IntervalsOfIcgemHoldFromTheirBeginningToTheirEnd)
+{
+    const std::string text = "the details of this comment\nradius of nothing\nbegin_of_head ===\nformat icgem2.0\n" +
+                             icgem_head + "end_of_head\n" +
+                             "gfct 2 0 1e-3 0 0 0 20030101.0000 20041226.0060\n"
+                             "gfct 2 0 2e-3 0 0 0 20041226.0060 20500101.0000\n"
+                             "trnd 2 0 1e-5 0 0 0 20041226.0060 20500101.0000\n"
+                             "asin 2 0 1e-6 0 0 0 20041226.0060 20500101.0000 1.0\n" +
+                             icgem_rest;
+    const std::size_t i = HarmonicField::index(2, 0);
+    const double begin = days_2005 - 6.0 + 1.0 / 24.0; // 2004-12-26T01:00
+    EXPECT_EQ(icgem(text, day(begin - 0.001)).C[i], 1e-3);
+    // The sine counts from 2004-01-01, 366 days before 2005.
+    const double angle = 2.0 * std::numbers::pi * (begin + 10.0 - (days_2005 - 366.0)) / year;
+    EXPECT_NEAR(icgem(text, day(begin + 10.0)).C[i], 2e-3 + 1e-5 * 10.0 / year + 1e-6 * std::sin(angle), 1e-15);
+    EXPECT_NEAR(icgem(text, day(begin)).C[i], 2e-3 + 1e-6 * std::sin(angle - 2.0 * std::numbers::pi * 10.0 / year),
+                1e-15);
+    for (const double outside : {days_2005 - 731.1, days_2005 + 45.0 * year}) {
+        EXPECT_THAT(error_of([&] { icgem(text, day(outside)); }),
+                    HasSubstr("degree 2, order 0 is missing; the header promises all up to 2, 2. Does no interval of "
+                              "it hold the epoch"));
+    }
+}
+
+TEST(HarmonicField, DamagedChangesAreRefusedWithTheirLine)
+{
+    const std::string first = icgem_head + "end_of_head\n", second = icgem_head + "format icgem2.0\nend_of_head\n";
+    const auto error = [](const std::string &text) { return error_of([&] { icgem(text, day(days_2005)); }); };
+    EXPECT_THAT(error_of([&] { icgem(first + "gfct 2 0 1 0 20050101\n"); }),
+                HasSubstr(":10: its coefficients change in time; say when they are to hold, as in epoch=\"2026"));
+    EXPECT_THAT(error(first + "trnd 2 0 1 0\n"), HasSubstr(":10: expected gfct of degree 2, order 0"));
+    EXPECT_THAT(error(first + "gfct 2 0 1 0\n"), HasSubstr(":10: the row ends before its dates or its period"));
+    EXPECT_THAT(error(first + "gfct 2 0 1 0 20050101\nacos 2 0 1 0 0 1e-12\n"),
+                HasSubstr(":11: expected a period > 0.001 y, found"));
+    EXPECT_THAT(error(second + "gfct 2 0 1 0 20040101\n"), HasSubstr(":11: the row ends before"));
+    EXPECT_THAT(error(second + "gfct 2 0 1 0 20040101 20060101\ngfct 2 0 1 0 20041231 20060101\n"),
+                HasSubstr(":12: degree 2, order 0 is given twice"));
+    EXPECT_THAT(error("format icgem3.0\n"), HasSubstr(":1: the value \"icgem3.0\" of format"));
+    for (const char *date : {"2005", "20051301", "20050230", "20050101.0061", "20050101.2500", "20050101.5", "1e20"}) {
+        EXPECT_THAT(error(first + "gfct 2 0 1 0 " + date + "\n"), HasSubstr(":10: expected a date yyyymmdd")) << date;
+    }
+}
+
+TEST(HarmonicField, ItsFormIsFoundByWhatAFileHolds)
+{
+    const auto read = [](const std::string &text) {
+        const TemporaryFile file("field", text);
+        return read_gravity_field(file.path());
+    };
+    EXPECT_EQ(read(icgem_head + "end_of_head\n" + icgem_rows).name, "TEST");
+    EXPECT_EQ(read("3397000\t4.28285D13\t0 0 0 1\n").mu, 4.28285e13);
+    EXPECT_THAT(error_of([&] { read("\x1f\x8b\x08"); }), HasSubstr("is compressed; unpack it first"));
+    EXPECT_THAT(error_of([&] { read("COMMENT   5\nC\nPOTFIELD 2 2  1 3.9E+14 6.4E+06 1.0\n"); }),
+                HasSubstr(":1: expected the header of a SHADR file"));
+    EXPECT_THAT(error_of([&] { read("4.28285e13 3397000 0 2 2 1\n"); }),
+                HasSubstr(":1: a radius of 4.28285e+13 is none: SHADR has the radius first, then mu"));
 }
 
 TEST(HarmonicField, DamagedIcgemIsRefusedWithItsLine)

@@ -73,25 +73,30 @@ class Body:
             other.pole_stays = True
         return other
 
-    def harmonics(self, file: str | PathLike[str], degree: int | None = None, tides: bool | str = False) -> Body:
+    def harmonics(self, file: str | PathLike[str], degree: int | None = None, tides: bool | str = False,
+                  epoch: str | None = None) -> Body:
         """The same body with the gravity field of a SHADR or ICGEM (.gfc) file, turning with the body.
 
         degree: the highest; None: that of the file. mu and radius are then the file's. tides: whether the Moon and
         the Sun of the Sky change the Earth's field (IERS Conventions 2010, section 6.2); where the file does not
-        state its tide system, give it: "tide_free", or "zero_tide" if C20 holds the permanent tide. Raises
-        SetupError with the line if the file is damaged or foreign, if its mu is not this body's within 10 %, or if
-        the tide system is not known.
+        state its tide system, give it: "tide_free", or "zero_tide" if C20 holds the permanent tide. epoch: the date,
+        in the words of a Sky's, at which coefficients that change in time (gfct) hold for the whole run; files without
+        such need none. Raises SetupError with the line if the file is damaged or foreign, or changes and has no epoch,
+        if its mu is not this body's within 10 %, or if the tide system is not known.
         """
         path = f"{self.name}.harmonics"
         if degree is not None and (not isinstance(degree, int) or degree < 0):
             raise SetupError(f"{path}: degree must be a whole number >= 0; found {degree!r}")
         if tides not in (False, True, "tide_free", "zero_tide"):
             raise SetupError(f'{path}: tides must be True, False, "tide_free" or "zero_tide"; found {tides!r}')
+        if not isinstance(epoch, str | None):
+            raise SetupError(f'{path}: epoch: expected a text like "2015-03-02T12:00:00"; found {epoch!r}')
         if tides and self.naif != 399:
             raise SetupError(f"{path}: tides are those of the solid Earth; found them for {self.name}")
         other = self._copy()
         try:
-            other.field = _core.harmonics(fspath(file), degree, tides if isinstance(tides, str) else "file" * tides)
+            other.field = _core.harmonics(fspath(file), degree, tides if isinstance(tides, str) else "file" * tides,
+                                          epoch)
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
         if abs(other.field.mu - self.mu) > 0.1 * self.mu:

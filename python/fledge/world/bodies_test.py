@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, world
+from fledge.files import spk
 from fledge.units import day, deg, km, minute, s
 from fledge.world.sky_test import DE405, fly, real
 
@@ -85,6 +86,54 @@ def test_clones_feel_the_same_tides():
     for run in (sim, clone):
         run.run(80 * minute)
     assert sim.snapshot() == clone.snapshot()
+
+
+@pytest.mark.parametrize("there, missing", [("SUN", "MOON"), ("MOON", "SUN")])
+def test_tides_need_the_moon_and_the_sun(tmp_path, there, missing):
+    times = np.arange(-5, 6) * 86400 * 10**9  # [ns] past J2000
+    r = np.outer(np.ones(11), [4e8, 0, 0])
+    spk.write(tmp_path / "a.bsp", target=there, center="EARTH", times=times, r=r, v=0 * r)
+    sky = world.Sky("2000-01-01T12:00:00 TDB", "EARTH", kernels=[tmp_path / "a.bsp"])
+    earth = world.EARTH.harmonics(real("earth-ggm03s.shadr.csv"), 4, tides="zero_tide")
+    craft = world.Spacecraft(I_B=1, sky=sky, gravity=[earth], orbit=Orbit(earth, altitude=500 * km))
+    with pytest.raises(SetupError, match=f"gravity: tides need the Moon and the Sun in the sky: .*: no {missing} "):
+        fly(30 * s, 30 * s, craft=craft)
+
+
+FIELD = """modelname DRIFTS
+earth_gravity_constant 3.986004415e14
+radius 6378136.3
+max_degree 2
+end_of_head
+gfct 2 0 -4.84e-4 0 20050101
+trnd 2 0 1e-6 0
+gfc 2 1 0 0
+gfc 2 2 0 0
+"""
+
+
+@with_sky
+def test_a_field_that_changes_is_that_of_its_epoch(tmp_path):
+    (tmp_path / "drifts.gfc").write_text(FIELD)
+    with pytest.raises(SetupError, match=r"drifts\.gfc:6: its coefficients change in time; .* as in epoch="):
+        world.EARTH.harmonics(tmp_path / "drifts.gfc")
+    with pytest.raises(SetupError, match="EARTH.harmonics: epoch: expected a text like"):
+        world.EARTH.harmonics(tmp_path / "drifts.gfc", epoch=2010)
+    with pytest.raises(SetupError, match="EARTH.harmonics: .*no-date"):
+        world.EARTH.harmonics(tmp_path / "drifts.gfc", epoch="no-date")
+
+    def pull(file, **epoch):
+        sky = world.Sky("2008-09-20 TDB", "EARTH")
+        earth = world.EARTH.harmonics(tmp_path / file, **epoch)
+        craft = world.Spacecraft(I_B=1, sky=sky, gravity=[earth], orbit=Orbit(earth, altitude=500 * km, i=60 * deg))
+        return list(fly(30 * s, 30 * s, craft=craft).world.craft.state.a_BN_N)
+
+    # 2025-01-01 is 7305 days later: 20 Julian years.
+    (tmp_path / "stands.gfc").write_text(FIELD.replace("gfct", "gfc").replace("trnd 2 0 1e-6 0\n", "")
+                                         .replace("-4.84e-4 0 20050101", "-4.64e-4 0"))
+    changed = pull("drifts.gfc", epoch="2025-01-01 TDB")
+    assert changed == pytest.approx(pull("stands.gfc"), rel=1e-13)
+    assert changed != pytest.approx(pull("drifts.gfc", epoch="2005-01-01 TDB"), rel=1e-6)
 
 
 def test_tides_need_the_earth_and_a_tide_system():
