@@ -7,6 +7,7 @@
 #include "world/environment/air/jb2008.h"
 #include "world/environment/air/met.h"
 #include "world/environment/air/nrlmsise00.h"
+#include "world/environment/bodies.h"
 
 #include <Eigen/Dense>
 
@@ -26,12 +27,12 @@ constexpr double seconds_a_day = 86400.0, mjd_of_1970 = 40587.0;
 // In the order of EarthAirLaw.
 constexpr AirComposition (*laws[])(const AirPlace &, const SolarActivity &) = {nrlmsise00, jb2008, dtm2000, met};
 
-GravityBody body_of(const char *name, int naif, double mu, double radius)
+GravityBody body_of(const char *name, int naif, double radius)
 {
     GravityBody body;
     body.name = name;
     body.naif = naif;
-    body.mu = mu;
+    body.mu = body_mu(naif);
     body.radius = radius;
     return body;
 }
@@ -41,8 +42,8 @@ GravityBody body_of(const char *name, int naif, double mu, double radius)
 EarthAtmosphereModel::EarthAtmosphereModel(EarthAtmosphere &interface)
     : AirModel(interface.in.truth, interface.out.air), interface_(interface)
 {
-    set_body(body_of("EARTH", 399, 3.986004418e14, 6378137.0));
-    add_body(body_of("SUN", 10, 1.32712440018e20, 6.957e8));
+    set_body(body_of("EARTH", 399, 6378137.0));
+    add_body(body_of("SUN", 10, 6.957e8));
 }
 
 void EarthAtmosphereModel::prepare(const sim::Setup &setup)
