@@ -107,13 +107,8 @@ void add_any(const EphemerisSegment &s, const Instant &t, double sign, BodyState
     } else {
         own = state_between(s, t);
     }
-    constexpr double sine = 0.397777155931913701597, cosine = 0.917482062069181825744; // of 84381.448 arcsec, IAU 1976
     for (auto member : {&BodyState::r, &BodyState::v, &BodyState::a}) {
-        Vector3d &x = own.*member;
-        if (s.ecliptic) {
-            x = Vector3d(x[0], cosine * x[1] - sine * x[2], sine * x[1] + cosine * x[2]);
-        }
-        state.*member += sign * x;
+        state.*member += sign * (s.dcm_NF * own.*member);
     }
 }
 

@@ -57,13 +57,14 @@ struct EphemerisSegment {
     bool has_velocity = false;
     std::string file;
     Method method = Method::chebyshev;
-    bool ecliptic = false;          ///< its axes are ECLIPJ2000
+    int frame = 1; ///< NAIF's number of its axes F, 1: of the ICRF
+    Eigen::Matrix3d dcm_NF = Eigen::Matrix3d::Identity();
     bool cut_at_ends = false;       ///< fewer records near the ends, in place of a window that is moved
     std::size_t window = 0;         ///< records of a polynomial
     const double *epochs = nullptr; ///< [s] of the records; null: equal steps
     double mu = 0.0;                ///< [km^3/s^2] of conics
 
-    bool is_plain() const { return method == Method::chebyshev && !ecliptic; }
+    bool is_plain() const { return method == Method::chebyshev && frame == 1; }
 };
 
 /// How the Moon stands: the Euler angles of its principal axes relative to the ICRF, [PN] = R3(psi) R1(theta) R3(phi).

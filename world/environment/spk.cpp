@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/environment/spk.h"
 
+#include "flight/math/elementary.h"
 #include "sim/error.h"
 #include "sim/text.h"
 #include "world/environment/bodies.h"
@@ -11,6 +12,7 @@
 #include <cerrno>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <string_view>
 
 #include <fcntl.h>
@@ -24,7 +26,6 @@ namespace {
 
 constexpr std::size_t record_bytes = 1024, record_words = 128;
 constexpr std::size_t summary_words = 5; // ND + (NI + 1) / 2
-constexpr int icrf = 1, ecliptic = 17;   // NAIF's numbers of the frames J2000 and ECLIPJ2000
 constexpr double farthest = 1e15;        // [km] a hundred light years; [km/s] none so fast
 constexpr std::string_view transfer_check("FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP", 28);
 
@@ -44,6 +45,55 @@ constexpr SegmentType types[] = {
     {21, Method::differences, 0, 2, true},
 };
 constexpr int most_differences = 25;
+
+/// Axes F that NAIF numbers from 1 on, by those of an earlier number: [FB] = R(turn 0) R(turn 1) R(turn 2), [arcsec].
+struct InertialFrame {
+    int base;
+    struct {
+        double angle;
+        int axis;
+    } turns[3];
+};
+constexpr InertialFrame inertial_frames[] = {
+    {0, {}},                                                                     // J2000
+    {1, {{1152.84248596724, 3}, {-1002.26108439117, 2}, {1153.04066200330, 3}}}, // B1950
+    {2, {{0.525, 3}}},                                                           // FK4
+    {2, {{0.53155, 3}}},                                                         // DE-118
+    {2, {{0.4107, 3}}},                                                          // DE-96
+    {2, {{0.1359, 3}}},                                                          // DE-102
+    {2, {{0.4775, 3}}},                                                          // DE-108
+    {2, {{0.5880, 3}}},                                                          // DE-111
+    {2, {{0.5529, 3}}},                                                          // DE-114
+    {2, {{0.5316, 3}}},                                                          // DE-122
+    {2, {{0.5754, 3}}},                                                          // DE-125
+    {2, {{0.5247, 3}}},                                                          // DE-130
+    {3, {{1177200.0, 3}, {225360.0, 1}, {1016100.0, 3}}},                        // GALACTIC
+    {1, {}},                                                                     // DE-200
+    {1, {}},                                                                     // DE-202
+    {1, {{324000.0, 3}, {133610.4, 2}, {-152348.4, 3}}},                         // MARSIAU
+    {1, {{84381.448, 1}}},                                                       // ECLIPJ2000
+    {2, {{84404.836, 1}}},                                                       // ECLIPB1950
+    {1, {{1152.71013777252, 3}, {-1002.25042010533, 2}, {1153.75719544491, 3}}}, // DE-140
+    {1, {{1152.72061453864, 3}, {-1002.25052830351, 2}, {1153.74663857521, 3}}}, // DE-142
+    {1, {{1153.03919093833, 3}, {-1002.24822382286, 2}, {1153.42900222357, 3}}}, // DE-143
+};
+
+/// [NF]: of those of a frame to those of the ICRF.
+Eigen::Matrix3d axes_of(int frame)
+{
+    Eigen::Matrix3d dcm = Eigen::Matrix3d::Identity();
+    for (; frame != 0; frame = inertial_frames[frame - 1].base) {
+        for (const auto &turn : inertial_frames[frame - 1].turns) {
+            double sine, cosine;
+            fm_sincos(turn.angle * (std::numbers::pi / 648000.0), &sine, &cosine);
+            const int j = turn.axis % 3, k = (turn.axis + 1) % 3; // without an axis, by zero
+            const Eigen::RowVector3d y = dcm.row(j), z = dcm.row(k);
+            dcm.row(j) = cosine * y - sine * z;
+            dcm.row(k) = sine * y + cosine * z;
+        }
+    }
+    return dcm;
+}
 
 /// What NAIF calls the types that are not read.
 const char *type_name(int type)
@@ -218,8 +268,7 @@ private:
         s.last = load<double>(summary + 8, order_);
         s.target = integers[0];
         s.center = integers[1];
-        const int frame = integers[2];
-        s.ecliptic = frame == ecliptic;
+        s.frame = integers[2];
         const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) + " relative to " +
                                  body_name(s.center) + ", ";
         const Refusal refuse = [&](const std::string &what) { refuse_file(path_, name + what); };
@@ -230,10 +279,11 @@ private:
             refuse("is of type " + std::to_string(integers[3]) + type_name(integers[3]) +
                    "; types 1, 2, 3, 5, 8, 9, 12, 13, 18 and 21 are read");
         }
-        if (frame != icrf && frame != ecliptic) {
-            refuse("is given in the frame " + std::to_string(frame) +
-                   "; frames 1 (J2000) and 17 (ECLIPJ2000) are read");
+        if (s.frame < 1 || s.frame > static_cast<int>(std::size(inertial_frames))) {
+            refuse("is given in the frame " + std::to_string(s.frame) +
+                   "; the frames that do not turn are read, 1 (J2000) to 21 (DE-143)");
         }
+        s.dcm_NF = axes_of(s.frame);
         if (!(s.first <= s.last && std::isfinite(s.first) && std::isfinite(s.last))) {
             refuse("is damaged: it holds from " + sim::format_number(s.first) + " s to " + sim::format_number(s.last) +
                    " s");

@@ -110,8 +110,9 @@ TEST(Spk, OtherTypesAndFramesAreNamedWithWhatIsRead)
         error_of_kernel(made_kernel({segment(), s})),
         HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 15 (precessing conics); types 1, 2"));
     s.type = 2;
-    s.frame = 4;
-    EXPECT_THAT(error_of_kernel(made_kernel({s})), HasSubstr("frame 4; frames 1 (J2000) and 17 (ECLIPJ2000) are read"));
+    s.frame = 22;
+    EXPECT_THAT(error_of_kernel(made_kernel({s})),
+                HasSubstr("frame 22; the frames that do not turn are read, 1 (J2000) to 21 (DE-143)"));
 }
 
 /// A good segment of a type, and a place in its words, from the end if negative, whose change makes a rule speak.

@@ -238,15 +238,35 @@ def test_differences_are_integrals_of_the_acceleration(library, tmp_path, kind, 
             assert np.allclose(x, 1e3 * y, rtol=1e-12, atol=1e-7), t
 
 
-def test_the_ecliptic_of_j2000_is_turned_to_the_icrf(library, tmp_path):
+def about(axis, angle):
+    """Components in axes that are turned [rad]."""
+    i, j = axis % 3, (axis + 1) % 3
+    matrix = np.eye(3)
+    matrix[i, i] = matrix[j, j] = np.cos(angle)
+    matrix[i, j], matrix[j, i] = np.sin(angle), -np.sin(angle)
+    return matrix
+
+
+def test_frames_that_do_not_turn_are_those_of_erfa_and_of_the_iau(library, tmp_path):
     erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
     epochs, records = EPOCHS[:20], curve(EPOCHS[:20])
-    words = np.concatenate([records.ravel(), epochs, [3, 20]])
-    plain = made(tmp_path / "a.bsp", 13, words, epochs[0], epochs[-1])
-    turned = made(tmp_path / "b.bsp", 13, words, epochs[0], epochs[-1], 17)
-    obliquity = erfa.obl80(2451545.0, 0.0)
-    c, s = np.cos(obliquity), np.sin(obliquity)
-    matrix = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    t = int(epochs[10])
-    for x, y in zip(state_of(library, turned, -999, 399, t), state_of(library, plain, -999, 399, t)):
-        assert np.allclose(x, matrix @ y, rtol=1e-14, atol=1e-9)
+    words, t = np.concatenate([records.ravel(), epochs, [3, 20]]), int(epochs[10])
+
+    def vectors(frame):     # of a position, a velocity and an acceleration, by columns
+        path = made(tmp_path / f"{frame}.bsp", 13, words, epochs[0], epochs[-1], frame)
+        return np.stack(state_of(library, path, -999, 399, t), axis=1)
+
+    plain, arcsec, besselian = vectors(1), np.pi / 648000, (2433282.42345905, 0.0)
+    b1950, in_ecliptic = erfa.pmat76(*besselian), about(1, erfa.obl80(2451545.0, 0.0))
+    angles = [np.array(erfa.icrs2g(np.arctan2(x[1], x[0]), np.arcsin(x[2]))) for x in np.eye(3)]
+    galactic = np.stack([[np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)] for a, b in angles], axis=1)
+    mars = about(1, np.radians(90 - 52.886)) @ about(3, np.radians(90 + 317.681))       # its pole by the IAU, 1988
+    for frame, dcm_FN, within in (
+            (17, in_ecliptic, 1e-12), (2, b1950, 1e-3 * arcsec), (16, mars, 1e-12), (13, galactic, 2 * arcsec),
+            (3, about(3, 0.525 * arcsec) @ b1950, 1e-3 * arcsec),                       # Fricke's equinox of FK4
+            (18, about(1, erfa.obl80(*besselian)) @ b1950, 0.02 * arcsec),
+            *((other, b1950, 0.6 * arcsec) for other in range(4, 13)), (14, np.eye(3), 0), (15, np.eye(3), 0),
+            *((other, b1950, 2 * arcsec) for other in (19, 20, 21))):
+        dcm_NF = vectors(frame) @ np.linalg.inv(plain)
+        assert np.abs(dcm_NF - dcm_FN.T).max() <= within + 1e-12, frame
+        assert np.abs(dcm_NF.T @ dcm_NF - np.eye(3)).max() < 1e-12

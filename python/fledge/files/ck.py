@@ -24,7 +24,8 @@ RATES = ("ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z")
 
 def read(path: str | os.PathLike[str], clock: Sclk) -> list[AemSegment]:
     """The attitudes of a kernel, a segment for each span without a gap, at the times that its spacecraft's clock had:
-    of REF_FRAME_B, the number of the instrument, relative to REF_FRAME_A, "J2000", "ECLIPJ2000" or another's number.
+    of REF_FRAME_B, the number of the instrument, relative to REF_FRAME_A, a name of daf.FRAMES or another's number.
+    Where segments overlap, SPICE takes the last.
     Columns ANGVEL_X to ANGVEL_Z [rad/s] have the rates of a kernel that has them, in axes of REF_FRAME_A.
 
     Raises SetupError with the file, the segment and what is wrong, also for other types of segments.

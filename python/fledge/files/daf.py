@@ -22,7 +22,9 @@ RECORD = 1024               # bytes
 COMMENT = 1000              # characters of a record of comments
 TRANSFER = b"FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP"      # which a transfer as text damages
 INTEGERS = {"DAF/SPK ": 6, "DAF/CK  ": 6}                       # of a summary
-FRAMES = {1: "J2000", 17: "ECLIPJ2000"}                         # of states and attitudes
+FRAMES = dict(enumerate((                                       # that do not turn, of states and attitudes
+    "J2000 B1950 FK4 DE-118 DE-96 DE-102 DE-108 DE-111 DE-114 DE-122 DE-125 DE-130 GALACTIC DE-200 DE-202 MARSIAU "
+    "ECLIPJ2000 ECLIPB1950 DE-140 DE-142 DE-143").split(), 1))
 
 
 @dataclass
