@@ -42,6 +42,7 @@ struct Surroundings {
         body.name = "BODY";
         GravityBody sun = body;
         body.J = {};
+        sun.name = "SUN";
         sun.field = nullptr;
         sun.J = {};
         sun.mu = TwoCircles::mu_sun;

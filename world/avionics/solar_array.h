@@ -10,7 +10,8 @@
 #define SOLAR_PANELS_MAX 8
 
 /** Solar panels: their electrical power from the sunlight, eclipses included. A panel with an axis is turned about it
- *  by its angle of `angles`, from world.ArrayDrive or world.HingedPanels; the others are fixed to the body.
+ *  by its angle of `angles`, from world.ArrayDrive or world.HingedPanels; the others are fixed to the body. They use the
+ *  sunlight that a planet reflects, too, if Python's `radiation` is a PlanetRadiation.
  *  Assumptions: the cosine law; the efficiency does not depend on temperature, voltage or age; no panel shades another.
  *  Source: the definition of efficiency. */
 typedef struct SolarArray {
@@ -18,7 +19,6 @@ typedef struct SolarArray {
         CraftState truth;
         Illumination light;
         PanelAngles angles; ///< optional: without it no panel is turned
-        PlanetLight planet; ///< optional: sunlight that a planet reflects to them
     } in;
     struct {
         ArrayPower array;

@@ -9,10 +9,11 @@ namespace fledge::world {
 
 void SolarArrayModel::update(Tick tick)
 {
-    const auto &[truth, light, angles, planet] = interface_.in;
+    const auto &[truth, light, angles] = interface_.in;
     const auto &par = interface_.par;
     const Mat3 BN = mrp_to_dcm(truth.sigma_BN);
     const Vec3 s_B = mat_vec(BN, light.s_N);
+    const auto seen = elements(tick.t, truth.r_BN_N);
     double area = 0.0;      // that the Sun sees
     double reflected = 0.0; // [W] from the planet
     for (std::uint32_t i = 0; i < par.n; i++) {
@@ -24,15 +25,13 @@ void SolarArrayModel::update(Tick tick)
         }
         area += par.areas[i] * std::max(vec_dot(normal, s_B), 0.0);
         const Vec3 normal_N = mat_transpose_vec(BN, normal);
-        for (std::uint32_t k = 0; k < planet.n; k++) {
-            const double cosine = vec_dot(normal_N, planet.towards_N[k]);
-            reflected += par.areas[i] * std::max(cosine, 0.0) * planet.reflected[k];
+        for (const auto &element : seen) {
+            const double cosine = vec_dot(normal_N, vec(element.towards_N));
+            reflected += par.areas[i] * std::max(cosine, 0.0) * element.reflected;
         }
     }
     ArrayPower &out = interface_.out.array;
-    out = {head_next(out.head, tick.t,
-                     quality_min(quality_min(quality_through(truth.head), quality_through(light.head)),
-                                 quality_optional(planet.head))),
+    out = {head_next(out.head, tick.t, quality_min(quality_through(truth.head), quality_through(light.head))),
            par.efficiency * area * light.irradiance + par.efficiency * reflected};
 }
 

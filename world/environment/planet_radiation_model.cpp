@@ -119,22 +119,13 @@ void PlanetRadiationModel::publish(Ns t)
     if (!head_written(truth.head)) {
         return;
     }
-    PlanetLight &out = interface_.out.planet;
-    const auto elements = at(t, 0.0, view(truth.r_BN_N));
     Vector3d reflected(0, 0, 0), infrared(0, 0, 0);
-    for (std::size_t i = 0; i < elements.size(); i++) {
-        const Element &element = elements[i];
+    for (const Element &element : at(t, 0.0, view(truth.r_BN_N))) {
         reflected += element.reflected * element.towards_N;
         infrared += element.infrared * element.towards_N;
-        out.towards_N[i] = vec(element.towards_N);
-        out.reflected[i] = element.reflected;
-        out.infrared[i] = element.infrared;
     }
-    out.head = head_next(out.head, t, quality_through(truth.head));
-    out.reflected_N = vec(reflected);
-    out.infrared_N = vec(infrared);
-    out.sunlight = light_->unhidden(t, 0.0, r_PN_N(0, t, 0.0)).irradiance;
-    out.n = static_cast<std::uint32_t>(elements.size());
+    PlanetLight &out = interface_.out.planet;
+    out = {head_next(out.head, t, quality_through(truth.head)), vec(reflected), vec(infrared), sunlight(t, 0.0)};
 }
 
 } // namespace fledge::world

@@ -8,6 +8,7 @@
 // of a body that is equally bright all over the sum of irradiances times directions is exact, for any number of rings.
 #pragma once
 
+#include "world/eigen.h"
 #include "world/environment/planet_radiation.h"
 #include "world/environment/sunlight_model.h"
 
@@ -34,6 +35,12 @@ public:
     /// At r_BN_N [m] and start + tau [s]; valid until the next call. Inside the body there are none.
     std::span<const Element> at(sim::Ns start, double tau, const Eigen::Vector3d &r_BN_N) const;
 
+    /// [W/m^2] irradiance of the Sun at the body.
+    double sunlight(sim::Ns start, double tau) const
+    {
+        return light_->unhidden(start, tau, r_PN_N(0, start, tau)).irradiance;
+    }
+
     /// Another one after each change of its own parameters or the Sunlight's.
     std::uint64_t version() const { return EnvironmentModel::version() + light_->version(); }
 
@@ -54,7 +61,38 @@ private:
 
     PlanetRadiation &interface_;
     SourceOf<SunlightModel> light_;
-    mutable std::array<Element, PLANET_ELEMENTS_MAX> elements_;
+    mutable std::array<Element, 1 + 3 * 5 * (5 + 1)> elements_; // of 5 rings
+};
+
+/// A sensor or an array that sees the light of a planet, if it has a source.
+template <class Base> class PlanetViewer : public Base, public Consumer {
+public:
+    using Base::Base;
+    const char *source_kind() const override { return PlanetRadiationModel::kind; }
+    bool set_source(sim::Model &source) override { return planet_.set(source); }
+    const sim::Model *source() const override { return planet_.model(); }
+    void copy_setup(const sim::Model &original,
+                    const std::function<sim::Model *(const sim::Model *)> &counterpart) override
+    {
+        planet_.copy(dynamic_cast<const PlanetViewer &>(original).planet_, counterpart);
+    }
+
+protected:
+    /// When all models are prepared.
+    void check_source(const std::string &name) const
+    {
+        if (planet_.model()) {
+            planet_.check(name, "radiation");
+        }
+    }
+
+    /// What is seen of the planet; nothing without a source.
+    std::span<const PlanetRadiationModel::Element> elements(sim::Ns t, const Vec3 &r_BN_N) const
+    {
+        return planet_.model() ? planet_->at(t, 0.0, view(r_BN_N)) : std::span<const PlanetRadiationModel::Element>{};
+    }
+
+    SourceOf<PlanetRadiationModel> planet_;
 };
 
 } // namespace fledge::world

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // View factors and the phase of a Lambert sphere in closed form, and the energy that leaves a body.
-#include "world/environment/planet_radiation_model.h"
-
 #include "tests/error_of.h"
 #include "world/eigen.h"
+#include "world/environment/testing/shine.h"
 #include "world/environment/testing/two_circles.h"
 
 #include <Eigen/Dense>
@@ -17,36 +16,9 @@ namespace planet_radiation_model_test {
 
 using Eigen::Vector3d;
 
-constexpr double pi = std::numbers::pi, R = 6.4e6, AU = 149597870700.0, E = 1361.0;
+constexpr double pi = std::numbers::pi;
 
-struct Shine : ::testing::Test {
-    Sunlight light_interface{};
-    SunlightModel light{light_interface};
-    PlanetRadiation i{};
-    PlanetRadiationModel model{i};
-
-    Shine()
-    {
-        GravityBody planet;
-        planet.name = "PLANET";
-        planet.mu = 4e14;
-        planet.radius = R;
-        GravityBody sun = planet;
-        sun.name = "SUN";
-        sun.radius = 6.957e8;
-        sun.r_PN_N = {AU, 0, 0};
-        light.set_body(sun);
-        light.add_body(planet);
-        model.set_body(planet);
-        model.set_source(light);
-    }
-    void prepare()
-    {
-        light.prepare({"world.light", 1, nullptr});
-        model.prepare({"world.shine", 1, nullptr});
-        model.reset(0);
-    }
-
+struct Shine : ::testing::Test, testing::Shine {
     /// The sums of irradiances times directions.
     struct Flux {
         Vector3d reflected{0, 0, 0}, infrared{0, 0, 0};
@@ -213,7 +185,6 @@ TEST_F(Shine, OfTheEarthFollowsLatitudeAndSeason)
         shines.in.truth.r_BN_N = vec((R + 1.0) * up);
         shine.update({0, 0});
         const PlanetLight &found = shines.out.planet;
-        ASSERT_EQ(found.n, 19u);
         EXPECT_EQ(found.sunlight, E_there.irradiance);
         const double emissivity = 0.68 - 0.07 * season * s - 0.18 * P2, albedo = 0.34 + 0.10 * season * s + 0.29 * P2;
         const double lit = std::max(up.dot(E_there.s_N), 0.0);

@@ -30,8 +30,6 @@ typedef struct Illumination {
     Vec3 s_N;          ///< [-] unit vector towards the Sun, N components
 } Illumination;
 
-#define PLANET_ELEMENTS_MAX 91
-
 /** How a planet shines on a spacecraft: the sunlight that it reflects, and its infrared. */
 typedef struct PlanetLight {
     Head head;
@@ -39,11 +37,6 @@ typedef struct PlanetLight {
                       ///< irradiance of a plate that faces there
     Vec3 infrared_N;  ///< [W/m^2] the same of the infrared
     double sunlight;  ///< [W/m^2] irradiance of the Sun at the planet
-    uint32_t n;       ///< [-] in [0, 91]: number of elements into which what is seen of it is divided
-    uint32_t spare;
-    Vec3 towards_N[PLANET_ELEMENTS_MAX];   ///< [-] count n: unit vectors towards the elements, N components
-    double reflected[PLANET_ELEMENTS_MAX]; ///< [W/m^2] count n: irradiance at a right angle to each
-    double infrared[PLANET_ELEMENTS_MAX];  ///< [W/m^2] count n: the same of the infrared
 } PlanetLight;
 
 #endif

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Star trackers and fine sun sensors.
+#include "world/environment/testing/shine.h"
 #include "world/sensors/star_tracker_model.h"
 #include "world/sensors/sun_sensor_model.h"
 #include "world/testing/sensing.h"
@@ -285,22 +286,34 @@ TEST(SunSensor, TheLightSaysWhereTheSunIsAndTheSunItselfComesFirst)
 
 TEST(SunSensor, APlanetInViewDrawsTheDirection)
 {
+    Shine shine;
+    shine.i.par.albedo = 0.3;
+    shine.prepare();
     Sun sun;
+    const Vector3d r(0.3 * Shine::R, -1.2 * Shine::R, 0.0), boresight(0.6, 0.8, 0.0);
+    sun.model.set_source(shine.model);
+    sun.i.in.truth.r_BN_N = vec(r);
+    sun.i.par.boresight_B = vec(boresight);
+    sun.i.par.s_N = vec3(1, 0, 0);
     sun.begin();
-    sun.i.in.planet.head.quality = QUALITY_GOOD;
-    sun.i.in.planet.sunlight = 1000.0;
-    sun.i.in.planet.n = 2;
-    sun.i.in.planet.towards_N[0] = vec3(std::sin(0.8), 0, std::cos(0.8));
-    sun.i.in.planet.towards_N[1] = vec3(0, std::sin(1.2), std::cos(1.2)); // beyond the field of view
-    sun.i.in.planet.reflected[0] = sun.i.in.planet.reflected[1] = 50.0;
     for (const double rejection : {0.0, 0.9, 1.0}) {
         sun.i.par.rejection = rejection;
         sun.step(ms);
-        const double share = 0.05 * (1.0 - rejection);
-        EXPECT_LT((sun.s() - Vector3d(share * std::sin(0.8), 0, 1 + share * std::cos(0.8)).normalized()).norm(), 1e-14);
+        Vector3d sum(1, 0, 0);
+        int in_view = 0;
+        for (const auto &element : shine.model.at(0, 0.0, r)) {
+            if (element.reflected > 0.0 && boresight.dot(element.towards_N) > std::cos(1.0)) {
+                sum += (1.0 - rejection) * element.reflected / Shine::E * element.towards_N;
+                in_view++;
+            }
+        }
+        EXPECT_GT(in_view, 3);
+        EXPECT_LT(in_view, 16);
+        EXPECT_LT((sun.s() - sum.normalized()).norm(), 1e-14);
+        EXPECT_EQ(sun.s()[1] > 0.01, rejection == 0.0);
     }
     sun.i.in.light.head.quality = QUALITY_GOOD;
-    sun.i.in.light.s_N = vec3(0, 0, 1);
+    sun.i.in.light.s_N = vec3(1, 0, 0);
     const std::uint32_t before = sun.i.out.heading.head.sequence;
     sun.step(ms); // nothing of the Sun is visible
     EXPECT_EQ(sun.i.out.heading.head.sequence, before);

@@ -9,21 +9,23 @@ namespace fledge::world {
 
 void CoarseSunSensorsModel::update(Tick tick)
 {
-    const auto &[truth, sun, light, injected, planet] = interface_.in;
+    const auto &[truth, sun, light, injected] = interface_.in;
     const auto &par = interface_.par;
     SunCurrents &out = interface_.out.currents;
     const double visible = head_written(light.head) ? light.visible : 1.0;
     const Mat3 BN = mrp_to_dcm(truth.sigma_BN);
     const Vec3 s_B = vec_unit(mat_vec(BN, to_sun()));
+    const auto seen_of_planet = elements(tick.t, truth.r_BN_N);
+    const double sunlight = seen_of_planet.empty() ? 0.0 : planet_->sunlight(tick.t, 0.0);
     begin_faults(tick.t);
     for (std::uint32_t i = 0; i < par.n; i++) {
         const Vec3 axis_B = vec_unit(par.axes_B[i]), axis_N = mat_transpose_vec(BN, axis_B);
         const double edge = par.view[i] == 0.0 ? 0.0 : fm_cos(par.view[i]);
         const auto seen = [&](double cosine) { return cosine > 0.0 && cosine >= edge ? cosine : 0.0; };
         double current = par.current[i] * seen(vec_dot(axis_B, s_B)) * visible;
-        for (std::uint32_t k = 0; k < planet.n; k++) {
-            const double cosine = seen(vec_dot(axis_N, planet.towards_N[k]));
-            current += par.current[i] * cosine * planet.reflected[k] / planet.sunlight;
+        for (const auto &element : seen_of_planet) {
+            const double cosine = seen(vec_dot(axis_N, vec(element.towards_N)));
+            current += par.current[i] * cosine * element.reflected / sunlight;
         }
         const double most = std::max(par.current[i], current);
         state_.faults.apply(i, {&current, 1}, 0.0, par.current[i]);
@@ -31,8 +33,7 @@ void CoarseSunSensorsModel::update(Tick tick)
     }
     out.head = head_next(out.head, tick.t,
                          quality_min(quality_through(truth.head),
-                                     quality_min(quality_min(quality_optional(sun.head), quality_optional(light.head)),
-                                                 quality_optional(planet.head))));
+                                     quality_min(quality_optional(sun.head), quality_optional(light.head))));
 }
 
 } // namespace fledge::world

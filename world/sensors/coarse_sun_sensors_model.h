@@ -3,7 +3,7 @@
 #pragma once
 
 #include "world/sensors/coarse_sun_sensors.h"
-#include "world/sensors/sensor.h"
+#include "world/sensors/sunlight_sensor.h"
 
 namespace fledge::world {
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/sensors/coarse_sun_sensors_model.h"
 
+#include "world/environment/testing/shine.h"
 #include "world/testing/flyer.h"
 
 #include <gtest/gtest.h>
@@ -128,35 +129,40 @@ TEST(CoarseSunSensors, AnEclipseTakesItsShareOfTheCurrent)
 
 TEST(CoarseSunSensors, SeeWhatAPlanetReflectsPerLightOfTheSun)
 {
+    Shine shine;
+    shine.i.par.albedo = 0.3;
+    shine.i.par.emissivity = 0.7; // they do not see it
+    shine.prepare();
     Sensors s;
-    s.i.in.light.head.quality = s.i.in.planet.head.quality = QUALITY_GOOD;
+    const Vector3d r(1.3 * Shine::R, 0.2 * Shine::R, -0.4 * Shine::R);
+    s.model.set_source(shine.model);
+    s.i.in.truth.r_BN_N = vec(r);
+    s.i.in.light.head.quality = QUALITY_GOOD;
     s.i.in.light.s_N = vec3(0, 0, 1);
-    s.i.in.planet.sunlight = 1361.0;
-    s.i.in.planet.n = 2;
-    s.i.in.planet.towards_N[0] = vec3(1, 0, 0);
-    s.i.in.planet.towards_N[1] = vec3(0, 0.6, -0.8);
-    s.i.in.planet.reflected[0] = 136.1;
-    s.i.in.planet.reflected[1] = 272.2;
+    const auto of_planet = [&](const Vector3d &axis, double view) {
+        double sum = 0.0;
+        for (const auto &element : shine.model.at(0, 0.0, r)) {
+            const double cosine = axis.dot(element.towards_N);
+            sum += cosine > std::max(std::cos(view), 0.0) ? cosine * element.reflected / Shine::E : 0.0;
+        }
+        return sum;
+    };
     for (const double visible : {1.0, 0.0}) { // in eclipse they see the planet alone
         s.i.in.light.visible = visible;
         for (std::size_t k = 0; k < 8; k++) {
-            const auto cosine = [&](double x, double y, double z) {
-                return std::max(s.axis(k).dot(Vector3d(x, y, z)), 0.0);
-            };
-            const double wanted = visible * cosine(0, 0, 1) + 0.1 * cosine(1, 0, 0) + 0.2 * cosine(0, 0.6, -0.8);
+            const double wanted = visible * std::max(s.axis(k)[2], 0.0) + of_planet(s.axis(k), 2.0);
             EXPECT_NEAR(s.current(k), s.i.par.current[k] * wanted, 1e-15) << k;
         }
     }
     // Beyond its field of view it is dark, and together with the Sun it is more than the Sun alone.
     s.i.in.light.visible = 1.0;
-    s.i.par.axes_B[0] = vec3(1, 0, 0);
+    s.i.par.axes_B[0] = vec3(-1, 0, 0);
     s.i.par.view[0] = 0.5;
-    EXPECT_NEAR(s.current(0), 0.1e-3, 1e-15);
-    s.i.in.light.s_N = vec3(1, 0, 0);
-    EXPECT_NEAR(s.current(0), 1.1e-3, 1e-15);
-    s.i.in.planet.head.quality = QUALITY_STALE;
-    s.current(0);
-    EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
+    EXPECT_NEAR(s.current(0), 1e-3 * of_planet({-1, 0, 0}, 0.5), 1e-15);
+    EXPECT_LT(s.current(0), 0.9e-3 * of_planet({-1, 0, 0}, 2.0));
+    s.i.in.light.s_N = vec3(-1, 0, 0);
+    EXPECT_NEAR(s.current(0), 1e-3 * (1.0 + of_planet({-1, 0, 0}, 0.5)), 1e-15);
+    EXPECT_GT(s.current(0), 1.01e-3);
 }
 
 } // namespace coarse_sun_sensors_model_test

@@ -143,21 +143,6 @@ protected:
     bool limited() const final { return true; }
 };
 
-/// A sensor that sees nothing but the Sun.
-template <class Interface, std::size_t channels> class SunlightSensor : public LimitedSensor<Interface, channels> {
-public:
-    using LimitedSensor<Interface, channels>::LimitedSensor;
-
-protected:
-    void check() const override
-    {
-        LimitedSensor<Interface, channels>::check();
-        if (!this->has_sun()) {
-            throw sim::SetupError(this->name_ + " has no Sun: wire its input sun or light, or give it s_N");
-        }
-    }
-};
-
 /// The readings of a sensor that needs time until it puts them out.
 template <class Reading> class Late {
 public:

@@ -5,7 +5,7 @@ namespace fledge::world {
 
 void SunSensorModel::update(Tick tick)
 {
-    const auto &[truth, sun, light, injected, planet] = interface_.in;
+    const auto &[truth, sun, light, injected] = interface_.in;
     const auto &par = interface_.par;
     SunHeading &out = interface_.out.heading;
     const double dt = tick_seconds(tick.dt);
@@ -20,11 +20,13 @@ void SunSensorModel::update(Tick tick)
         return vec_dot(vec_unit(par.boresight_B), a) >= fm_cos(par.view) && vec_norm2(a) > 0.0;
     };
     const bool in_view = views(s_S);
-    if (planet.n > 0) { // the mean of all light
+    const auto seen = elements(tick.t, truth.r_BN_N);
+    if (!seen.empty()) { // the mean of all light
+        const double sunlight = planet_->sunlight(tick.t, 0.0);
         s_S = vec_scale(head_written(light.head) ? light.visible : 1.0, s_S);
-        for (std::uint32_t k = 0; k < planet.n; k++) {
-            const Vec3 towards_S = mat_vec(case_B, mat_vec(BN, planet.towards_N[k]));
-            const double share = (1.0 - par.rejection) * planet.reflected[k] / planet.sunlight;
+        for (const auto &element : seen) {
+            const Vec3 towards_S = mat_vec(case_B, mat_vec(BN, vec(element.towards_N)));
+            const double share = (1.0 - par.rejection) * element.reflected / sunlight;
             s_S = views(towards_S) ? vec_add(s_S, vec_scale(share, towards_S)) : s_S;
         }
         s_S = vec_unit(s_S);
@@ -32,8 +34,8 @@ void SunSensorModel::update(Tick tick)
     Vec3 s = mat_vec(mrp_to_dcm(mrp_turn(turn)), s_S);
     const bool lit = !head_written(light.head) || (light.visible > 0.0 && light.visible >= par.visible_min);
     const bool speaks = state_.faults.replace(0, s.v, -1.0, 1.0) && in_view && lit;
-    const Quality quality = quality_min(quality_min(quality_through(truth.head), quality_optional(planet.head)),
-                                        quality_min(quality_optional(sun.head), quality_optional(light.head)));
+    const Quality quality =
+        quality_min(quality_through(truth.head), quality_min(quality_optional(sun.head), quality_optional(light.head)));
     out.head = head_of_reading(out.head, tick.t, quality, speaks);
     out.s_B = speaks ? s : out.s_B;
 }

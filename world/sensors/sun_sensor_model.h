@@ -2,8 +2,8 @@
 // The behaviour behind world/sensors/sun_sensor.h.
 #pragma once
 
-#include "world/sensors/sensor.h"
 #include "world/sensors/sun_sensor.h"
+#include "world/sensors/sunlight_sensor.h"
 
 namespace fledge::world {
 

@@ -304,4 +304,5 @@ def _add_attributes(types: dict[str, Any]) -> None:
     types["TorqueRods"].field = _source_of("field", "The Magnetism in which they are.")
     types["PlanetRadiation"].light = _source_of("light", "The Sunlight that shines on it.")
     types["SolarPressure"].light = _source_of("light", "The Sunlight that it feels.")
-    types["SolarPressure"].radiation = _source_of("radiation", "The PlanetRadiation that it feels, too, or None.")
+    for name in ("SolarPressure", "CoarseSunSensors", "SunSensor", "SolarArray"):
+        types[name].radiation = _source_of("radiation", "The PlanetRadiation of a planet that shines on it, or None.")

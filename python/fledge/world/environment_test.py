@@ -107,9 +107,9 @@ def test_a_planets_light_pushes_disturbs_sensors_and_is_repeated_by_clones():
     models = surroundings()
     models["shine"] = world.PlanetRadiation(body=EARTH, light=models["light"], albedo=0.3, emissivity=0.7)
     models["solar"].radiation = models["shine"]
-    models["css"] = world.CoarseSunSensors(axes_B=[[0, 1, 0], [0, -1, 0]], current=[1e-3, 1e-3])
-    sim = fly(10 * minute, wires=[lambda w: w.light.light >> w.css.light, lambda w: w.shine.planet >> w.css.planet],
-              **models)
+    models["css"] = world.CoarseSunSensors(axes_B=[[0, 1, 0], [0, -1, 0]], current=[1e-3, 1e-3],
+                                           radiation=models["shine"])
+    sim = fly(10 * minute, wires=[lambda w: w.light.light >> w.css.light], **models)
     w = sim.world
     assert w.solar.light is w.light and w.solar.radiation is w.shine and w.shine.light is w.light
     assert w.shine.body.name == "EARTH"
@@ -123,6 +123,7 @@ def test_a_planets_light_pushes_disturbs_sensors_and_is_repeated_by_clones():
     assert np.linalg.norm(w.solar.load.force_B) * 299792458 / 1.2 == pytest.approx(push, abs=1)
     assert 0 < 2 * w.css.currents.current[0] < w.css.currents.current[1] < 0.2e-3
     clone = sim.clone()
+    assert w.css.radiation is w.shine and clone.world.css.radiation is clone.world.shine
     assert clone.world.solar.radiation is clone.world.shine and clone.world.solar.light is clone.world.light
     for simulation in (sim, clone):
         simulation.run(40 * minute)
