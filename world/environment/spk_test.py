@@ -15,6 +15,7 @@ from numpy import polynomial
 jplephem_spk = pytest.importorskip("jplephem.spk", reason="python3-jplephem is not installed")
 integrate = pytest.importorskip("scipy.integrate", reason="python3-scipy is not installed")
 interpolate = pytest.importorskip("scipy.interpolate", reason="python3-scipy is not installed")
+optimize = pytest.importorskip("scipy.optimize", reason="python3-scipy is not installed")
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -200,6 +201,17 @@ def test_states_of_type_5_follow_a_conic_and_the_cosine_between_two(library, tmp
             before, at, after = (weighted(t + h) for h in (-0.5, 0.0, 0.5))
             assert np.allclose(v, 1e3 * (after - before), rtol=0, atol=1e-2)
             assert np.allclose(a, 1e3 * 4 * (after - 2 * at + before), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("e", [1.5, 5.0, 30.0])
+def test_a_hyperbola_of_type_5_may_be_followed_far(library, tmp_path, e):
+    a = 7000.0 / (e - 1)
+    state = [7000.0, 0, 0, 0, np.sqrt(MU * (1 + e) / 7000.0), 0]
+    path = made(tmp_path / "a.bsp", 5, [*state, 0.0, MU, 1], -1e8, 1e8)
+    for t in (-99_999_999, -1_000_000, 100, 2_000_000, 50_000_000):
+        H = optimize.brentq(lambda H: e * np.sinh(H) - H - np.sqrt(MU / a**3) * t, -30, 30, xtol=1e-14, rtol=1e-14)
+        expected = 1e3 * np.array([a * (e - np.cosh(H)), a * np.sqrt(e * e - 1) * np.sinh(H), 0])
+        assert np.allclose(state_of(library, path, -999, 399, t)[0], expected, rtol=1e-11, atol=1e-3)
 
 
 def differences(record, n, t):

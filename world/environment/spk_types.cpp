@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace fledge::world {
 
@@ -193,7 +194,8 @@ BodyState along_conic(const Vector3d &r, const Vector3d &v, double mu, double dt
     // Kepler's equation in the universal variable grows with it, so that a bracket keeps Newton's steps.
     const auto time = [&](double chi) {
         stumpff(alpha * chi * chi, c2, c3);
-        return chi * (distance * (1.0 - alpha * chi * chi * c3) + chi * (sigma * c2 + chi * c3));
+        const double t = chi * (distance * (1.0 - alpha * chi * chi * c3) + chi * (sigma * c2 + chi * c3));
+        return std::isfinite(t) ? t : sign * std::numeric_limits<double>::infinity(); // far out on a hyperbola
     };
     double low = 0.0, high = sign * std::max(std::fabs(aim) / distance, 1e-300);
     while (sign * time(high) < sign * aim) {
@@ -206,9 +208,12 @@ BodyState along_conic(const Vector3d &r, const Vector3d &v, double mu, double dt
         (sign * error < 0.0 ? low : high) = chi;
         const double z = alpha * chi * chi;
         const double now = chi * chi * c2 + sigma * chi * (1.0 - z * c3) + distance * (1.0 - z * c2);
+        // Along an exponential, Newton's steps hardly shrink.
+        const double step = std::fabs(error / now);
+        const bool is_slow = step > 0.5 * std::fabs(chi - before) && step > 1e-6 * std::fabs(chi);
         before = chi;
         chi -= error / now;
-        if (!(sign * chi > sign * low && sign * chi < sign * high)) {
+        if (is_slow || !(sign * chi > sign * low && sign * chi < sign * high)) {
             chi = std::fabs(error) > 1e-15 * std::fabs(aim) ? 0.5 * (low + high) : before;
         }
     }
