@@ -250,11 +250,13 @@ MANEUVERS = {name: kind.type for name, kind in fields("""TIME_ABSOLUTE:time TIME
 # The components of a conjunction's covariance: the last three may be absent, each with its whole row.
 _RTN = _triangle("R T N RDOT TDOT NDOT", "m")
 OPTIONAL_ROWS = ("CDRG", "CSRP", "CTHR")
-_BALLISTIC = """ CDRG_{0}:m**3/kg CDRG_{1}:m**3/kg CDRG_{2}:m**3/kg CDRG_{0}DOT:m**3/(kg*s) CDRG_{1}DOT:m**3/(kg*s)
-    CDRG_{2}DOT:m**3/(kg*s) CDRG_DRG:m**4/kg**2 CSRP_{0}:m**3/kg CSRP_{1}:m**3/kg CSRP_{2}:m**3/kg
-    CSRP_{0}DOT:m**3/(kg*s) CSRP_{1}DOT:m**3/(kg*s) CSRP_{2}DOT:m**3/(kg*s) CSRP_DRG:m**4/kg**2 CSRP_SRP:m**4/kg**2
-    CTHR_{0}:m**2/s**2 CTHR_{1}:m**2/s**2 CTHR_{2}:m**2/s**2 CTHR_{0}DOT:m**2/s**3 CTHR_{1}DOT:m**2/s**3
-    CTHR_{2}DOT:m**2/s**3 CTHR_DRG:m**3/(kg*s**2) CTHR_SRP:m**3/(kg*s**2) CTHR_THR:m**2/s**4"""
+_BALLISTIC = """ CDRG_R!:m**3/kg CDRG_T!:m**3/kg CDRG_N!:m**3/kg CDRG_RDOT!:m**3/(kg*s) CDRG_TDOT!:m**3/(kg*s)
+    CDRG_NDOT!:m**3/(kg*s) CDRG_DRG!:m**4/kg**2 CSRP_R!:m**3/kg CSRP_T!:m**3/kg CSRP_N!:m**3/kg CSRP_RDOT!:m**3/(kg*s)
+    CSRP_TDOT!:m**3/(kg*s) CSRP_NDOT!:m**3/(kg*s) CSRP_DRG!:m**4/kg**2 CSRP_SRP!:m**4/kg**2 CTHR_R!:m**2/s**2
+    CTHR_T!:m**2/s**2 CTHR_N!:m**2/s**2 CTHR_RDOT!:m**2/s**3 CTHR_TDOT!:m**2/s**3 CTHR_NDOT!:m**2/s**3
+    CTHR_DRG!:m**3/(kg*s**2) CTHR_SRP!:m**3/(kg*s**2) CTHR_THR!:m**2/s**4"""
+# All entries, row by row.
+TRIANGLE = [name for name in fields(COVARIANCE + " " + _RTN + _BALLISTIC) if name != "COV_REF_FRAME"]
 
 CDM = Form("CDM", ("1.0",), (
     Block("META", fields("""OBJECT! OBJECT_DESIGNATOR! CATALOG_NAME! OBJECT_NAME! INTERNATIONAL_DESIGNATOR! OBJECT_TYPE
@@ -267,8 +269,7 @@ CDM = Form("CDM", ("1.0",), (
     Block("ADDITIONAL", fields("""AREA_PC:m**2 AREA_DRG:m**2 AREA_SRP:m**2 MASS:kg CD_AREA_OVER_MASS:m**2/kg
         CR_AREA_OVER_MASS:m**2/kg THRUST_ACCELERATION:m/s**2 SEDR:W/kg"""), "", "additionalParameters"),
     Block("STATE", fields(STATE.removeprefix("EPOCH!:time ")), "", "stateVector", required=True),
-    Block("COVARIANCE", fields(_RTN + _BALLISTIC.format("R", "T", "N").replace(":", "!:")), "", "covarianceMatrix",
-          required=True),
+    Block("COVARIANCE", fields(_RTN + _BALLISTIC), "", "covarianceMatrix", required=True),
     Block("USER", {}, "", "userDefinedParameters")), segments=True, front=(
     Block("RELATIVE", fields("""TCA!:time MISS_DISTANCE!:m RELATIVE_SPEED:m/s RELATIVE_POSITION_R:m
         RELATIVE_POSITION_T:m RELATIVE_POSITION_N:m RELATIVE_VELOCITY_R:m/s RELATIVE_VELOCITY_T:m/s

@@ -39,6 +39,10 @@ def test_values_are_in_si_and_stand_by_keyword():
     covariance = opm["COVARIANCE"].covariance()
     assert covariance.shape == (6, 6) and covariance[0, 3] == covariance[3, 0] == 1e-3
     assert np.diag(covariance).tolist() == [4.0] * 3 + [1e-6] * 3
+    rows = OPM.split("\n")
+    at = rows.index("CX_X = 4e-6")
+    turned = files.read("\n".join([*rows[:at], *rows[at:at + 21][::-1], *rows[at + 21:]]))
+    assert np.array_equal(turned["COVARIANCE"].covariance(), covariance)
     with pytest.raises(SetupError, match="line 11: STATE has no Q; it has EPOCH, X, "):
         state["Q"]
     with pytest.raises(SetupError, match="the segment has no KEPLERIAN; it has META, STATE, SPACECRAFT, COVARIANCE"):

@@ -2,12 +2,12 @@
 """A message of CCSDS: segments of sections, each with values by keyword and, some, a table."""
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from fledge.errors import did_you_mean, listed
 from fledge.files.kvn import refuse
+from fledge.files.messages import TRIANGLE
 from fledge.files.values import Clock
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Section:
         ballistic terms of a conjunction. Raises SetupError if it is not positive semi-definite."""
         import numpy as np
 
-        names = [key for key in self.values if re.fullmatch(r"C[A-Z]+_[A-Z_]+", key) and not key.startswith("COV_")]
+        names = [key for key in TRIANGLE if key in self.values]
         size = int((8 * len(names) + 1) ** 0.5) // 2
         if not names or size * (size + 1) // 2 != len(names):
             self.refuse(f"{self.name} has no covariance; a block COVARIANCE of an OPM, OMM, OEM or CDM has")

@@ -23,9 +23,10 @@ from fledge.files import kvn, ndm
 from fledge.files.ephemeris import A, AemSegment, OemSegment, R, RATES, V
 from fledge.files.kvn import refuse
 from fledge.files.sections import Message, Section
+from fledge.files.tables import ENTRIES
 from fledge.files.values import DEG, NUMBER, Clock, from_si, to_si
 
-QUATERNION, BODY = ("Q1", "Q2", "Q3", "QC"), "SC_BODY_1"
+QUATERNION, BODY, COVARIANCES = ("Q1", "Q2", "Q3", "QC"), "SC_BODY_1", "CovarianceTimePosVel"
 # The columns of the lines of a block, after their time; rates are in deg/s, in axes of the body.
 BLOCKS = {"EphemerisTimePos": R, "EphemerisTimePosVel": R + V, "EphemerisTimePosVelAcc": R + V + A,
           "AttitudeTimeQuaternions": QUATERNION, "AttitudeTimeQuatScalarFirst": ("QC", *QUATERNION[:3]),
@@ -33,9 +34,13 @@ BLOCKS = {"EphemerisTimePos": R, "EphemerisTimePosVel": R + V, "EphemerisTimePos
 COMMON = ("ScenarioEpoch", "CentralBody", "TimeFormat", "TimeScale", "InterpolationMethod", "InterpolationOrder")
 KEYWORDS = {
     "Ephemeris": (*COMMON, "NumberOfEphemerisPoints", "CoordinateSystem", "CoordinateSystemEpoch", "DistanceUnit",
-                  "InterpolationSamplesM1"),
+                  "InterpolationSamplesM1", "CovarianceFormat", "NumberOfCovariancePoints"),
     "Attitude": (*COMMON, "NumberOfAttitudePoints", "CoordinateAxes", "CoordinateAxesEpoch")}
-UNUSED = ("BlockingFactor", "MessageLevel", "ComputeVelocity", "SmoothData", "AttitudeDeviations")  # how STK reads
+UNUSED = ("BlockingFactor", "MessageLevel", "ComputeVelocity", "SmoothData", "AttitudeDeviations",  # how STK reads
+          "CovarianceInterpolationMethod")
+# The entries of a line of covariances, after its time: row by row of a triangle.
+TRIANGLES = {"LOWERTRIANGULAR": ENTRIES,
+             "UPPERTRIANGULAR": [ENTRIES[j * (j + 1) // 2 + i] for i in range(6) for j in range(i, 6)]}
 LENGTHS = {"METERS": 0, "KILOMETERS": 3}
 WIDTHS = {"EPSEC": 1, "ISO-YMD": 1, "UTCG": 4}      # words of a time, by TimeFormat
 # Axes by their names here, which are known in runs too, and by those of STK; others of STK are kept by name.
@@ -59,6 +64,7 @@ class _File:
     boundaries: list[tuple[int, str]] = field(default_factory=list)
     block: str = ""
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
+    covariances: list[tuple[int, str]] | None = None        # line and word, where there is a block of them
 
     def get(self, key: str, default: str = "") -> str:
         return self.keys[key][1] if key in self.keys else default
@@ -99,6 +105,8 @@ def _parse(text: str, where: str) -> _File:
                 refuse(where, number, f"expected the end of what began last; found {' '.join(words)}")
         elif len(inside) == 3:
             file.boundaries.append((number, " ".join(words)))
+        elif file.covariances is not None and words[0][0] in "+-.0123456789":
+            file.covariances += [(number, word) for word in words]
         elif file.block and words[0][0] in "+-.0123456789":
             file.rows.append((number, words))
         else:
@@ -110,6 +118,9 @@ def _parse(text: str, where: str) -> _File:
 
 def _keyword(file: _File, line: int, words: list[str]) -> None:
     """Take a keyword, or the name of the table that follows."""
+    if file.kind == "Ephemeris" and file.rows and words == [COVARIANCES] and file.covariances is None:
+        file.covariances = []
+        return
     if file.block:
         refuse(file.where, line, f"expected a line of {file.block}, or END {file.kind}; found {' '.join(words)}")
     names = {name.lower(): name for name in (*KEYWORDS[file.kind], *UNUSED)}
@@ -117,7 +128,7 @@ def _keyword(file: _File, line: int, words: list[str]) -> None:
     word = words[0].lower()
     if word in blocks:
         file.block = blocks[word]
-    elif word.startswith((f"{file.kind.lower()}time", "ephemeris", "covariance")):
+    elif word not in names and word.startswith((f"{file.kind.lower()}time", "ephemeris", "covariance")):
         refuse(file.where, line, f"expected a table {listed(list(blocks.values()))}; found {words[0]}")
     elif word not in names:
         known = [*names.values(), *blocks.values()]
@@ -206,6 +217,9 @@ def read(source: str | os.PathLike[str]) -> Message:
         segments.append([
             Section("META", {**meta, **span, **_interpolation(file, end - begin)}, [], {}, where, file.line),
             Section("STATE" if orbit else "DATA", {}, [], lines, where, file.rows[begin][0])])
+    for section in _covariances(file, clock):
+        segment = next((found for found in segments if section["EPOCH"] <= found[0]["STOP_TIME"]), segments[-1])
+        segment.append(section)
     header = Section("HEADER", {"CREATION_DATE": "", "ORIGINATOR": "UNKNOWN"}, [], {}, where, file.line)
     return ndm.message_of(*(("OEM", "3.0") if orbit else ("AEM", "2.0")), [header], segments)
 
@@ -233,6 +247,28 @@ def _columns(file: _File, clock: Clock) -> dict[str, np.ndarray]:
     if not most.isdecimal() or int(most) < len(times):      # STK reads no more; many files have fewer
         file.refuse(count, f"{len(times)} or more, the lines of {file.block}")
     return {"EPOCH": np.array(times, dtype=np.int64), **dict(zip(names, np.array(numbers).T))}
+
+
+def _covariances(file: _File, clock: Clock) -> list[Section]:
+    """Those of positions and velocities in the axes of the ephemeris; a line may be broken."""
+    if not file.covariances:
+        return []
+    names = TRIANGLES.get(file.get("CovarianceFormat").upper(), [])
+    if not names:
+        file.refuse("CovarianceFormat", "LowerTriangular or UpperTriangular")
+    width, unit = WIDTHS[file.choice("TimeFormat", WIDTHS)], 2 * LENGTHS[file.choice("DistanceUnit", LENGTHS)]
+    found, size = [], width + len(names)
+    for at in range(0, len(file.covariances), size):
+        line, words = file.covariances[at][0], [word for _, word in file.covariances[at:at + size]]
+        if len(words) != size:
+            refuse(file.where, line, f"expected a time and {len(names)} numbers of {COVARIANCES}; found {len(words)}")
+        values: dict[str, Any] = {"EPOCH": _time(file, clock, line, " ".join(words[:width]))}
+        try:
+            values |= {name: to_si(text, unit) for name, text in zip(names, words[width:])}
+        except ValueError as error:
+            refuse(file.where, line, f"expected a number; found {str(error)!r}")
+        found.append(Section("COVARIANCE", values, [], {}, file.where, line))
+    return found
 
 
 def _frame(file: _File, key: str, center: str) -> str:
@@ -320,6 +356,9 @@ def text_of(message: Message) -> str:
     lines = ["stk.v.11.0", f"BEGIN {kind}", f"NumberOf{kind}Points {sum(len(segment.times) for segment in segments)}",
              f"ScenarioEpoch {_gregorian(epoch)}", *(f"{key} {value}" for key, value in _head(segments[0]).items()),
              *_method(segments, names)]
+    written = [section for segment in segments for section in segment.all("COVARIANCE")
+               if section.get("COV_REF_FRAME") in (None, segment.meta["REF_FRAME"])]
+    lines += [f"NumberOfCovariancePoints {len(written)}", "CovarianceFormat LowerTriangular"] if written else []
     if len(segments) > 1:
         lines += ["BEGIN SegmentBoundaryTimes", *(_seconds(clock, segment.times[0]) for segment in segments[1:]),
                   "END SegmentBoundaryTimes"]
@@ -327,6 +366,10 @@ def text_of(message: Message) -> str:
     for segment, table in zip(segments, tables):
         columns = [[from_si(x, DEG if name in RATES else 0) for x in values.tolist()] for name, values in table.items()]
         lines += [" ".join(row) for row in zip([_seconds(clock, t) for t in segment.times], *columns)]
+    lines += [COVARIANCES] if written else []
+    for section in written:
+        numbers = [from_si(section[name], 0) for name in ENTRIES]
+        lines.append(" ".join([_seconds(clock, section["EPOCH"]), *numbers]))
     text = "\n".join([*lines, f"END {kind}"]) + "\n"
     read(text)
     return text

@@ -106,6 +106,31 @@ def test_segments_end_at_the_boundaries():
     assert np.array_equal(again.segments[1].v, second.v)
 
 
+def test_covariances_are_those_of_an_oem(tmp_path):
+    """In a lower triangle over three lines, as STK breaks it, and in an upper one of kilometers."""
+    random = np.random.default_rng(3)
+    root = random.normal(size=(6, 6))
+    matrix = root @ root.T
+    for form, (i, j), unit in (("LowerTriangular", np.tril_indices(6), ""),
+                               ("UpperTriangular", np.triu_indices(6), "    DistanceUnit Kilometers\n")):
+        words = ["6.0e1", *(repr(float(x)) for x in matrix[i, j])]
+        rows = [" ".join(words[:8]), "   " + " ".join(words[8:15]), "   " + " ".join(words[15:])]
+        text = replaced(ORBIT, "END Eph", "\n".join(["", "CovarianceTimePosVel", *rows, "END Eph"]))
+        text = replaced(text, "    CentralBody", f"{unit}    CovarianceFormat {form}\n    CentralBody")
+        message = files.read(text)
+        section, = message.segment.covariances
+        np.testing.assert_allclose(section.covariance(), matrix * (1e6 if unit else 1), rtol=1e-15)
+        assert section["EPOCH"] == message.segment.times[1]
+        for again in (files.read(stk.text_of(message)), ndm.read(ndm.text_of(message))):
+            assert again.segment.covariances[0].values == section.values
+        for old, new, expected in (
+                (words[-1] + "\n", "\n", "expected a time and 21 numbers of CovarianceTimePosVel; found 21"),
+                ("CovarianceFormat", "#", "CovarianceFormat: expected LowerTriangular or UpperTriangular; found none"),
+                (words[3], "1e", "expected a number; found '1e'"), ("\n6.0e1", "\n6.0x", "expected a time, EpSec")):
+            with pytest.raises(SetupError, match=expected):
+                files.read(replaced(text, old, new))
+
+
 def test_an_attitude_of_stk_is_an_aem():
     segment = files.read(SPIN).segment
     assert segment.meta["ATTITUDE_TYPE"] == "QUATERNION/ANGVEL" and segment.meta["REF_FRAME_A"] == "J2000"
