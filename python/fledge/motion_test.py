@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs as files of others, and files of others beside runs."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from fledge import Orbit, SetupError, Simulation, archive, cli, files, motion, world
 from fledge.attitude import quaternion_product
 from fledge.files import ndm, spk
+from fledge.files.testing.examples import OMM
 from fledge.units import deg, km, rad, s
 from fledge.world import file_motion
 
@@ -30,26 +32,6 @@ Z = -200 [km]
 X_DOT = 0.1 [km/s]
 Y_DOT = 7.0 [km/s]
 Z_DOT = 3.0 [km/s]
-"""
-
-OMM = """CCSDS_OMM_VERS = 2.0
-CREATION_DATE = 2026-01-01T00:00:00
-ORIGINATOR = TEAM
-OBJECT_NAME = CRAFT
-OBJECT_ID = 1998-067A
-CENTER_NAME = EARTH
-REF_FRAME = {frame}
-TIME_SYSTEM = UTC
-MEAN_ELEMENT_THEORY = SGP/SGP4
-EPOCH = {epoch}
-MEAN_MOTION = 15.49
-ECCENTRICITY = 0.0002
-INCLINATION = 51.64
-RA_OF_ASC_NODE = 80
-ARG_OF_PERICENTER = 30
-MEAN_ANOMALY = 330
-NORAD_CAT_ID = 25544
-BSTAR = 0
 """
 
 
@@ -256,10 +238,14 @@ def test_a_run_beside_two_line_elements(tmp_path):
     flown = motion.of_run(archive.Archive(flight(tmp_path / "run.mcap", Orbit.from_file(sky(), elements), 600 * s)))
     table = motion.differences(flown, motion.of_file(elements, flown.sky))
     assert table["distance"][0] < 1e-3 and 10 < table["distance"][-1] < 3000   # J2, which the run lacks
-    omm = OMM.format(epoch="2026-03-20T09:36:00", frame="TEME")
+    omm = OMM
+    for key, value in (("EPOCH", "2026-03-20T09:36:00"), ("MEAN_MOTION", 15.49), ("ECCENTRICITY", 0.0002),
+                       ("INCLINATION", 51.64), ("RA_OF_ASC_NODE", 80), ("ARG_OF_PERICENTER", 30),
+                       ("MEAN_ANOMALY", 330), ("BSTAR", 0)):
+        omm = re.sub(f"(?m)^{key} = .*", f"{key} = {value}", omm)
     for text in (omm, ndm.text_of(files.read(omm), "xml")):
         again = motion.differences(flown, motion.of_file(text, flown.sky))
         np.testing.assert_allclose(again["distance"], table["distance"], atol=1e-3)
     with pytest.raises(SetupError, match="the text, line 7: REF_FRAME: expected TEME; found GCRF"):
-        motion.of_file(OMM.format(epoch=EPOCH, frame="GCRF"), flown.sky)
+        motion.of_file(omm.replace("TEME", "GCRF"), flown.sky)
     assert files.read(elements).number == 25544

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of STK: published ones, round trips, and each refusal."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from fledge import attitude, files
 from fledge.errors import SetupError
 from fledge.files import ndm, stk
 from fledge.files.ephemeris import AemSegment, OemSegment
-from fledge.files.testing.examples import OPM, replaced
+from fledge.files.testing.examples import OPM, damaged, replaced
 
 # The first lines of Orekit's example of an ephemeris that STK wrote: positions, velocities, accelerations.
 ROWS = """
@@ -268,6 +270,14 @@ def test_what_is_not_as_it_should_be_is_refused(text, expected):
     with pytest.raises(SetupError) as error:
         files.read(text)
     assert expected in str(error.value), str(error.value)
+
+
+def test_any_damage_is_refused_or_harmless():
+    """No error but SetupError, whatever a character turns into."""
+    for text in damaged([ORBIT, POSITIONS, SPIN], 1500, 3):
+        with suppress(SetupError):
+            for segment in files.read(text).segments:
+                segment.at(segment.times[:1])
 
 
 def test_what_stk_does_not_have_is_not_written():

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small message of each kind, written by hand."""
+"""A small message of each kind, written by hand; and how they are damaged."""
+
+import random
 
 _HEADER = "CREATION_DATE = 2026-01-02T03:04:05\nORIGINATOR = TEAM\n"
 _OBJECT = "OBJECT_NAME = CRAFT\nOBJECT_ID = 2026-001A\n"
@@ -202,3 +204,15 @@ BSTAR = 1e-4 [1/ER]
 def replaced(text, old, new):
     assert old in text
     return text.replace(old, new, 1)
+
+
+def damaged(texts: list[str], count: int, seed: int) -> list[str]:
+    """Texts, each of which has up to three characters that are others."""
+    generator, found = random.Random(seed), []
+    for _ in range(count):
+        text = generator.choice(texts)
+        for _ in range(generator.randint(1, 3)):
+            at = generator.randrange(len(text))
+            text = text[:at] + generator.choice("0123456789-+. \n\t\0ABCxyz<>[]{}/\",=é#") + text[at + 1:]
+        found.append(text + "\n")
+    return found
