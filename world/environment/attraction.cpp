@@ -198,7 +198,11 @@ void Attraction::place(Source &source, Ns start, double tau) const
         Tide &tide = *source.tide;
         const Vector3d moon_N = sky_->position(tidal_moon, start, tau, tide.moon) - source.r_PN_N;
         const Vector3d sun_N = sky_->position(tidal_sun, start, tau, tide.sun) - source.r_PN_N;
-        tide.now = tide.model.at(sky_->epoch_at(start), tau, source.dcm_PN, moon_N, sun_N, tide.window);
+        const Epoch epoch = sky_->epoch_at(start), now{epoch.ns + std::llround(tau * 1e9)};
+        tide.now = tide.model.at(epoch, tau, source.dcm_PN, moon_N, sun_N, tide.window);
+        if (const auto pole = source.turning[0].pole(now)) {
+            tide.model.add_pole(now, *pole, tide.now);
+        }
     }
     source.start = start;
     source.tau = tau;

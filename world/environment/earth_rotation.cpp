@@ -216,6 +216,15 @@ EarthRotation::Measured EarthRotation::measured(Epoch epoch) const
     return sum;
 }
 
+std::optional<Eigen::Vector2d> EarthRotation::pole(Epoch epoch) const
+{
+    if (!pole_ && days_.empty()) {
+        return {};
+    }
+    const Measured now = measured(epoch);
+    return Eigen::Vector2d(now.x, now.y);
+}
+
 EarthRotation::Values EarthRotation::knot(Epoch epoch) const
 {
     const Measured now = measured(epoch);

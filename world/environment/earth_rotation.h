@@ -65,6 +65,9 @@ public:
     };
     Measured measured(Epoch epoch) const;
 
+    /// [rad] x and y of the pole, where a file or `pole` gives them.
+    std::optional<Eigen::Vector2d> pole(Epoch epoch) const;
+
 private:
     struct Day {
         std::int64_t tai; ///< [ns] past 2000-01-01T12:00:00 TAI

@@ -22,6 +22,7 @@
 #include "world/environment/text_kernel.h"
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,9 @@ public:
     /// At tau [s] after an epoch.
     BodyAttitude at(Epoch epoch, double tau = 0.0) const;
     Eigen::Matrix3d dcm_PN(Epoch epoch, double tau = 0.0) const;
+
+    /// [rad] Polar motion x and y, of the Earth where it is known.
+    std::optional<Eigen::Vector2d> pole(Epoch epoch) const { return earth_ ? earth_->pole(epoch) : std::nullopt; }
 
     /// Throws SetupError unless it is known at all instants from, to.
     void require(Epoch from, Epoch to) const;

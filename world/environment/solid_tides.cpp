@@ -236,6 +236,17 @@ void SolidTides::add_frequencies(Epoch epoch, double tau, double alpha, Window &
     tides.S[2][2] -= im[2];
 }
 
+void SolidTides::add_pole(Epoch epoch, const Eigen::Vector2d &pole, Coefficients &tides)
+{
+    constexpr double arcseconds = 648000.0 / std::numbers::pi; // in a radian
+    const double years = epoch.seconds() / (century_seconds / 100.0);
+    const double m1 = pole[0] * arcseconds - (0.0550 + 0.001677 * years);
+    const double m2 = -(pole[1] * arcseconds - (0.3205 + 0.003460 * years));
+    const double scale = -1.333e-9 * std::sqrt(5.0 * order_weight(2, 1));
+    tides.C[2][1] += scale * (m1 + 0.0115 * m2);
+    tides.S[2][1] += scale * (m2 - 0.0115 * m1);
+}
+
 SolidTides::Coefficients SolidTides::at(Epoch epoch, double tau, const Matrix3d &dcm_PN, const Vector3d &moon_N,
                                         const Vector3d &sun_N, Window &window) const
 {

@@ -3,10 +3,12 @@
 // the degrees 2 to 4, and their gravity.
 //
 // Step 1 has the nominal Love numbers of an anelastic Earth, complex where they lag, and the effect of the tides of
-// degree 2 on degree 4; step 2 corrects degree 2 for the frequencies of 71 tides.
-// P is fixed in the Earth. Not here: tides of the oceans, of the atmosphere and of the pole.
+// degree 2 on degree 4; step 2 corrects degree 2 for the frequencies of 71 tides. The tide of the pole is what the
+// Earth's turning about another axis than the secular one does to the solid Earth.
+// P is fixed in the Earth. Not here: tides of the oceans, also by the pole, and of the atmosphere.
 //
-// Source: IERS Conventions (2010), section 6.2, tables 6.3 and 6.5.
+// Source: IERS Conventions (2010), section 6.2, tables 6.3 and 6.5; section 6.4, with the secular pole of 7.1.4 in the
+// version 1.3.0 of 2018.
 #pragma once
 
 #include "world/environment/timescale.h"
@@ -50,6 +52,9 @@ public:
 
     /// Step 2, added to `tides`. `alpha`: [rad] right ascension of the prime meridian in the ICRF.
     void add_frequencies(Epoch epoch, double tau, double alpha, Window &window, Coefficients &tides) const;
+
+    /// The tide of the pole by polar motion x and y [rad], added to `tides`.
+    static void add_pole(Epoch epoch, const Eigen::Vector2d &pole, Coefficients &tides);
 
 private:
     double mu_, radius_, mu_moon_, mu_sun_;

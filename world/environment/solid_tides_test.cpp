@@ -202,6 +202,35 @@ TEST(SolidTides, HaveThePermanentPartThatTheMeanOrbitsRaise)
     EXPECT_NEAR(C20("tide_free") - C20("zero_tide"), expected, 0.01 * std::abs(expected));
 }
 
+TEST(SolidTides, OfThePoleAreTheAnswerToTheCentrifugalPotential)
+{
+    // About the axis (m1, m2, 1) the potential has -spin^2 z (m1 x + m2 y), which k2 = 0.3077 + 0.0036 i answers,
+    // (R / r)^5 outside.
+    constexpr double k2 = 0.3077, lag = 0.0036 / 0.3077, spin = 7.292115e-5, arcsec = degree_rad / 3600.0,
+                     decade = 10 * 365.25 * 86400.0;
+    const Vector3d r(-3.1e6, 4.7e6, 4.2e6);
+    const Eigen::Vector2d secular(0.0550 + 0.01677, 0.3205 + 0.03460); // ["] in 2010
+    for (const Eigen::Vector2d &off : {Eigen::Vector2d(0.3, 0.0), Eigen::Vector2d(0.0, 0.3)}) {
+        const double m1 = off[0] * arcsec, m2 = -off[1] * arcsec; // y of the pole counts to the west
+        const auto U = [&](const Vector3d &at) {
+            return -k2 * spin * spin * at[2] * ((m1 + lag * m2) * at[0] + (m2 - lag * m1) * at[1]) *
+                   std::pow(R / at.norm(), 5);
+        };
+        Vector3d expected;
+        for (int i = 0; i < 3; i++) {
+            const Vector3d h = 100.0 * Vector3d::Unit(i);
+            expected[i] = (U(r + h) - U(r - h)) / 200.0;
+        }
+        SolidTides::Coefficients tides;
+        SolidTides::add_pole({std::llround(decade * 1e9)}, (secular + off) * arcsec, tides);
+        const Vector3d found = SolidTides(mu, R, "tide_free").gravity(tides, r);
+        EXPECT_LT((found - expected).norm(), 1e-3 * expected.norm()); // the digits of 1.333e-9 and 0.0115
+    }
+    SolidTides::Coefficients none;
+    SolidTides::add_pole({std::llround(decade * 1e9)}, secular * arcsec, none);
+    EXPECT_LT(std::fabs(none.C[2][1]) + std::fabs(none.S[2][1]), 1e-20);
+}
+
 TEST(SolidTides, RefuseOtherTideSystems)
 {
     EXPECT_THAT([] { SolidTides(mu, R, "mean_tide"); },

@@ -49,8 +49,8 @@ def test_a_kernel_without_the_body_is_refused(kernel):
         assert words in str(error.value)
 
 
-def flight(duration, tides):
-    sky = world.Sky("2008-09-20 TDB", "EARTH")
+def flight(duration, tides, earth=None):
+    sky = world.Sky("2008-09-20 TDB", "EARTH", earth=earth)
     earth = world.EARTH.harmonics(real("earth-ggm03s.shadr.csv"), 4, tides=tides)
     craft = world.Spacecraft(I_B=1, sky=sky, gravity=[earth], orbit=Orbit(earth, altitude=500 * km, i=60 * deg))
     return fly(duration, 30 * s, craft=craft)
@@ -77,6 +77,22 @@ def test_tides_in_a_run_are_those_of_the_direct_formula():
         expected += (0.15 * body.mu / d**3 * R**5 / np.linalg.norm(r)**4) * ((3 - 15 * c * c) * e + 6 * c * p / d)
     # Degree 3, the lags and the frequencies are the rest.
     assert np.linalg.norm(found - expected) < 0.05 * np.linalg.norm(expected)
+
+
+@with_sky
+def test_the_pole_moves_the_tides_where_it_is_known():
+    def tide(**polar_motion):  # what tides add to the acceleration at the beginning
+        earth = world.EarthOrientation(ut1_tai=-33, **polar_motion)
+        found = [np.array(flight(30 * s, tides, earth=earth).world.craft.state.a_BN_N)
+                 for tides in (False, "tide_free")]
+        return found[1] - found[0]
+
+    arcsec = np.radians(1 / 3600)
+    secular = ((0.0550 + 0.001677 * 8.72) * arcsec, (0.3205 + 0.003460 * 8.72) * arcsec)  # on 2008-09-20
+    assert np.linalg.norm(tide(polar_motion=secular) - tide()) < 1e-11  # without a pole there is no tide of it
+    moved = tide(polar_motion=(secular[0] + 2 * arcsec, secular[1])) - tide(polar_motion=secular)
+    # mu / r^2 of 8.4 m/s^2, (R / r)^2, and a gradient of the normalised term of degree 2, order 1, of 3 to 4.
+    assert 0.5 * 2.667e-9 < np.linalg.norm(moved) / (8.4 * 0.86) / 3.5 < 1.2 * 2.667e-9
 
 
 @with_sky
