@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+from bench import accuracy_air as air
 from bench import accuracy_earth as earth
 from bench import accuracy_environment as environment
 from bench import accuracy_flight as flight
@@ -18,8 +19,8 @@ from bench.rows import Rows
 
 SECTIONS = [motion.rotation, motion.orbits, motion.oblate, environment.gravity, environment.planets,
             environment.check_cases, environment.ephemerides, environment.time_scales, earth.earth, motion.wheels,
-            parts.moving, parts.actuators, around.surroundings, earth.air_and_field, flight.navigation,
-            flight.elementary, flight.loop]
+            parts.moving, parts.actuators, around.surroundings, earth.air_and_field, air.upper_air,
+            flight.navigation, flight.elementary, flight.loop]
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "accuracy.md"
 

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/accuracy.md is what the bench writes now: its frame, and the sections that are quick to measure."""
 import math
+import os
+import subprocess
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mpmath", reason="python3-mpmath is not installed")
 
-from bench import accuracy, accuracy_earth, accuracy_motion, accuracy_parts, accuracy_surroundings
+from bench import (accuracy, accuracy_air, accuracy_earth, accuracy_flight, accuracy_motion, accuracy_parts,
+                   accuracy_surroundings)
 from bench import closed_forms as exact
 from bench.accuracy_table import Table, two_digits
 
+TREE = Path(__file__).resolve().parents[1]
 WRITTEN = accuracy.DOCUMENT.read_text(encoding="utf-8")
 
 
@@ -19,6 +24,14 @@ WRITTEN = accuracy.DOCUMENT.read_text(encoding="utf-8")
 def test_what_is_written_is_what_is_measured(measure):
     section = accuracy.wrap(measure().markdown())
     assert section in WRITTEN, "the models have changed: run ./fledge bench accuracy, and look at what it changes"
+
+
+@pytest.mark.long("compiles what the bench measures in C++")
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="benches measure the release build")
+@pytest.mark.parametrize("measure", [accuracy_air.upper_air, accuracy_flight.elementary])
+def test_what_is_written_is_what_is_measured_in_cpp(measure):
+    subprocess.run(["ninja", "-C", TREE / "build/release", "fledge_bench"], check=True, stdout=subprocess.DEVNULL)
+    assert accuracy.wrap(measure().markdown()) in WRITTEN, "run ./fledge bench accuracy, and look at what it changes"
 
 
 def test_every_section_is_written():

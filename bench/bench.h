@@ -46,6 +46,15 @@ __attribute__((visibility("default"))) double harmonics_difference(int degree);
 /// fm_sin(x) for "sin", and so on; NaN if there is no function of one argument of that name.
 __attribute__((visibility("default"))) double elementary(const char *function, double x);
 
+/// A published value of a law of the air, and what the law gives: [kg/m^3], [K], NaN where none is published.
+typedef struct PublishedAir {
+    const char *set;
+    double km, density, density_found, temperature, temperature_found;
+} PublishedAir;
+
+/// The value of that index, from 0 on; 0 if there is none.
+__attribute__((visibility("default"))) int published_air(int index, PublishedAir *row);
+
 #ifdef __cplusplus
 }
 #endif
