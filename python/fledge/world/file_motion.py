@@ -15,7 +15,7 @@ from fledge import files
 from fledge.attitude import dcm_to_quaternion, quaternion_product
 from fledge.errors import SetupError, listed
 from fledge.files import mean_elements, spk
-from fledge.files.ephemeris import AemSegment, OemSegment, R, V
+from fledge.files.ephemeris import AemSegment, OemSegment, R, Tabulated, V
 from fledge.files.mean_elements import MeanElements
 from fledge.files.sections import Message, Section, Segment
 from fledge.world import reference_frames
@@ -118,6 +118,12 @@ def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
     if found.kind == "OPM":
         motion.orbits.append(_of_opm(found.segment, sky))
         motion.center = _body(first)
+    tables = [segment for segment in found.segments if isinstance(segment, Tabulated)]
+    for before, after in zip(tables, tables[1:]):
+        if after.span[0] < before.span[1]:
+            begin, end = (after.clock.text(t) for t in (after.span[0], before.span[1]))
+            after.meta.refuse(f"expected a segment from {end} on, until when that before it may be used; found it from "
+                              f"{begin} on: write segments of the same time into files of their own")
     for segment in found.segments:
         if isinstance(segment, OemSegment):
             motion.orbits.append(_of_oem(segment, sky))
