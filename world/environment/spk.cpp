@@ -277,7 +277,7 @@ private:
                                         [&](const SegmentType &known) { return known.number == integers[3]; });
         if (type == std::end(types)) {
             refuse("is of type " + std::to_string(integers[3]) + type_name(integers[3]) +
-                   "; types 1, 2, 3, 5, 8, 9, 12, 13, 18 and 21 are read");
+                   "; types 1, 2, 3, 5, 8, 9, 12, 13, 18 and 21 are read: NAIF's mkspk writes states as 13");
         }
         if (s.frame < 1 || s.frame > static_cast<int>(std::size(inertial_frames))) {
             refuse("is given in the frame " + std::to_string(s.frame) +

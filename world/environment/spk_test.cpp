@@ -109,6 +109,11 @@ TEST(Spk, OtherTypesAndFramesAreNamedWithWhatIsRead)
     EXPECT_THAT(
         error_of_kernel(made_kernel({segment(), s})),
         HasSubstr("segment 2, MOON (301) relative to EARTH (399), is of type 15 (precessing conics); types 1, 2"));
+    s.type = 19;
+    EXPECT_THAT(
+        error_of_kernel(made_kernel({s})),
+        HasSubstr("is of type 19 (piecewise interpolation); types 1, 2, 3, 5, 8, 9, 12, 13, 18 and 21 are read: "
+                  "NAIF's mkspk writes states as 13"));
     s.type = 2;
     s.frame = 22;
     EXPECT_THAT(error_of_kernel(made_kernel({s})),
