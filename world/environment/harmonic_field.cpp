@@ -148,7 +148,7 @@ double HarmonicField::J(int n) const
 
 namespace {
 
-HarmonicField parse_shadr(std::string_view text, const std::string &path, LengthUnit unit)
+HarmonicField parse_shadr(std::string_view text, const std::string &path, double expected_mu)
 {
     const auto lines = lines_of(text);
     const auto header = lines.empty() ? std::vector<std::string_view>() : words_of(lines[0]);
@@ -172,7 +172,8 @@ HarmonicField parse_shadr(std::string_view text, const std::string &path, Length
         refuse_line(path, 1,
                     "a radius of " + sim::format_number(*radius) + " is none: SHADR has the radius first, then mu");
     }
-    const bool kilometres = unit == LengthUnit::kilometre || (unit == LengthUnit::by_radius && *radius < 1e5);
+    // 10^4.5 is halfway between mu in m^3/s^2 and in km^3/s^2, on the scale of exponents.
+    const bool kilometres = expected_mu > 0.0 ? *mu * std::sqrt(1e9) < expected_mu : *radius < 1e5;
     HarmonicField field =
         HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0), *degree);
     field.name = path;
@@ -405,19 +406,14 @@ HarmonicField parse_icgem(std::string_view text, const std::string &path, std::o
 
 } // namespace
 
-HarmonicField read_shadr(const std::string &path, LengthUnit unit)
-{
-    return parse_shadr(read_whole(path), path, unit);
-}
-
-HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch)
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch, double mu)
 {
     const std::string text = read_whole(path);
     if (text.starts_with("\x1f\x8b") || text.starts_with("PK\3\4")) {
         refuse_file(path, "is compressed; unpack it first, with gunzip or unzip");
     }
     const bool icgem = path.ends_with(".gfc") || text.find("\nend_of_head") != text.npos;
-    return icgem ? parse_icgem(text, path, epoch) : parse_shadr(text, path, LengthUnit::by_radius);
+    return icgem ? parse_icgem(text, path, epoch) : parse_shadr(text, path, mu);
 }
 
 } // namespace fledge::world

@@ -44,17 +44,12 @@ struct HarmonicField {
     double J(int n) const;
 };
 
-/// The unit of length in a SHADR file, which does not state it. The standard has km; files in m are
-/// about. `by_radius`: a radius below 100,000 is in km, which is wrong only for bodies of less
-/// than 100 km in files in m.
-enum class LengthUnit { by_radius, metre, kilometre };
-
-/// Throws SetupError with file and line where the file is damaged, foreign, or ends too early.
-/// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0.
-HarmonicField read_shadr(const std::string &path, LengthUnit unit = LengthUnit::by_radius);
-
 /// ICGEM if the name ends in .gfc or the file has a line end_of_head, else SHADR. What changes in time is as it is at
 /// the epoch; throws SetupError where it changes and no epoch is given. Dates in the file count as TDB.
-HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch = std::nullopt);
+/// SHADR has km by its standard, files in m are about, and none says which: it is what comes nearer to `mu`, that of
+/// the body [m^3/s^2], or, if that is 0, km where the radius is below 100,000.
+/// Throws SetupError with file and line where the file is damaged, foreign, or ends too early.
+/// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0.
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch = std::nullopt, double mu = 0.0);
 
 } // namespace fledge::world

@@ -21,10 +21,10 @@ const std::string icgem_head = "A comment.\n\nproduct_type gravity_field\nmodeln
 const std::string icgem_rows = "gfc 2 0 -0.48e-3 0.0 1e-10 0\ngfc 2 1 1d-10 2d-10\n"
                                "gfc 2 2 2.4e-6 -1.4e-6\n";
 
-HarmonicField shadr(const std::string &text, LengthUnit unit = LengthUnit::by_radius)
+HarmonicField shadr(const std::string &text, double expected_mu = 0.0)
 {
     const TemporaryFile file("a.tab", text);
-    return read_shadr(file.path(), unit);
+    return read_gravity_field(file.path(), std::nullopt, expected_mu);
 }
 
 HarmonicField icgem(const std::string &text, std::optional<Epoch> epoch = std::nullopt)
@@ -70,7 +70,9 @@ TEST(HarmonicField, ShadrInKilometresAndWithoutNormalisation)
     EXPECT_NEAR(km.C[HarmonicField::index(2, 0)], -3.0 / std::sqrt(5.0), 1e-15);
     EXPECT_NEAR(km.S[HarmonicField::index(2, 2)], 0.25 / std::sqrt(5.0 / 12.0), 1e-15);
     EXPECT_NEAR(km.J(2), 3.0, 1e-15);
-    EXPECT_EQ(shadr("16000 4.5e5 0 2 2 1\n" + rows, LengthUnit::metre).radius, 16000.0);
+    // Eros, in metres and in kilometres.
+    EXPECT_EQ(shadr("16000 4.5e5 0 2 2 1\n" + rows, 4.463e5).radius, 16000.0);
+    EXPECT_EQ(shadr("16 4.5e-4 0 2 2 1\n" + rows, 4.463e5).radius, 16000.0);
     EXPECT_EQ(shadr("3397000 4.28285e13 0 2 2 1\n" + rows).radius, 3.397e6);
 }
 

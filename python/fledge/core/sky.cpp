@@ -158,18 +158,19 @@ void bind_sky(py::module_ &m)
     m.def(
         "harmonics",
         [](const std::string &path, std::optional<int> degree, const std::string &tides,
-           const std::optional<std::string> &date) {
+           const std::optional<std::string> &date, double mu) {
             const auto epoch = date ? std::optional(world::TimeSystem().epoch(*date)) : std::nullopt;
-            const world::HarmonicField field = world::read_gravity_field(path, epoch);
+            const world::HarmonicField field = world::read_gravity_field(path, epoch, mu);
             auto made = std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
             if (!tides.empty()) {
                 made->tides.emplace(field.mu, field.radius, tides == "file" ? field.tide_system : tides);
             }
             return made;
         },
-        "path"_a, "degree"_a, "tides"_a, "epoch"_a,
+        "path"_a, "degree"_a, "tides"_a, "epoch"_a, "mu"_a,
         "Of a SHADR or ICGEM file, up to a degree or whole, with the solid tides that suit a tide system, "
-        "\"file\" for its own, or without, \"\"; what changes in time as it is at the epoch.");
+        "\"file\" for its own, or without, \"\"; what changes in time as it is at the epoch. mu: of the body, or 0; it "
+        "tells m from km.");
 
     py::class_<world::EarthData>(m, "EarthData")
         .def(py::init(&make_earth), "iau1980"_a, "eop"_a, "ut1_tai"_a, "pole"_a);

@@ -82,7 +82,7 @@ class Body:
         where the file does not state its tide system, give it: "tide_free", or "zero_tide" if C20 holds the permanent
         tide. epoch: the date, in the words of a Sky's, at which coefficients that change in time (gfct) hold for the
         whole run; files without such need none. Raises SetupError with the line if the file is damaged or foreign, or
-        changes and has no epoch, if its mu is not this body's within 10 %, or if the tide system is not known.
+        changes and has no epoch, if its mu is not this body's within 10 % (or 0), or if the tide system is not known.
         """
         path = f"{self.name}.harmonics"
         if degree is not None and (not isinstance(degree, int) or degree < 0):
@@ -96,10 +96,10 @@ class Body:
         other = self._copy()
         try:
             other.field = _core.harmonics(fspath(file), degree, tides if isinstance(tides, str) else "file" * tides,
-                                          epoch)
+                                          epoch, self.mu)
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
-        if abs(other.field.mu - self.mu) > 0.1 * self.mu:
+        if self.mu and abs(other.field.mu - self.mu) > 0.1 * self.mu:
             raise SetupError(f"{path}: {fspath(file)} is another body's field: its mu is {other.field.mu:.9g} m^3/s^2, "
                              f"that of {self.name} {self.mu:.9g}")
         other.mu, other.radius, other.J = other.field.mu, other.field.radius, (0.0,) * 5

@@ -116,6 +116,15 @@ def test_tides_need_the_moon_and_the_sun(tmp_path, there, missing):
         fly(30 * s, 30 * s, craft=craft)
 
 
+def test_the_mu_of_a_body_says_the_unit_of_its_field(tmp_path):
+    for mu, radius in (("446300", "16000"), ("4.463e-4", "16.0")):  # Eros, in m and in km
+        (tmp_path / "eros.tab").write_text(f"{radius}, {mu}, 0, 0, 0, 1\n")
+        eros = world.Body("EROS", 4.46e5, 16e3, naif=2000433).harmonics(tmp_path / "eros.tab")
+        assert (eros.mu, eros.radius) == (pytest.approx(446300), 16000)
+        unknown = world.Body("EROS", 0, 0, naif=2000433).harmonics(tmp_path / "eros.tab")  # then km, if below 100,000
+        assert unknown.mu == pytest.approx(446300 if radius == "16.0" else 446300e9)
+
+
 FIELD = """modelname DRIFTS
 earth_gravity_constant 3.986004415e14
 radius 6378136.3
