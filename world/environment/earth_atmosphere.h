@@ -18,7 +18,7 @@ typedef enum EarthAirLaw {
  *  where the Sun is; `weather` is a file of indices, or else the activity is constant, by the parameters.
  *  Fluxes are in solar flux units, 1e-22 W/m^2/Hz.
  *  Assumptions: the wind blows alike everywhere; without a file the activity is the same at all times.
- *  Source: Picone et al. 2002; Bowman et al. 2008; Bruinsma et al. 2003; Owens 2002. */
+ *  Source: Picone et al. 2002; Bowman et al. 2008; Bruinsma, Thuillier and Barlier 2003; Hickey 1988. */
 typedef struct EarthAtmosphere {
     struct {
         CraftState truth;

@@ -97,7 +97,7 @@ const char *lack(const SolarActivity &a, AirLaw law)
         return "F10.7 of the day before";
     }
     if (std::isnan(a.F107_average)) {
-        return law == AirLaw::met ? "half of the 162 days of its mean F10.7" : "half of the 81 days of its mean F10.7";
+        return law == AirLaw::met ? "mean F10.7 of 162 days (half of them)" : "mean F10.7 of 81 days (41 of them)";
     }
     switch (law) {
     case AirLaw::nrlmsise00:
