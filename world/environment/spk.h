@@ -19,7 +19,7 @@
 //   1, 21         last epochs, directory, of 21 the size of the tables, number
 //
 // where the directory has each hundredth epoch.
-// Source: NAIF, "DAF Required Reading" and "SPK Required Reading".
+// Sources: NAIF, "DAF", "SPK" and "Frames Required Reading".
 #pragma once
 
 #include "world/environment/ephemeris.h"
