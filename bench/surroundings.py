@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each model of the air and of light costs a step.
+"""What each model of the air, of light and of tides costs a step.
 
 A step of RK4 of a spacecraft in a field of J2 to J6, 400 km over the Earth, with drag by each law of the air, and with
-sunlight and the Earth's light on six facets; in turn, in this process, by processor time. A step asks four times.
+sunlight and the Earth's light on six facets; in a field of degree 8 with tides, where the ephemeris is asked for the
+Moon and the Sun in any case, and where it is not. In turn, in this process, by processor time. A step asks four times.
 """
 from __future__ import annotations
+import tempfile
 import time
 from functools import partial
+from pathlib import Path
 
 from fledge import Orbit, Simulation, world
 
@@ -35,6 +38,18 @@ def light(sky, w, oblate=0, rings=0):
     return w.pressure
 
 
+def field(tides):
+    """The Earth's, from a file with J2 alone."""
+    given = {(0, 0): 1.0, (2, 0): -world.EARTH.J[0] / 5**0.5}
+    rows = ["product_type gravity_field", f"earth_gravity_constant {world.EARTH.mu}", f"radius {world.EARTH.radius}",
+            "max_degree 8", "norm fully_normalized", "tide_system tide_free", "end_of_head",
+            *(f"gfc {n} {m} {given.get((n, m), 0.0)} 0" for n in range(9) for m in range(n + 1))]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "J2.gfc"
+        file.write_text("\n".join(rows), encoding="utf-8")
+        return world.EARTH.harmonics(file, degree=8, tides=tides)
+
+
 CASES = {
     "gravity alone": None,
     "US Standard Atmosphere 1976": lambda sky, w: drag(sky, w, world.Atmosphere(
@@ -53,15 +68,21 @@ def main(arguments: list[str]) -> None:
     steps = in_turn({name: partial(time_of_a_step, case) for name, case in CASES.items()}, chosen.runs)
     for name in CASES:
         rows.add(name, "step of RK4", steps[name], "ns", None if name == "gravity alone" else "gravity alone")
+    earths = {"field of degree 8": [field(False)], "and tides": [field(True)]}
+    earths |= {f"{name}, Moon and Sun": [*earth, world.MOON, world.SUN] for name, earth in earths.items()}
+    steps = in_turn({name: partial(time_of_a_step, None, gravity) for name, gravity in earths.items()}, chosen.runs)
+    for name in earths:
+        rows.add(name, "step of RK4", steps[name], "ns",
+                 name.replace("and tides", "field of degree 8") if "tides" in name else None)
     report(rows, chosen)
 
 
-def time_of_a_step(case, steps=5_000):
+def time_of_a_step(case, gravity=(world.EARTH.zonal(6),), steps=5_000):
     """[ns] of processor time."""
     sim = Simulation("surroundings")
     w, sky = sim.world, world.Sky("2015-03-20T12:00:00", world.EARTH)
     part = case(sky, w) if case else None
-    w.craft = world.Spacecraft(I_B=10, mass=100, sky=sky, gravity=[world.EARTH.zonal(6)], parts=[part] if part else [],
+    w.craft = world.Spacecraft(I_B=10, mass=100, sky=sky, gravity=list(gravity), parts=[part] if part else [],
                                orbit=Orbit(world.EARTH, altitude=400e3, i=1.0))
     for model in ("air", "light", "planet"):        # which a task runs at another rate, so that it counts little
         if hasattr(w, model):

@@ -10,8 +10,8 @@
 #define SOLAR_PANELS_MAX 8
 
 /** Solar panels: their electrical power from the sunlight, eclipses included. A panel with an axis is turned about it
- *  by its angle of `angles`, from world.ArrayDrive or world.HingedPanels; the others are fixed to the body. They use the
- *  sunlight that a planet reflects, too, if Python's `radiation` is a PlanetRadiation.
+ *  by its angle of `angles`, from world.ArrayDrive or world.HingedPanels; the others are fixed to the body. They use
+ *  the sunlight that a planet reflects, too, if Python's `radiation` is a PlanetRadiation.
  *  Assumptions: the cosine law; the efficiency does not depend on temperature, voltage or age; no panel shades another.
  *  Source: the definition of efficiency. */
 typedef struct SolarArray {
