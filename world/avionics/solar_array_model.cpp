@@ -24,7 +24,7 @@ void SolarArrayModel::update(Tick tick)
             normal = mat_transpose_vec(mrp_to_dcm(mrp_turn(turn)), normal);
         }
         area += par.areas[i] * std::max(vec_dot(normal, s_B), 0.0);
-        const Vec3 normal_N = mat_transpose_vec(BN, normal);
+        const Vec3 normal_N = seen.empty() ? Vec3{} : mat_transpose_vec(BN, normal);
         for (const auto &element : seen) {
             const double cosine = vec_dot(normal_N, vec(element.towards_N));
             reflected += par.areas[i] * std::max(cosine, 0.0) * element.reflected;

@@ -19,7 +19,8 @@ void CoarseSunSensorsModel::update(Tick tick)
     const double sunlight = seen_of_planet.empty() ? 0.0 : planet_->sunlight(tick.t, 0.0);
     begin_faults(tick.t);
     for (std::uint32_t i = 0; i < par.n; i++) {
-        const Vec3 axis_B = vec_unit(par.axes_B[i]), axis_N = mat_transpose_vec(BN, axis_B);
+        const Vec3 axis_B = vec_unit(par.axes_B[i]);
+        const Vec3 axis_N = seen_of_planet.empty() ? Vec3{} : mat_transpose_vec(BN, axis_B);
         const double edge = par.view[i] == 0.0 ? 0.0 : fm_cos(par.view[i]);
         const auto seen = [&](double cosine) { return cosine > 0.0 && cosine >= edge ? cosine : 0.0; };
         double current = par.current[i] * seen(vec_dot(axis_B, s_B)) * visible;
