@@ -119,10 +119,14 @@ export class Live {
         socket.onclose = () => {
             this.socket = null;
             this.set("lost");
-            this.api.begin().then(({user}) => user || this.api.refused(), () => {});    // the session may have ended
-            setTimeout(() => this.connect(), this.pause);
-            this.pause = Math.min(5000, 1.6 * this.pause);
+            // A session that has ended has no connection.
+            this.api.begin().then(({user}) => (user ? this.reconnect() : this.api.refused()), () => this.reconnect());
         };
+    }
+
+    reconnect() {
+        setTimeout(() => this.connect(), this.pause);
+        this.pause = Math.min(5000, 1.6 * this.pause);
     }
 
     /** Load the state anew after a lost connection; the server may have restarted, with another session. */
