@@ -109,11 +109,29 @@ struct Seen {
     Vector3d p;
 
     Vector3d scaled(const Vector3d &r) const { return r / a + (1.0 / b - 1.0 / a) * p.dot(r) * p; }
-    bool meets(const Vector3d &direction) const
+};
+
+/// Which rays u = (u0, u1, u2) along three axes meet a body: by plain numbers, since there are many.
+struct Meeting {
+    double along[3], square[3][3];
+
+    Meeting(const Seen &body, const Eigen::Matrix3d &axes)
     {
-        const Vector3d ray = scaled(direction), r = scaled(r_PB);
-        const double along = ray.dot(r);
-        return along < 0.0 && along * along > ray.squaredNorm() * (r.squaredNorm() - 1.0);
+        const Vector3d r = body.scaled(body.r_PB);
+        Eigen::Matrix3d rays;
+        rays << body.scaled(axes.col(0)), body.scaled(axes.col(1)), body.scaled(axes.col(2));
+        Vector3d::Map(along) = rays.transpose() * r;
+        Eigen::Matrix3d::Map(&square[0][0]) = rays.transpose() * rays * (r.squaredNorm() - 1.0);
+    }
+
+    bool meets(const double *u) const
+    {
+        double way = 0.0, rest = 0.0;
+        for (int i = 0; i < 3; i++) {
+            way += along[i] * u[i];
+            rest += u[i] * (square[i][0] * u[0] + square[i][1] * u[1] + square[i][2] * u[2]);
+        }
+        return way < 0.0 && way * way > rest;
     }
 };
 
@@ -121,15 +139,26 @@ struct Seen {
 double hidden_rays(const Vector3d &r_SB, const std::vector<Seen> &bodies)
 {
     const double angle = std::asin(Rs / r_SB.norm());
-    const Vector3d z = -r_SB.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
+    const Vector3d z = -r_SB.normalized(), x = z.unitOrthogonal();
+    Eigen::Matrix3d axes;
+    axes << z, x, z.cross(x);
+    std::vector<Meeting> meetings;
+    for (const Seen &body : bodies) {
+        meetings.emplace_back(body, axes);
+    }
     constexpr int rings = 300, rays = 300;
+    double c[2 * rays], s[2 * rays];
+    for (int k = 0; k < 2 * rays; k++) {
+        c[k] = std::cos(pi * k / rays);
+        s[k] = std::sin(pi * k / rays);
+    }
     int met = 0;
     for (int i = 0; i < rings; i++) {
         const double cosine = 1.0 - (i + 0.5) / rings * (1.0 - std::cos(angle)), sine = std::sqrt(1 - cosine * cosine);
         for (int j = 0; j < rays; j++) {
-            const double turn = 2.0 * pi * (j + 0.5 * (i % 2)) / rays;
-            const Vector3d ray = cosine * z + sine * (std::cos(turn) * x + std::sin(turn) * y);
-            met += std::ranges::any_of(bodies, [&](const Seen &body) { return body.meets(ray); });
+            const int k = 2 * j + i % 2; // turned by half a step from ring to ring
+            const double ray[3] = {cosine, sine * c[k], sine * s[k]};
+            met += std::ranges::any_of(meetings, [&](const Meeting &body) { return body.meets(ray); });
         }
     }
     return static_cast<double>(met) / (rings * rays);
