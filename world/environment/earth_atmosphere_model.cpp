@@ -11,7 +11,6 @@
 
 #include <Eigen/Dense>
 
-#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -22,7 +21,7 @@ using sim::Ns;
 
 namespace {
 
-constexpr double seconds_a_day = 86400.0, mjd_of_1970 = 40587.0;
+constexpr double seconds_a_day = 86400.0;
 
 // In the order of EarthAirLaw.
 constexpr AirComposition (*laws[])(const AirPlace &, const SolarActivity &) = {nrlmsise00, jb2008, dtm2000, met};
@@ -113,12 +112,11 @@ void EarthAtmosphereModel::begin(Ns start) const
 {
     const Epoch epoch = sky()->epoch_at(start);
     const CalendarTime utc = sky()->time_system().calendar(epoch, TimeScale::utc);
-    const auto day = std::chrono::sys_days(std::chrono::year(utc.year) / utc.month / utc.day);
-    const auto new_year = std::chrono::sys_days(std::chrono::year(utc.year) / 1 / 1);
+    const int mjd = *mjd_of(utc.year, utc.month, utc.day);
     date_.year = utc.year;
-    date_.day_of_year = static_cast<int>((day - new_year).count()) + 1;
+    date_.day_of_year = mjd - *mjd_of(utc.year, 1, 1) + 1;
     date_.seconds_of_day = 3600.0 * utc.hour + 60.0 * utc.minute + utc.second + 1e-9 * utc.nanosecond;
-    date_.mjd = static_cast<double>(day.time_since_epoch().count()) + mjd_of_1970;
+    date_.mjd = mjd;
     activity_ = weather_ ? weather_->at(epoch, law()) : constant_;
     activity_.history = weather_ != nullptr;
     sun_N_ = (r_PN_N(1, start, 0.0) - r_PN_N(0, start, 0.0)).normalized();

@@ -24,7 +24,6 @@ constexpr double two_pi = 6.28318530717958647692;
 constexpr double arcsecond = two_pi / 1'296'000.0;
 constexpr std::int64_t day_ns = 86'400'000'000'000;
 constexpr double j2000 = 2'451'545.0;           // [d] Julian date
-constexpr int mjd_2000 = 51'544;                // of 2000-01-01
 constexpr int mjd_1972 = 41'317;                // since then UTC has whole leap seconds
 constexpr double turns_j2000 = 0.7790572732640; // of the Earth rotation angle
 constexpr double excess = 0.00273781191135448;  // turns a day of UT1, beyond one

@@ -7,7 +7,6 @@
 #include "world/environment/text_input.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -236,21 +235,18 @@ struct IcgemDate {
 /// Of yyyymmdd or yyyymmdd.hhmm; the minutes may be 60, as EIGEN-6S4 has them.
 std::optional<IcgemDate> parse_date(std::string_view word)
 {
-    using namespace std::chrono;
     const auto date = parse_integer(word.substr(0, 8));
     const auto clock = word.size() == 8 ? 0 : word.size() == 13 && word[8] == '.' ? parse_integer(word.substr(9)) : -1;
     if (word.size() < 8 || !date || *date < 1'00'00 || !clock || *clock < 0 || *clock > 2400 || *clock % 100 > 60) {
         return {};
     }
-    const year_month_day calendar{year(*date / 1'00'00), month(unsigned(*date / 100 % 100)),
-                                  day(unsigned(*date % 100))};
-    if (!calendar.ok()) {
+    const int year = *date / 1'00'00;
+    const auto mjd = mjd_of(year, *date / 100 % 100, *date % 100);
+    if (!mjd) {
         return {};
     }
-    const sys_days origin = 2000y / January / 1, new_year = calendar.year() / January / 1;
-    return IcgemDate{static_cast<double>((sys_days(calendar) - origin).count()) +
-                         (*clock / 100 * 60 + *clock % 100) / 1440.0,
-                     static_cast<double>((new_year - origin).count())};
+    return IcgemDate{*mjd - mjd_2000 + (*clock / 100 * 60 + *clock % 100) / 1440.0,
+                     static_cast<double>(*mjd_of(year, 1, 1) - mjd_2000)};
 }
 
 /// Takes the rows behind the head: what changes, as it is at the epoch.

@@ -179,6 +179,17 @@ std::int64_t kernel_day(const KernelValue &value, const std::string &file)
 
 } // namespace
 
+std::optional<int> mjd_of(int year, int month, int day)
+{
+    const year_month_day date = std::chrono::year{year} / month / day;
+    return date.ok() ? std::optional(static_cast<int>(day_number(date)) + mjd_2000) : std::nullopt;
+}
+
+std::string date_text(int mjd)
+{
+    return format_date(date_of(std::int64_t{mjd} - mjd_2000));
+}
+
 std::string format_tdb(double seconds)
 {
     return format_time(calendar_time(static_cast<std::int64_t>(std::floor(seconds)))) + " TDB";

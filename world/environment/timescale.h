@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,6 +42,14 @@ struct CalendarTime {
 
     friend bool operator==(const CalendarTime &, const CalendarTime &) = default;
 };
+
+inline constexpr int mjd_2000 = 51'544; ///< [d] Modified Julian date of 2000-01-01
+
+/// [d] Modified Julian date of a day of the Gregorian calendar; none if there is no such day.
+std::optional<int> mjd_of(int year, int month, int day);
+
+/// "2015-03-02" of a Modified Julian date.
+std::string date_text(int mjd);
 
 /// "2015-03-02T12:00:00 TDB" for [s] TDB past J2000, any year; to the second below, for messages.
 std::string format_tdb(double seconds);

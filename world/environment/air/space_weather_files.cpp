@@ -5,9 +5,7 @@
 #include "world/environment/text_input.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstdio>
 
 namespace fledge::world {
 
@@ -62,7 +60,7 @@ struct IndexLine {
     int date(int year, int month, int day) const
     {
         const auto mjd = mjd_of(year, month, day);
-        if (!mjd) {
+        if (!mjd || year < 1900) {
             refuse("expected a date; found " + std::string(text.substr(0, 12)));
         }
         return *mjd;
@@ -390,27 +388,6 @@ void read_dtc(const std::vector<IndexLine> &lines, SpaceWeather::Activity &all)
 }
 
 } // namespace
-
-std::optional<int> mjd_of(int year, int month, int day)
-{
-    using namespace std::chrono;
-    const year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
-                              std::chrono::day(static_cast<unsigned>(day))};
-    if (!date.ok() || year < 1900) {
-        return {};
-    }
-    return static_cast<int>(sys_days(date).time_since_epoch().count()) + 40'587;
-}
-
-std::string date_text(int mjd)
-{
-    using namespace std::chrono;
-    const year_month_day date{sys_days(days(mjd - 40'587))};
-    char text[40];
-    std::snprintf(text, sizeof text, "%04d-%02u-%02u", static_cast<int>(date.year()),
-                  static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()));
-    return text;
-}
 
 SpaceWeather::Activity read_activity(const std::string &path)
 {

@@ -9,7 +9,4 @@ namespace fledge::world {
 /// Throws SetupError with file and line if it is none of them, or damaged.
 SpaceWeather::Activity read_activity(const std::string &path);
 
-std::optional<int> mjd_of(int year, int month, int day); ///< none: no date from 1900 on
-std::string date_text(int mjd);                          ///< "2026-03-20"
-
 } // namespace fledge::world
