@@ -45,7 +45,7 @@ def _reader(source: str | os.PathLike[str]) -> Any:
     if data.startswith(b"DAF/"):
         raise SetupError(f"{where}: is a kernel of SPICE, which may hold many objects: read it with "
                          "files.spk.read(path), or files.ck.read(path, clock)")
-    begin = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    begin = data.lstrip(kvn.SPACE)
     if begin.startswith(b"stk.v."):
         from fledge.files import stk
 

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from fledge.files import daf
-from fledge.files.ephemeris import AemSegment
+from fledge.files.ephemeris import RATES, AemSegment
 from fledge.files.sclk import Sclk
 
 KIND = "DAF/CK  "
 TYPE = 3
-RATES = ("ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z")
 
 
 def read(path: str | os.PathLike[str], clock: Sclk) -> list[AemSegment]:

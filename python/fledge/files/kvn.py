@@ -15,6 +15,7 @@ KEY = re.compile(r"\s*([A-Z][A-Z0-9_]*)\s*=(.*)", re.DOTALL)
 MARK = re.compile(r"\s*([A-Z]+)_(START|STOP)\s*")
 UNIT = re.compile(r"(.*?)\s*\[(.*)\]", re.DOTALL)
 PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"]\0\0": "lzma", b"PK\3\4": "zip"}
+SPACE = b"\xef\xbb\xbf \t\r\n"     # before a text: the mark of UTF-8, and blanks
 MOST = 600          # characters that a refusal shows
 
 
@@ -36,9 +37,14 @@ class Token(NamedTuple):
 
 
 def refuse(where: str, line: int, text: str) -> NoReturn:
-    """Raise SetupError; of a long text with its begin and end. line: 0 of what is in no file."""
+    """Raise SetupError. line: 0 of what is in no file."""
+    refuse_at(f"{where}, line {line}" if line else where, text)
+
+
+def refuse_at(place: str, text: str) -> NoReturn:
+    """Raise SetupError; a long text is cut in its middle. place: the file and its line."""
     text = text if len(text) <= MOST else f"{text[:MOST - 100]} ... {text[-100:]}"
-    raise SetupError(printable(f"{where}, line {line}: {text}" if line else f"{where}: {text}"))
+    raise SetupError(printable(f"{place}: {text}"))
 
 
 def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:

@@ -22,11 +22,11 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import kvn, xml
-from fledge.files.kvn import Token, refuse
+from fledge.files.kvn import Token, refuse, refuse_at
 from fledge.files.values import NUMBER
 
 DAY = 86_400_000_000_000                    # [ns]
@@ -117,26 +117,21 @@ def _reader(text: str) -> Callable[[str, str], Iterator[MeanElements]]:
     return _lines
 
 
-def _refuse(place: str, text: str) -> NoReturn:
-    """Raise SetupError. place: as places() has them, with file and line."""
-    where, _, line = place.rpartition(", line ")
-    refuse(where, int(line), text)
-
-
 def _elements(places: Callable[[str], str], name: str, number: int, designator: str, epoch: int,
               values: Mapping[str, float], source: str) -> MeanElements:
     """MeanElements, of published units. places: where a value stands, by its name in an OMM."""
     for key, least, most in (("ECCENTRICITY", 0.0, 1.0), ("INCLINATION", 0.0, 180.0)):
         if not least <= values[key] <= most or (key == "ECCENTRICITY" and values[key] == 1.0):
-            _refuse(places(key), f"{key}: expected {least:g} to {most:g}{' deg' if most > 1 else ', less than 1'}; "
-                                 f"found {values[key]:g}")
+            refuse_at(places(key), f"{key}: expected {least:g} to {most:g}{' deg' if most > 1 else ', less than 1'}; "
+                                   f"found {values[key]:g}")
     if not values["MEAN_MOTION"] > 0.0:
-        _refuse(places("MEAN_MOTION"), f"MEAN_MOTION: expected revolutions a day, > 0; found {values['MEAN_MOTION']:g}")
+        refuse_at(places("MEAN_MOTION"),
+                  f"MEAN_MOTION: expected revolutions a day, > 0; found {values['MEAN_MOTION']:g}")
     n = values["MEAN_MOTION"] * TURN / 86400
     perigee = (MU / n**2) ** (1 / 3) * (1 - values["ECCENTRICITY"]) - RADIUS
     if perigee < 0.0:
-        _refuse(places("MEAN_MOTION"), f"its perigee is {-perigee / 1000:.0f} km below the Earth's surface: the object "
-                                       "has decayed, or mean motion or eccentricity are wrong")
+        refuse_at(places("MEAN_MOTION"), f"its perigee is {-perigee / 1000:.0f} km below the Earth's surface: the "
+                                         "object has decayed, or mean motion or eccentricity are wrong")
     i, node, periapsis, M = (math.radians(values[key]) for key in (
         "INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY"))
     return MeanElements(name, number, designator, epoch, n, values["ECCENTRICITY"], i, node, periapsis, M,
@@ -188,17 +183,18 @@ def checksum(line: str) -> int:
 def _columns(line: str, place: str) -> dict[str, str]:
     """The fields of a line, each as its columns have it."""
     if not line.isascii() or len(line) != 69:
-        _refuse(place, f"expected 69 columns of a line of elements; found {len(line)}: {line!r}")
+        refuse_at(place, f"expected 69 columns of a line of elements; found {len(line)}: {line!r}")
     if line[68] != str(checksum(line)):
-        _refuse(place, f"column 69: expected {checksum(line)}, the checksum of what stands before; found {line[68]!r}")
+        refuse_at(place,
+                  f"column 69: expected {checksum(line)}, the checksum of what stands before; found {line[68]!r}")
     fields, column = {}, 2
     for key, (first, last, pattern, what) in _COLUMNS[line[0]].items():
         if line[column - 1:first - 1].strip():
-            _refuse(place, f"column {column}: expected a space; found {line[column - 1:first - 1]!r}")
+            refuse_at(place, f"column {column}: expected a space; found {line[column - 1:first - 1]!r}")
         fields[key] = line[first - 1:last]
         if not re.fullmatch(pattern, fields[key]):
             columns = f"columns {first} to {last}" if last > first else f"column {first}"
-            _refuse(place, f"{columns}: expected {what}; found {fields[key]!r}")
+            refuse_at(place, f"{columns}: expected {what}; found {fields[key]!r}")
         column = last + 1
     return fields
 
@@ -223,27 +219,27 @@ def _lines(text: str, where: str) -> Iterator[MeanElements]:
         at += 1
         if not line.startswith("1 "):
             if name or line.startswith("2 "):
-                _refuse(place, f"expected line 1 of a two-line element set, '1 nnnnn...'; found {line!r}")
+                refuse_at(place, f"expected line 1 of a two-line element set, '1 nnnnn...'; found {line!r}")
             name = line.removeprefix("0 ").strip()
             continue
         if at == len(rows) or not rows[at][1].startswith("2 "):
-            _refuse(f"{where}, line {rows[at][0] if at < len(rows) else number + 1}",
-                    f"expected line 2 of the element set, '2 nnnnn...'; found "
-                    f"{repr(rows[at][1]) if at < len(rows) else 'the end'}")
+            refuse(where, rows[at][0] if at < len(rows) else number + 1,
+                   f"expected line 2 of the element set, '2 nnnnn...'; found "
+                   f"{repr(rows[at][1]) if at < len(rows) else 'the end'}")
         second = f"{where}, line {rows[at][0]}"
         row_1, row_2 = _columns(line, place), _columns(rows[at][1], second)
         at += 1
         if row_1["number"] != row_2["number"]:
-            _refuse(second, f"columns 3 to 7: expected {row_1['number']}, as in line 1; found {row_2['number']}")
+            refuse_at(second, f"columns 3 to 7: expected {row_1['number']}, as in line 1; found {row_2['number']}")
         if row_1["type"] not in " 023":
-            _refuse(place, f"column 63: expected elements of SGP4, 0; found {row_1['type']}"
-                           f"{', which are of SGP4-XP' if row_1['type'] == '4' else ''}")
+            refuse_at(place, f"column 63: expected elements of SGP4, 0; found {row_1['type']}"
+                             f"{', which are of SGP4-XP' if row_1['type'] == '4' else ''}")
         year = int(row_1["epoch"][:2])
         first = date(year + (1900 if year >= 57 else 2000), 1, 1)
         day, within = int(row_1["epoch"][2:5]), int(row_1["epoch"][6:]) * (DAY // 10**8)
         most = (date(first.year + 1, 1, 1) - first).days
         if not 1 <= day <= most:
-            _refuse(place, f"columns 21 to 32: expected a day of {first.year}, 1 to {most}; found {day}")
+            refuse_at(place, f"columns 21 to 32: expected a day of {first.year}, 1 to {most}; found {day}")
         values = {key: float(row_2[key]) for key in row_2 if key.isupper()} | {
             "ECCENTRICITY": float("0." + row_2["ECCENTRICITY"]), "BSTAR": _power(row_1["bstar"])}
         launch = row_1["designator"].strip()
@@ -253,7 +249,7 @@ def _lines(text: str, where: str) -> Iterator[MeanElements]:
         yield _elements(lambda _: second, name, _catalogue(row_1["number"]), launch, epoch, values, place)
         name = ""
     if name:
-        _refuse(place, f"expected line 1 of a two-line element set after the name {name!r}; found the end")
+        refuse_at(place, f"expected line 1 of a two-line element set after the name {name!r}; found the end")
 
 
 # --- orbit mean-elements messages -------------------------------------------------------------------
@@ -275,29 +271,29 @@ def _of_omm(fields: Mapping[str, Token], where: str, line: int, strict: bool) ->
 
     def number(key: str) -> float:
         if not NUMBER.fullmatch(value(key)) or not math.isfinite(float(value(key))):
-            _refuse(place(key), f"{key}: expected a number; found {value(key)!r}")
+            refuse_at(place(key), f"{key}: expected a number; found {value(key)!r}")
         return float(value(key))
 
     needed = [*_REQUIRED, *(_ASSUMED if strict else ())]
     missing = [key for key in needed if not value(key)]
     if missing:
-        _refuse(place(missing[0]), f"expected {listed(missing)} in the OMM of {value('OBJECT_NAME') or 'an object'}; "
-                                   "there is none")
+        refuse_at(place(missing[0]), f"expected {listed(missing)} in the OMM of {value('OBJECT_NAME') or 'an object'}; "
+                                     "there is none")
     for key, allowed in _ASSUMED.items():
         if value(key) and value(key).upper() not in allowed:
-            _refuse(place(key), f"{key}: expected {' or '.join(allowed)}; found {value(key)}")
+            refuse_at(place(key), f"{key}: expected {' or '.join(allowed)}; found {value(key)}")
     for key, unit in _REQUIRED.items():
         found = fields[key].unit or ""
         if found and found.lower() != unit.lower():
-            _refuse(place(key), f"{key}: expected the unit {unit or 'of a bare number'}; found {found}")
+            refuse_at(place(key), f"{key}: expected the unit {unit or 'of a bare number'}; found {found}")
     if value("EPHEMERIS_TYPE") not in ("", "0", "2", "3", "SGP", "SGP4"):
-        _refuse(place("EPHEMERIS_TYPE"), f"EPHEMERIS_TYPE: expected 0, elements of SGP4; found "
-                                         f"{value('EPHEMERIS_TYPE')}")
+        refuse_at(place("EPHEMERIS_TYPE"), f"EPHEMERIS_TYPE: expected 0, elements of SGP4; found "
+                                           f"{value('EPHEMERIS_TYPE')}")
     if value("DECAY_DATE"):
-        _refuse(place("DECAY_DATE"), f"{value('OBJECT_NAME')} decayed on {value('DECAY_DATE')}")
+        refuse_at(place("DECAY_DATE"), f"{value('OBJECT_NAME')} decayed on {value('DECAY_DATE')}")
     catalogue = value("NORAD_CAT_ID") or "0"
     if not re.fullmatch(f"\\d{{1,9}}|[{LETTERS}]\\d{{4}}", catalogue):
-        _refuse(place("NORAD_CAT_ID"), f"NORAD_CAT_ID: expected up to nine digits, or Alpha-5; found {catalogue!r}")
+        refuse_at(place("NORAD_CAT_ID"), f"NORAD_CAT_ID: expected up to nine digits, or Alpha-5; found {catalogue!r}")
     return _elements(place, value("OBJECT_NAME"), _catalogue(catalogue), value("OBJECT_ID"),
                      _epoch(value("EPOCH"), place("EPOCH")), {key: number(key) for key in _REQUIRED if key != "EPOCH"},
                      f"{where}, line {line}")
@@ -314,7 +310,7 @@ def _epoch(text: str, place: str) -> int:
         if not 1957 <= whole.year == year <= 2200:
             raise ValueError
     except ValueError:
-        _refuse(place, f"EPOCH: expected UTC from 1957 to 2200, '2020-10-13T04:52:48.472320'; found {text!r}")
+        refuse_at(place, f"EPOCH: expected UTC from 1957 to 2200, '2020-10-13T04:52:48.472320'; found {text!r}")
     since = whole - J2000
     return since.days * DAY + since.seconds * 10**9 + int(f"{match.group(8) or '':0<9}"[:9])
 
@@ -359,17 +355,17 @@ def _json(text: str, where: str) -> Iterator[MeanElements]:
     try:
         sets = json.loads(text.lstrip("\ufeff"))
     except (json.JSONDecodeError, RecursionError) as error:
-        _refuse(f"{where}, line {getattr(error, 'lineno', 1)}", f"expected JSON; {getattr(error, 'msg', error)}")
+        refuse(where, getattr(error, "lineno", 1), f"expected JSON; {getattr(error, 'msg', error)}")
     at = 0
     for entry in sets if isinstance(sets, list) else [sets]:
         at = text.find("{", at)
         line = text.count("\n", 0, max(at, 0)) + 1
         if not isinstance(entry, dict):
-            _refuse(f"{where}, line {line}", f"expected an object with the fields of an OMM; found {entry!r}")
+            refuse(where, line, f"expected an object with the fields of an OMM; found {entry!r}")
         end, fields = at, {}
         for key, value in entry.items():
             if isinstance(value, (dict, list, bool)):
-                _refuse(f"{where}, line {line}", f"{key}: expected a text or a number; found {value!r}")
+                refuse(where, line, f"{key}: expected a text or a number; found {value!r}")
             end = max(end, text.find(f'"{key}"', at))
             fields[key] = Token("key", key, "" if value is None else str(value), text.count("\n", 0, max(end, 0)) + 1)
         yield _of_omm(fields, where, line, False)
@@ -388,8 +384,8 @@ def _csv(text: str, where: str) -> Iterator[MeanElements]:
                 keys = [cell.strip() for cell in row]
                 continue
             if len(row) != len(keys):
-                _refuse(place, f"expected {len(keys)} columns, as the first line names; found {len(row)}")
+                refuse_at(place, f"expected {len(keys)} columns, as the first line names; found {len(row)}")
             fields = {key: Token("key", key, cell, rows.line_num) for key, cell in zip(keys, row)}
             yield _of_omm(fields, where, rows.line_num, False)
     except csv.Error as error:
-        _refuse(f"{where}, line {rows.line_num}", f"expected CSV; {error}")
+        refuse(where, rows.line_num, f"expected CSV; {error}")

@@ -298,7 +298,7 @@ def value_of(kind: str, token: Token, clock: Clock, where: str) -> Value:
 def messages(source: str | os.PathLike[str]) -> Iterator[Message]:
     """The messages of a file, or of a text of several lines, in KVN or XML. Raises SetupError."""
     data, where = kvn.content(source)
-    in_xml = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" or b"<\0" in data[:8] or b"\0<" in data[:8]
+    in_xml = data.lstrip(kvn.SPACE)[:1] == b"<" or b"<\0" in data[:8] or b"\0<" in data[:8]
     tokens: Iterable[Token] = xml.tokens(data, where) if in_xml else kvn.tokens(kvn.decoded(data, where))
     builder: _Builder | None = None
     combined = in_xml

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from xml.parsers import expat
 
 from fledge.errors import SetupError
-from fledge.files.kvn import Token, refuse
+from fledge.files.kvn import SPACE, Token, refuse
 
 LINES = ("trajLine", "covLine", "manLine")      # elements that hold a row
 MESSAGES = ("oem", "opm", "omm", "ocm", "aem", "apm", "acm", "cdm", "tdm", "rdm")
@@ -35,7 +35,7 @@ def tokens(text: str | bytes, where: str) -> list[Token]:
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)     # None: as the document declares
     text = text.encode() if isinstance(text, str) else text
     before = max(text.find(b"<"), 0)            # no line feed may stand before the declaration
-    if text[:before].strip(b"\xef\xbb\xbf \t\r\n"):
+    if text[:before].strip(SPACE):
         before = 0
     skipped = text.count(b"\n", 0, before)
 
