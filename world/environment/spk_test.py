@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy import polynomial
+from scipy import integrate, interpolate, optimize
 
 jplephem_spk = pytest.importorskip("jplephem.spk", reason="python3-jplephem is not installed")
-integrate = pytest.importorskip("scipy.integrate", reason="python3-scipy is not installed")
-interpolate = pytest.importorskip("scipy.interpolate", reason="python3-scipy is not installed")
-optimize = pytest.importorskip("scipy.optimize", reason="python3-scipy is not installed")
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
