@@ -34,7 +34,7 @@ public:
 
     const Instance &instance() const { return instance_; }
 
-    /// Another one after each change of the parameters.
+    /// Changes whenever a parameter changes.
     std::uint64_t version() const { return version_; }
 
     /// What its script says of a place; see Script.

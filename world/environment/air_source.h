@@ -32,7 +32,7 @@ public:
     /// "world.air"; empty before the model is prepared.
     virtual const std::string &name() const = 0;
 
-    /// Another one after each change of the parameters.
+    /// Changes whenever a parameter changes.
     virtual std::uint64_t version() const = 0;
 
     /// Whether temperature and molar mass are known, as accommodation needs them.

@@ -62,7 +62,7 @@ public:
     /// Empty before prepare().
     const std::string &name() const { return name_; }
 
-    /// Another one after each change of the parameters.
+    /// Changes whenever a parameter changes.
     std::uint64_t version() const { return version_; }
 
 protected:

@@ -41,7 +41,7 @@ public:
         return light_->unhidden(start, tau, r_PN_N(0, start, tau)).irradiance;
     }
 
-    /// Another one after each change of its own parameters or the Sunlight's.
+    /// Changes whenever a parameter of it or of the Sunlight changes.
     std::uint64_t version() const { return EnvironmentModel::version() + light_->version(); }
 
     void prepare(const sim::Setup &setup) override;
