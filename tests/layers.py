@@ -75,8 +75,9 @@ RULES = {
     "options": Rule("C++20", "the command lines of the programs in C++", []),
     "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
                      ["options", "registers"]),
-    "emulator/tools": Rule("C++20", "the programs",
-                           ["options", "flight/exec", "record", "registers", "targets", "emulator"]),
+    "emulator/mission": Rule("C++20", "a mission that flies on the computer",
+                             [*FLIGHT, "flight/exec", "registers", "targets", "emulator"]),
+    "emulator/tools": Rule("C++20", "the programs", ["options", "record", "registers", "targets", "emulator"]),
     "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
                    "values of telemetry with limits; files of packets, and captures",
                    ["ccsds", "record"]),

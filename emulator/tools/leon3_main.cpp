@@ -7,14 +7,12 @@
 #include "emulator/devices/spacewire.h"
 #include "emulator/devices/test_report.h"
 #include "emulator/elf.h"
-#include "emulator/loop.h"
+#include "emulator/mission/link.h"
 #include "emulator/report.h"
-#include "flight/exec/task.h"
 #include "options/options.h"
 #include "record/file_sink.h"
 #include "registers/shared_file.h"
 #include "registers/snapshot_link.h"
-#include "targets/mission_host.h"
 
 #include <algorithm>
 #include <array>
@@ -22,7 +20,6 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <dlfcn.h>
 #include <memory>
 #include <optional>
 #include <poll.h>
@@ -245,18 +242,6 @@ private:
     std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
 };
 
-const MissionHost &load_tables(const std::string &path)
-{
-    // Without a slash, dlopen() searches the system's libraries.
-    const std::string file = path.find('/') == path.npos ? "./" + path : path;
-    void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
-    if (!mission) {
-        throw Error("--tables " + path + ": " + dlerror());
-    }
-    return *static_cast<const MissionHost *>(mission);
-}
-
 /// The register file; it must stay where it is.
 struct File {
     File(const Settings &o, const MissionIo &io) : windows(io.n_boards)
@@ -283,16 +268,6 @@ struct File {
     RegisterFile file;
     std::vector<RegisterWindow> windows;
 };
-
-/// Flight's first instant after t.
-Ns next_after(const MissionHost &mission, Ns t)
-{
-    Ns next = std::numeric_limits<Ns>::max() / 2;
-    for (std::uint16_t i = 0; i < mission.n_rates; i++) {
-        next = std::min<Ns>(next, exec_on_grid(mission.rates[i], t + 1));
-    }
-    return next;
-}
 
 /// Fly tick by tick. `snapshots` looks for requests between ticks. Returns what went wrong, "" if nothing did.
 std::string fly(File &file, FlightLoop &loop, const RegisterWindow &clock, Output *record,
@@ -483,15 +458,15 @@ struct Lines {
 /// Run a mission's flight, with the register file. Returns the exit code.
 int run_flight(Machine &machine, Tools &tools, const Program &program, const Settings &o, Output *record)
 {
-    const MissionHost &mission = load_tables(o.tables);
-    File file(o, *mission.io);
+    const std::shared_ptr<const MissionHost> mission = load_mission(o.tables);
+    File file(o, *mission->io);
     RegisterSpace *space = machine.device_of<RegisterSpace>();
     if (!space) {
         throw Error(o.board + ": --registers needs a device of the kind `registers`");
     }
     space->attach(file.windows);
     FlightLoop loop(machine);
-    loop.next = [&](Ns t) { return next_after(mission, t); };
+    loop.next = [&](Ns t) { return next_instant(*mission, t); };
     loop.run = [&](Ns t) { return tools.run_until(t); };
     loop.on_tick = [&] { tools.begin(); };
     machine.on_error = [&] {

@@ -222,7 +222,8 @@ TEST_F(Leon3, mistakes_are_explained)
     EXPECT_EQ(run("board.toml").first, 2);
     EXPECT_EQ(run("board.toml hello.elf --engine fast").first, 2);
     EXPECT_EQ(run("board.toml hello.elf --tables t.so").first, 2) << "it needs --registers";
-    EXPECT_THAT(run("board.toml hello.elf --tables none.so --registers r").second, HasSubstr("--tables none.so: "));
+    EXPECT_THAT(run("board.toml hello.elf --tables none.so --registers r").second,
+                HasSubstr("the tables of the mission, none.so: "));
     EXPECT_EQ(run("--help").first, 0);
 }
 

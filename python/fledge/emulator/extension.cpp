@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The module `_emulator`: a computer in software, for the package fledge.emulator. Times are integer nanoseconds here.
 #include "core/typed.h"
-#include "emulator/backend.h"
 #include "emulator/board.h"
 #include "emulator/debug/registers.h"
 #include "emulator/debug/tools.h"
@@ -9,14 +8,11 @@
 #include "emulator/devices/irqmp.h"
 #include "emulator/devices/memory_controller.h"
 #include "emulator/devices/register_space.h"
+#include "emulator/mission/link.h"
 #include "emulator/report.h"
 #include "emulator/snapshot.h"
-#include "flight/msg/computer.h"
 #include "registers/lane.h"
-#include "registers/outside.h"
-#include "targets/mission_host.h"
 
-#include <dlfcn.h>
 #include <pybind11/functional.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -167,49 +163,24 @@ const char *run_until(Computer &c, Ns t)
     }
 }
 
-const MissionHost &load_tables(const std::string &path)
-{
-    void *library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
-    if (!mission) {
-        throw Error("the tables of the mission: " + std::string(dlerror()));
-    }
-    return *static_cast<const MissionHost *>(mission);
-}
-
-RegisterSpace &space_with(Computer &computer, const MissionIo &io)
-{
-    auto *space = computer.machine.device_of<RegisterSpace>();
-    if (!space) {
-        throw Error(computer.machine.board().file + ": flight needs a register space, a device of the kind registers");
-    }
-    space->make({io.boards, io.n_boards});
-    return *space;
-}
-
 /// The outside's end of the registers of a mission that flies on a computer.
 class Link {
 public:
     Link(Computer &computer, const std::string &tables)
-        : computer_(computer), host_(load_tables(tables)), space_(space_with(computer, *host_.io)),
-          backend_(computer.machine), outside_(std::in_place, backend_)
+        : computer_(computer), link_(computer.machine, load_mission(tables)), host_(link_.host())
     {
         const MissionIo &io = *host_.io;
         for (std::uint32_t id = 0; id < io.n_messages; id++) {
             held_.emplace_back(io.messages[id].size);
         }
-        if (io.telemetry.board != MISSION_NO_BOARD) {
-            packet_.resize(io.boards[io.telemetry.board]->lanes[io.telemetry.lane].capacity);
-        }
-        backend_.loop.run = [this](Ns t) {
+        link_.loop().run = [this](Ns t) {
             const StopReason reason = computer_.run_until(t);
             if (on_stop && (reason == StopReason::breakpoint || reason == StopReason::watchpoint)) {
                 on_stop(reasons[static_cast<int>(reason)]);
             }
             return reason;
         };
-        backend_.loop.on_tick = [&computer] { computer.tools.begin(); };
-        backend_.loop.next = [this](Ns t) { return next_after(t); };
+        link_.loop().on_tick = [&computer] { computer.tools.begin(); };
     }
     Link(const Link &) = delete;
     Link &operator=(const Link &) = delete;
@@ -221,25 +192,12 @@ public:
         });
     }
 
-    /// The address of the mission's memory in the computer, of whose program MissionHost is a part.
-    std::uint32_t mission() const
-    {
-        const Program::Symbol *host = computer_.program.named("fledge_mission");
-        std::byte bytes[4];
-        if (!host || !computer_.machine.peek(host->address + 4, bytes)) {
-            throw Error(computer_.program.path() + ": the program has no fledge_mission");
-        }
-        std::uint32_t address = 0;
-        for (const std::byte b : bytes) {
-            address = address << 8 | std::to_integer<std::uint32_t>(b);
-        }
-        return address;
-    }
+    std::uint32_t mission() const { return mission_address(computer_.machine, computer_.program); }
 
-    std::vector<std::tuple<std::string, std::uint64_t, std::uint64_t>> registers() const
+    std::vector<std::tuple<std::string, std::uint64_t, std::uint64_t>> registers()
     {
         std::vector<std::tuple<std::string, std::uint64_t, std::uint64_t>> rows;
-        for (const RegisterWindow &w : space_.windows()) {
+        for (const RegisterWindow &w : link_.space().windows()) {
             for (const RegisterLane &lane : std::span(w.board->lanes, w.board->n_lanes)) {
                 const bool words = lane.form == REGISTER_WORD && !(lane.flags & REGISTER_QUEUED);
                 rows.emplace_back(std::string(w.board->name) + "." + lane.name, w.board->base + lane.address,
@@ -253,13 +211,13 @@ public:
     void stick(std::uint64_t address, std::uint32_t ones, std::uint32_t zeros)
     {
         std::uint64_t first = address;
-        for (const RegisterWindow &w : space_.windows()) {
+        for (const RegisterWindow &w : link_.space().windows()) {
             first = std::min<std::uint64_t>(first, w.board->base);
         }
-        space_.stick(static_cast<std::uint32_t>(address - first), ones, zeros);
+        link_.space().stick(static_cast<std::uint32_t>(address - first), ones, zeros);
     }
 
-    bool carries(std::uint32_t id) const { return mission_io_carries(host_.io, id) != 0; }
+    bool carries(std::uint32_t id) const { return link_.carries(id); }
 
     void put(std::uint32_t id, const py::bytes &message)
     {
@@ -267,110 +225,61 @@ public:
         if (bytes.size() != held_.at(id).size()) {
             throw Error("a message of another size");
         }
-        if (id == host_.reset) {
-            std::memcpy(&line_, bytes.data(), std::min(bytes.size(), sizeof line_));
-        }
-        mission_io_put(host_.io, windows(), id, bytes.data(), &counts_);
+        link_.put(id, bytes.data());
     }
 
     py::bytes take(std::uint32_t id)
     {
-        mission_io_take(host_.io, windows(), id, held_.at(id).data(), reached_, &counts_);
+        link_.take(id, held_.at(id).data());
         return to_python(held_[id]);
     }
 
-    bool send(const py::bytes &packet)
-    {
-        const std::string_view bytes = packet;
-        return mission_io_send(host_.io, windows(), host_.io->commands, bytes.data(),
-                               static_cast<std::uint32_t>(bytes.size()), &counts_) != 0;
-    }
+    bool send(const py::bytes &packet) { return link_.send(from_python(packet)); }
 
     std::vector<py::bytes> receive()
     {
         std::vector<py::bytes> packets;
-        while (const std::uint32_t n = mission_io_receive(host_.io, windows(), host_.io->telemetry, packet_.data(),
-                                                          static_cast<std::uint32_t>(packet_.size()), &counts_)) {
-            packets.push_back(to_python(std::span(packet_).first(n)));
+        for (auto packet = link_.receive(); !packet.empty(); packet = link_.receive()) {
+            packets.push_back(to_python(std::as_bytes(packet)));
         }
         return packets;
     }
 
     /// Whether the computer is down at t, after a reset by the message that was put last.
-    bool is_down(Ns t) { return outside_->is_down(t, line_.count, host_.down); }
+    bool is_down(Ns t) { return link_.is_down(t); }
 
     /// Returns whether the processor lives.
     bool tick(Ns t)
     {
         py::gil_scoped_release release;
-        const Ns dt = t < 0 || reached_ < 0 ? 0 : t - reached_;
-        reached_ = t;
-        return outside_->tick({t, dt}, {}) != registers::Wait::gone;
+        return link_.tick(t);
     }
 
     /// A fault: so many ticks do not reach the processor.
-    void lose_ticks(std::uint64_t n) { backend_.loop.state.lose = n; }
-    Ns reached() const { return reached_; }
-    const FlightLoop::State &state() const { return backend_.loop.state; }
+    void lose_ticks(std::uint64_t n) { link_.loop().state.lose = n; }
+    Ns reached() const { return link_.reached(); }
+    const FlightLoop::State &state() const { return link_.loop().state; }
 
     /// All that is not in the machine.
     struct Saved {
-        Ns reached;
-        registers::Outside outside;
-        FlightLoop::State loop;
-        std::vector<std::vector<std::byte>> held, packets;
+        MissionLink::State link;
+        std::vector<std::vector<std::byte>> held;
     };
 
-    Saved save()
-    {
-        Saved saved{reached_, *outside_, backend_.loop.state, held_, {}};
-        each_packet([&](std::span<std::byte> memory) { saved.packets.emplace_back(memory.begin(), memory.end()); });
-        return saved;
-    }
-
+    Saved save() const { return {link_.save(), held_}; }
     void restore(const Saved &saved)
     {
-        reached_ = saved.reached;
-        outside_.emplace(saved.outside);
-        backend_.loop.state = saved.loop;
+        link_.restore(saved.link);
         held_ = saved.held;
-        std::size_t i = 0;
-        each_packet([&](std::span<std::byte> memory) { std::ranges::copy(saved.packets[i++], memory.begin()); });
     }
 
     std::function<void(const char *)> on_stop; ///< at a breakpoint or watchpoint; then the machine goes on
 
 private:
-    const RegisterWindow *windows() const { return space_.windows().data(); }
-
-    /// The memory in which the tables keep the last packets.
-    void each_packet(const std::function<void(std::span<std::byte>)> &f) const
-    {
-        const MissionPackets *packets = host_.io->packets;
-        for (std::uint32_t i = 0; packets && i < packets->n; i++) {
-            f(std::as_writable_bytes(std::span(packets->kinds[i].memory, packets->kinds[i].size + 1)));
-        }
-    }
-
-    Ns next_after(Ns t) const
-    {
-        Ns next = std::numeric_limits<Ns>::max();
-        for (std::uint16_t i = 0; i < host_.n_rates; i++) {
-            next = std::min(next, exec_on_grid(host_.rates[i], t + 1));
-        }
-        return next;
-    }
-
     Computer &computer_;
+    MissionLink link_;
     const MissionHost &host_;
-    RegisterSpace &space_;
-    MachineBackend backend_;
-    std::optional<registers::Outside> outside_;
     std::vector<std::vector<std::byte>> held_; ///< the last message of each, by id
-    std::vector<std::byte> packet_;
-    MissionIoCounts counts_{};
-    ComputerReset line_{}; ///< the message that resets the computer, as put last
-    Ns reached_ = -1;
 };
 
 Typed<py::dict, "dict[str, int]"> registers_of(Computer &c)
