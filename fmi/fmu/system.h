@@ -17,20 +17,24 @@ extern "C" {
 #endif
 
 typedef enum FmuRole {
-    FMU_INPUT,      ///< a field of a message that comes from outside
-    FMU_OUTPUT,     ///< a field of a message that is read outside
-    FMU_LOCAL,      ///< a field of any other message
-    FMU_PARAMETER,  ///< may change between two steps
-    FMU_FIXED,      ///< a parameter that counts at the start alone
-    FMU_MODE,       ///< the mode in force of the process `block`, from 1
-    FMU_REQUEST,    ///< the mode that the process `block` shall enter, from 1; 0: none. An input
-    FMU_FIRED,      ///< how often the event `block` has fired
-    FMU_CLOCK_MODE, ///< ticks when the mode of the process `block` changes
-    FMU_CLOCK_EVENT ///< ticks when the event `block` fires
+    FMU_INPUT,       ///< a field of a message that comes from outside
+    FMU_OUTPUT,      ///< a field of a message that is read outside
+    FMU_LOCAL,       ///< a field of any other message
+    FMU_PARAMETER,   ///< may change between two steps
+    FMU_FIXED,       ///< a parameter that counts at the start alone
+    FMU_MODE,        ///< the mode in force of the process `block`, from 1
+    FMU_REQUEST,     ///< the mode that the process `block` shall enter, from 1; 0: none. An input
+    FMU_FIRED,       ///< how often the event `block` has fired
+    FMU_CLOCK_MODE,  ///< ticks when a mode of the process `block` begins
+    FMU_CLOCK_EVENT, ///< ticks when the event `block` fires
+    FMU_TIME,        ///< the importer's time [s], FLEDGE_F64
+    FMU_UPLINK,      ///< packets to flight, whole and one after the other; FMI 3.0 alone has the type
+    FMU_DOWNLINK     ///< the packets that flight sent in the last step, likewise
 } FmuRole;
 
 /** A variable: an array of n elements in a block of memory. Its value reference in FMI 3.0 is `reference`; in FMI 2.0,
- *  which has no arrays, its elements have the references from `reference` on. References rise from 0 without gaps. */
+ *  which has no arrays, its elements have the references from `reference` on, a text one. References rise from 0
+ *  without gaps. */
 typedef struct FmuVariable {
     uint32_t reference;
     FmuRole role;
@@ -59,18 +63,20 @@ typedef struct FmuLayout {
 
 typedef enum FmuSeverity { FMU_OK, FMU_WARNING, FMU_ERROR } FmuSeverity;
 
-/** What a system may use of its instance. Categories are "modes", "events", "commands", "warnings", "errors". */
+/** What a system may use of its instance. Categories are "modes", "events", "commands", "console", "warnings",
+ *  "errors". */
 typedef struct FmuHost {
     void *user;
     void (*log)(void *user, FmuSeverity severity, const char *category, const char *text);
     const char *instance;  ///< its name
+    const char *token;     ///< that the importer gave
     const char *resources; ///< the folder of the FMU's resources, without a slash at the end; "" if there is none
 } FmuHost;
 
 /** All functions that can fail return 0, or -1 after they have said why to the log. No function keeps anything outside
  *  of `self`. */
 typedef struct FmuSystem {
-    const char *token; ///< of the model description (instantiationToken, guid)
+    const char *token; ///< of the model description (instantiationToken, guid); NULL: create() compares FmuHost::token
     /** A new system, with the parameters of the mission; NULL: it said why. The host outlives it. */
     void *(*create)(const FmuHost *host);
     void (*destroy)(void *self);
@@ -87,9 +93,13 @@ typedef struct FmuSystem {
     int (*enter)(void *self, uint32_t process, int32_t mode);
     uint32_t (*fired)(const void *self, uint32_t event);     ///< how often, since begin()
     uint32_t (*entered)(const void *self, uint32_t process); ///< how often a mode began, since begin()
-    size_t (*state_size)(void *self);                        ///< [bytes]; the same between begin() and destroy()
+    size_t (*state_size)(void *self); ///< [bytes]; the same between the first begin() and destroy()
     int (*save)(void *self, void *bytes);
-    int (*restore)(void *self, const void *bytes, size_t size); ///< refuses the bytes of another system
+    int (*restore)(void *self, const void *bytes, size_t size); ///< after begin(); refuses bytes of another system
+    /** NULL where the system has no packets. Those of uplink() act at the next instant, and are a part of the state
+     *  until then; downlink() returns the n bytes that the last advance() or begin() sent. */
+    int (*uplink)(void *self, const uint8_t *packets, size_t n);
+    const uint8_t *(*downlink)(const void *self, size_t *n);
 } FmuSystem;
 
 extern const FmuSystem fmu_system; ///< of this library
