@@ -105,6 +105,72 @@ TEST(Playback, AFunctionFliesInPlaceOfTheModules)
     EXPECT_THAT(error_of([&] { (void)sim.clone(); }), HasSubstr("flight is flown by a computer outside"));
 }
 
+/// What a Scale does, as a model with a memory of its own.
+class Computer final : public Model {
+public:
+    explicit Computer(void *interface) : scale_(*static_cast<Scale *>(interface)) {}
+    void prepare(const Setup &) override {}
+    void refresh() override { gain_ = scale_.par.gain; }
+    void reset(Ns) override
+    {
+        refresh();
+        scale_.out.number = {};
+    }
+    void update(Tick tick) override
+    {
+        scale_.out.number = {head_next(scale_.out.number.head, tick.t, QUALITY_GOOD), gain_ * scale_.in.number.x};
+    }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span{&gain_, 1}); }
+
+private:
+    Scale &scale_;
+    double gain_ = 0.0;
+};
+
+TEST(Playback, AModelFliesInPlaceOfTheModulesWithTheirInputsParametersAndSnapshots)
+{
+    const ModelType type{
+        &scale_type, [](void *interface) -> std::unique_ptr<Model> { return std::make_unique<Computer>(interface); }};
+    const auto fly = [&](bool by_model) {
+        Simulation sim;
+        Process &world = sim.add_process("world");
+        Process &flight = sim.add_process("flight");
+        auto scale = make(flight, "scale", scale_type);
+        auto tank = make(world, "tank", tank_type);
+        interface<Scale>(scale).par.gain = -0.5;
+        interface<Tank>(tank).par.initial = 1.0;
+        flight.add_task({"gnc", 500 * ms, 0, 0, {scale}});
+        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+        sim.connect(port(tank, "level"), port(scale, "number"));
+        sim.connect(port(scale, "product"), port(tank, "flow"));
+        auto computer = std::make_shared<Instance>(type);
+        if (by_model) {
+            const std::vector<Shared> shared{{port(scale, "number"), offsetof(Scale, in.number)},
+                                             {port(scale, "gain"), offsetof(Scale, par.gain)},
+                                             {port(scale, "product"), offsetof(Scale, out.number)}};
+            EXPECT_THAT(error_of([&] {
+                            flight.fly_by("other", computer, {{shared[0].port, sizeof(Scale)}});
+                        }),
+                        HasSubstr("flight.scale.number has no place in the computer that flies flight"));
+            flight.fly_by("computer", computer, shared);
+        }
+        sim.run_until(1000 * ms);
+        interface<Scale>(scale).par.gain = -0.25;
+        sim.run_until(2000 * ms);
+        const auto snapshot = sim.snapshot();
+        sim.run_until(4000 * ms);
+        const double first = interface<Tank>(tank).out.level.x;
+        interface<Scale>(scale).par.gain = 7.0; // what was set before the snapshot is back after it
+        sim.run_until(5000 * ms);
+        sim.restore(snapshot);
+        sim.run_until(4000 * ms);
+        EXPECT_EQ(interface<Tank>(tank).out.level.x, first);
+        EXPECT_EQ(interface<Scale>(scale).mem.updates, by_model ? 0 : 9);
+        return std::pair{first, interface<Scale>(scale).out.number.head.sequence};
+    };
+    EXPECT_EQ(fly(true), fly(false));
+}
+
 TEST(Playback, OtherProcessesReadWhatWasSentToThem)
 {
     Simulation sim;

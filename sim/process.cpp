@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "sim/crash.h"
 #include "sim/runtime.h"
 #include "sim/text.h"
 
@@ -318,6 +319,42 @@ void Process::fly_by(std::function<void(Ns t)> flight)
 {
     stand_in(Instance::Maker::computer);
     flight_ = std::move(flight);
+}
+
+void Process::fly_by(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared)
+{
+    for (const Shared &each : shared) {
+        const std::size_t size = each.port.field->size, room = computer->type().size;
+        if (find(each.port.instance->name) != each.port.instance || each.offset > room || size > room - each.offset) {
+            throw SetupError(each.port.path() + " has no place in the computer that flies " + name);
+        }
+    }
+    fly_by([this, own = computer.get(), shared = std::move(shared)](Ns t) {
+        bool changed = false;
+        for (const auto &[port, offset] : shared) {
+            std::byte *const place = own->memory() + offset;
+            if (port.field->group == FLEDGE_IN) {
+                std::ranges::copy(incoming(port), place);
+            } else if (port.field->group == FLEDGE_PAR && std::memcmp(place, port.bytes(), port.field->size) != 0) {
+                std::memcpy(place, port.bytes(), port.field->size);
+                changed = true;
+            }
+        }
+        {
+            const Runs runs(own);
+            if (changed) {
+                own->model()->refresh();
+            }
+            own->model()->update({t, 0});
+        }
+        for (const auto &[port, offset] : shared) {
+            if (port.field->group == FLEDGE_OUT) {
+                std::memcpy(port.bytes(), own->memory() + offset, port.field->size);
+            }
+        }
+    });
+    add(as, computer);
+    computer_ = computer;
 }
 
 std::span<const std::byte> Process::incoming(const Port &input) const

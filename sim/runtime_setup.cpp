@@ -117,7 +117,9 @@ void Runtime::add_instances(RunProcess &run)
         if (instance->model()) {
             models_.push_back(instance->model());
         }
-        parameters_.emplace_back(*instance, run);
+        if (instance != run.process->computer()) { // it has those of the modules
+            parameters_.emplace_back(*instance, run);
+        }
         if (roles_.at(instance.get()).configuration) {
             Configuration module{instance.get(), &run, {}};
             for (const Wire &wire : structure.wires) {

@@ -257,6 +257,9 @@ std::set<const Instance *> check(const Structure &structure, const Roles &roles,
             }
         }
         for (const auto &instance : process->instances()) {
+            if (instance == process->computer()) {
+                continue; // it has what the modules have
+            }
             const Role &role = roles.at(instance.get());
             const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
             const char *whole = instance->model() ? instance->model()->part_of() : nullptr;

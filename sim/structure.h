@@ -201,6 +201,12 @@ struct ResetLine {
     Ns down;    ///< how long the computer runs nothing
 };
 
+/// What a computer in the simulation has of the process in whose place it flies.
+struct Shared {
+    Port port;          ///< an input, parameter or output of the process' modules
+    std::size_t offset; ///< [bytes] of the same bytes in the computer's interface
+};
+
 struct ScriptedCommand {
     Ns after;
     std::vector<std::uint8_t> packet;
@@ -247,6 +253,10 @@ public:
     /// their outputs. Its messages are as with play(). Such a simulation cannot be cloned.
     void fly_by(std::function<void(Ns t)> flight);
     const std::function<void(Ns t)> &flight() const { return flight_; }
+    /// The same by a model, which becomes an instance of this process without a task: at each instant it gets the inputs
+    /// and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt.
+    void fly_by(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared);
+    const std::shared_ptr<Instance> &computer() const { return computer_; } ///< or null
     /// The message that is for an input at the present instant, as fly_by's function sees it.
     std::span<const std::byte> incoming(const Port &input) const;
 
@@ -337,6 +347,7 @@ private:
     std::map<const Instance *, Playback> playback_;
     Executive executive_;
     std::function<void(Ns t)> flight_;
+    std::shared_ptr<Instance> computer_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
     std::optional<std::vector<Packet>> played_telemetry_;
