@@ -149,10 +149,10 @@ TEST(Playback, AModelFliesInPlaceOfTheModulesWithTheirInputsParametersAndSnapsho
                                              {port(scale, "gain"), offsetof(Scale, par.gain)},
                                              {port(scale, "product"), offsetof(Scale, out.number)}};
             EXPECT_THAT(error_of([&] {
-                            flight.fly_by("other", computer, {{shared[0].port, sizeof(Scale)}});
+                            flight.fly_by_model("other", computer, {{shared[0].port, sizeof(Scale)}});
                         }),
                         HasSubstr("flight.scale.number has no place in the computer that flies flight"));
-            flight.fly_by("computer", computer, shared);
+            flight.fly_by_model("computer", computer, shared);
         }
         sim.run_until(1000 * ms);
         interface<Scale>(scale).par.gain = -0.25;

@@ -321,7 +321,7 @@ void Process::fly_by(std::function<void(Ns t)> flight)
     flight_ = std::move(flight);
 }
 
-void Process::fly_by(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared)
+void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared)
 {
     for (const Shared &each : shared) {
         const std::size_t size = each.port.field->size, room = computer->type().size;

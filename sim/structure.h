@@ -255,7 +255,7 @@ public:
     const std::function<void(Ns t)> &flight() const { return flight_; }
     /// The same by a model, which becomes an instance of this process without a task: at each instant it gets the inputs
     /// and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt.
-    void fly_by(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared);
+    void fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared);
     const std::shared_ptr<Instance> &computer() const { return computer_; } ///< or null
     /// The message that is for an input at the present instant, as fly_by's function sees it.
     std::span<const std::byte> incoming(const Port &input) const;

@@ -250,7 +250,7 @@ void fly_by_model(sim::Process &process, const std::string &as, const AnyInstanc
         }
         throw py::value_error(instance->path + " has no " + name);
     };
-    process.fly_by(as, instance_of(computer), list_of(shared, port_of_row));
+    process.fly_by_model(as, instance_of(computer), list_of(shared, port_of_row));
 }
 
 bool run_until(sim::Simulation &simulation, Ns t, double pace, const ProgressOrNone &progress)
