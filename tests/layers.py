@@ -106,6 +106,7 @@ PARTS = [
     ("records", "recorded fields by name, of a run in memory or of a file"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),
+    ("fmi", "FMUs of others: the archive, unpacked with care, their descriptions, and their interfaces as models"),
     ("records.activity", "modes, events, commands and resets of a run, from its record"),
     ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
     ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
@@ -124,6 +125,7 @@ PARTS = [
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
+    ("export.fmu", "FMUs of a mission, its world or its flight"),
     ("profile", "what flight costs on a target"),
     ("verify", "all requirements of a mission over scenarios and targets, with a report"),
     ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),

@@ -2,7 +2,7 @@
 """`fledge export c MISSION`: what flies, as source without Python; `fledge export cfs MISSION --app NAME`: as an app
 of the core Flight System; `fledge export rtems MISSION`: as an application of RTEMS; `fledge export micropython
 MISSION`: as a program of MicroPython, whose script composes it; `fledge export xtce MISSION`: its packets and commands,
-as a database for ground stations.
+as a database for ground stations; `fledge export fmu MISSION`: the mission, its world or its flight as an FMU.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
@@ -22,18 +22,21 @@ if TYPE_CHECKING:
 
 # Options that a form has alone.
 OWN = {"cfs": ("app", "topic", "wakeup", "input", "keep", "beside", "simulated", "order"),
-       "micropython": ("development",), "xtce": ("yamcs", "cosmos")}
+       "micropython": ("development",), "xtce": ("yamcs", "cosmos"),
+       "fmu": ("fmi", "sources", "platform", "on")}
 
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("export", export, "export c nadir_spin --out nadir_spin_c")
-    sub.add_argument("form", choices=["c", "cfs", "rtems", "micropython", "xtce"], help="c: MISSION.h and MISSION.c, "
-                     "in C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a "
-                     "LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
-                     "xtce: all packets and commands, of all flight processes, as a database for ground stations")
+    forms = ["c", "cfs", "rtems", "micropython", "xtce", "fmu"]
+    sub.add_argument("form", choices=forms, help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
+                     "folder of a cFS tree; rtems: an application of RTEMS 6 on a LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
+                     "xtce: all packets and commands, of all flight processes, as a database for ground stations; "
+                     "fmu: an FMU for co-simulation")
     add_mission(sub)
-    sub.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
+    sub.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all; "
+                     "fmu: also world; default: world and flight in one FMU")
     sub.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
     sub.add_argument("--board", nargs="*", action="extend", metavar="FILE", help="also write the boards through which "
                      "the messages pass, and their tables: files, or folders of *.toml; without FILE: a board that "
@@ -57,7 +60,13 @@ def add(command: Callable) -> None:
     sub.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
     sub.add_argument("--yamcs", action="store_true", help="xtce: also an instance of Yamcs, in DIR/yamcs")
     sub.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
-    sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP")
+    sub.add_argument("--fmi", choices=["3", "2"], help="fmu: the version of the standard, 3.0 or 2.0; default: 3")
+    sub.add_argument("--sources", action="store_true", help="fmu: with all its C, for importers on other systems")
+    sub.add_argument("--platform", metavar="NAMES", help="fmu: of which machines to have the library, as in "
+                     "x86_64,aarch64; default: this one's")
+    sub.add_argument("--on", choices=["leon3"], help="fmu: flight on the emulated computer of this target")
+    sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP; of fmu a file, "
+                     "runs/MISSION/fmu/NAME.fmu")
     add_parameters(sub)
     sub.set_defaults(needs=lambda options: TARGETS.known([options.form]))
 
@@ -83,6 +92,8 @@ def export(options: argparse.Namespace) -> int:
         return export_xtce(options)
     if options.form == "micropython":
         return export_micropython(options)
+    if options.form == "fmu":
+        return export_fmu(options)
     mission = exports.read(fledge.load(options.mission, **given_parameters(options)), options.process, tasks)
     folder = Path(options.out) if options.out else Path("runs") / mission.folder / options.form
     if options.form == "cfs":
@@ -133,6 +144,45 @@ def export_xtce(options: argparse.Namespace) -> int:
             files |= {f"{station}/{file}": text for file, text in emit(sim.name, databases, more).items()}
     for path in write_files(files, Path(options.out) if options.out else Path("runs") / sim.name / "xtce"):
         say(f"  wrote  {path}")
+    return 0
+
+
+def export_fmu(options: argparse.Namespace) -> int:
+    import fledge
+    from fledge.cli.console import say
+    from fledge.errors import Failure
+    from fledge.export.fmu import build
+    from fledge.export.fmu.mission import flight_fmu
+    from fledge.objects import project
+
+    for name in ("tasks", "outputs", "board"):
+        if getattr(options, name) is not None:
+            raise Failure(f"export fmu: --{name} is for `export c`; an FMU has whole processes and all their outputs")
+    sim = fledge.load(options.mission, **given_parameters(options))
+    flights = [process.name for process in sim.flights]
+    known = [process.name for process in sim.processes]
+    if options.process is not None and options.process not in known:
+        raise Failure(f"{sim.name} has no process '{options.process}'; it has {', '.join(known)}")
+    if options.on and options.process not in flights:
+        raise Failure("export fmu: --on is for a flight process, which --process names: "
+                      f"{', '.join(flights) or f'{sim.name} has none'}")
+    if options.on:
+        from fledge.export.fmu.board import board_fmu
+
+        system = board_fmu(sim, options.process)
+    elif options.process in flights:
+        ours = project.folder()
+        system = flight_fmu(sim, options.process, [ours] if ours else [])
+    else:
+        from fledge.export.fmu.composition import simulation_fmu
+
+        system = simulation_fmu(sim, options.process)
+    path = Path(options.out or Path("runs") / sim.name / "fmu" / f"{system.facts.identifier}.fmu")
+    if path.suffix != ".fmu":
+        raise Failure(f"export fmu: --out is a file, NAME.fmu; found {path}")
+    build.export(system, path, options.fmi or "3", listed(options.platform), options.sources)
+    inputs, outputs = (sum(m.role == role for m in system.layout.messages) for role in ("input", "output"))
+    say(f"  wrote  {path}: {inputs} messages in, {outputs} out, {len(system.layout.variables)} variables")
     return 0
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The variables of an FMU: of each number of its messages and parameters the reference, name, type, unit, meaning, start
-and place in memory. The model description (description.py) and the table that the FMU reads (fmi/fmu/system.h) are made
-of the same list."""
+"""The variables of an FMU: of each number of its messages and parameters the reference, name, type, unit, meaning,
+start and place in memory. The model description (description.py) and the table that the FMU reads (fmi/fmu/system.h)
+are made of the same list."""
 from __future__ import annotations
 
 import re
 import struct as packing
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from math import prod
 from typing import Any
@@ -119,8 +119,9 @@ class Layout:
 
 
 def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), processes: Sequence[Process] = (),
-           events: Sequence[Event] = ()) -> Layout:
-    """The variables of all these, in this order. `spare` fields are left out."""
+           events: Sequence[Event] = (), packets: Mapping[str, int] = {}) -> Layout:
+    """The variables of all these, in this order. `spare` fields are left out. packets: process -> [bytes] of packets
+    that it takes at an instant, of those that exchange them with the ground."""
     variables: list[Variable] = []
     placed: list[Message] = []
 
@@ -148,6 +149,11 @@ def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), p
                       meaning=f"how often the event has fired: {event.meaning}"),
              Variable(0, f"{event.process}.clock.{name}", "clock_event", "u8", block=i,
                       meaning=f"ticks when the event fires: {event.meaning}")])
+    for i, (name, room) in enumerate(packets.items()):
+        add([Variable(0, f"{name}.uplink", "uplink", "u8", block=i, bounds=(None, room),
+                      meaning="commands: space packets, whole and one after the other"),
+             Variable(0, f"{name}.downlink", "downlink", "u8", block=i,
+                      meaning="telemetry: the space packets of the last step")])
     return Layout(variables, placed, list(processes), list(events))
 
 
