@@ -580,7 +580,7 @@ void bind_outside(Process &process)
              "By (times, messages) of its modes, and of what happened.")
         .def("fly_by", &sim::Process::fly_by, "flight"_a,
              "A function of the time [ns] flies in place of the process' modules.")
-        .def("fly_by_model", fly_by_model, "as"_a, "computer"_a, "shared"_a,
+        .def("fly_by_model", fly_by_model, "name"_a, "computer"_a, "shared"_a,
              "A model flies in their place: (module, its field, where [bytes] the model has it) of what they share.")
         .def("incoming", incoming, "input"_a, "The bytes of the message that is for an input at this instant.")
         .def("put_out", put_out, "output"_a, "message"_a, "Write the bytes of an output, as fly_by's function.")
