@@ -93,7 +93,7 @@ typedef struct FmuSystem {
     int (*enter)(void *self, uint32_t process, int32_t mode);
     uint32_t (*fired)(const void *self, uint32_t event);     ///< how often, since begin()
     uint32_t (*entered)(const void *self, uint32_t process); ///< how often a mode began, since begin()
-    size_t (*state_size)(void *self); ///< [bytes]; the same between the first begin() and destroy()
+    size_t (*state_size)(void *self);                        ///< [bytes] of a state that is saved now; after begin()
     int (*save)(void *self, void *bytes);
     int (*restore)(void *self, const void *bytes, size_t size); ///< after begin(); refuses bytes of another system
     /** NULL where the system has no packets. Those of uplink() act at the next instant, and are a part of the state
