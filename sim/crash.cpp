@@ -204,7 +204,8 @@ void report(int signal, const siginfo_t &about)
     const Running &now = own->running;
     const Instance *instance = now.instance;
     const Task *task = now.task;
-    if (now.t == Running::nothing && !instance) {
+    const char *const function = now.function;
+    if (now.t == Running::nothing && !instance && !function) {
         return; // no simulation runs
     }
     const std::int64_t run = now.of_campaign;
@@ -214,8 +215,11 @@ void report(int signal, const siginfo_t &about)
         if (instance) {
             line.put(" in ").put(instance->path).put(" (").put(instance->type().name).put(")");
             line.put(task ? ", task " : "").put(task ? task->name : std::string_view());
-        } else {
+        } else if (!function) {
             line.put(" between updates");
+        }
+        if (function) {
+            line.put(instance ? ", in " : " in ").put(function).put(" of ").put(now.fmu.load());
         }
         if (now.t >= 0) {
             line.put(", at t = ").seconds(now.t);
@@ -226,6 +230,9 @@ void report(int signal, const siginfo_t &about)
         if (signal == SIGXCPU) {
             line.put(": it has taken longer than ").seconds(update_limit);
         }
+    }
+    if (function) {
+        Line().put("fledge: as a node of its own (fledge up), an FMU ends alone");
     }
     if (run >= 0 && command_of_one[0]) {
         Line()
@@ -285,10 +292,11 @@ void check(Ns limit)
     const auto now = Clock::now();
     for (Thread *thread : watch().threads) {
         const Running &running = thread->running;
-        const std::array<std::uintptr_t, 4> seen{reinterpret_cast<std::uintptr_t>(running.instance.load()),
-                                                 reinterpret_cast<std::uintptr_t>(running.task.load()),
-                                                 static_cast<std::uintptr_t>(running.t.load()),
-                                                 static_cast<std::uintptr_t>(running.runs.load())};
+        const auto instance = reinterpret_cast<std::uintptr_t>(running.instance.load());
+        const auto function = reinterpret_cast<std::uintptr_t>(running.function.load());
+        const std::array<std::uintptr_t, 4> seen{
+            instance ? instance : function, reinterpret_cast<std::uintptr_t>(running.task.load()),
+            static_cast<std::uintptr_t>(running.t.load()), static_cast<std::uintptr_t>(running.runs.load())};
         if (seen != thread->seen || !seen[0]) {
             thread->seen = seen;
             thread->since = now;
@@ -352,6 +360,24 @@ Runs::~Runs()
     now_.task.store(task_, relaxed);
     now_.t.store(t_, relaxed);
     now_.of_campaign.store(of_campaign_, relaxed);
+}
+
+Inside::Inside(const char *function, const char *fmu) : now_(running())
+{
+    const auto relaxed = std::memory_order_relaxed;
+    if (!now_.instance.load(relaxed)) { // else it is a part of an update
+        now_.runs.store(now_.runs.load(relaxed) + 1, relaxed);
+    }
+    now_.fmu.store(fmu, relaxed);
+    now_.function.store(function, relaxed);
+    if (update_limit) {
+        begin_watching();
+    }
+}
+
+Inside::~Inside()
+{
+    now_.function.store(nullptr, std::memory_order_relaxed);
 }
 
 void report_crashes(const std::string &given, const std::string &of_run)

@@ -21,6 +21,8 @@ struct Running {
     std::atomic<const Instance *> instance{nullptr}; ///< whose function runs; null: none
     std::atomic<std::uint64_t> runs{0};              ///< how many have begun
     std::atomic<std::int64_t> of_campaign{-1};       ///< the index of the run; -1: of no campaign
+    std::atomic<const char *> function{nullptr};     ///< of an FMU, that runs now; null: none
+    std::atomic<const char *> fmu{nullptr};          ///< its file
 };
 
 /// That of the calling thread, which gets a stack for signal handlers with it.
@@ -40,6 +42,18 @@ private:
     const Task *task_;
     const Instance *instance_;
     std::int64_t of_campaign_;
+};
+
+/// In this block a function of an FMU runs. Both texts outlive it.
+class Inside {
+public:
+    Inside(const char *function, const char *fmu);
+    ~Inside();
+    Inside(const Inside &) = delete;
+    Inside &operator=(const Inside &) = delete;
+
+private:
+    Running &now_;
 };
 
 /// From now on, a signal that ends the program while a thread runs a simulation first reports on stderr what runs, and

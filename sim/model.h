@@ -79,6 +79,11 @@ public:
     /// All that changes during a run besides the interface: a snapshot is a copy of these bytes.
     virtual std::span<std::byte> memory() { return {}; }
 
+    /// The bytes of memory() are about to be copied, or were written by a snapshot: for a model whose state is
+    /// elsewhere. Throws SetupError if it cannot.
+    virtual void save() {}
+    virtual void restored() {}
+
     /// The assumptions that the model makes about the data that it was given, a line each. May be called
     /// before prepare().
     virtual std::vector<std::string> assumptions() const { return {}; }

@@ -10,7 +10,7 @@
 namespace fledge::sim {
 
 /// Changes whenever Model, Setup or ModelType does; a library built with another one is refused.
-inline constexpr std::uint32_t model_version = 2;
+inline constexpr std::uint32_t model_version = 3;
 
 /// What a library exports as `fledge_models_<name>`, beside its tables (sim/table.h).
 struct ModelLibrary {

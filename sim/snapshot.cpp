@@ -49,10 +49,22 @@ std::uint64_t checksum_of(std::span<const std::byte> bytes)
     return hash.value;
 }
 
+void visit_models(const Runtime &runtime, void (Model::*f)())
+{
+    for (const auto &process : runtime.structure.processes) {
+        for (const auto &instance : process->instances()) {
+            if (Model *model = instance->model()) {
+                (model->*f)();
+            }
+        }
+    }
+}
+
 } // namespace
 
 std::vector<std::byte> save(Runtime &runtime)
 {
+    visit_models(runtime, &Model::save);
     std::vector<std::byte> bytes;
     const auto append = [&](const void *from, std::size_t n) {
         const auto *first = static_cast<const std::byte *>(from);
@@ -130,6 +142,7 @@ void restore(Runtime &runtime, std::span<const std::byte> bytes, bool edited)
     if (commanded) {
         runtime.visit_commands(take);
     }
+    visit_models(runtime, &Model::restored);
     runtime.restored();
 }
 
