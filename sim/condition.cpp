@@ -48,6 +48,21 @@ Condition Condition::operator~() const
     return other;
 }
 
+Condition::Condition(std::vector<Step> steps, std::string text) : steps_(std::move(steps)), text_(std::move(text))
+{
+    int waiting = 0;
+    for (const Step &step : steps_) {
+        waiting += step.join == EXEC_COMPARE ? 1 : step.join == EXEC_INVERSE ? 0 : -1;
+        depth_ = std::max(depth_, waiting);
+        if (waiting < 1 || waiting > EXEC_DEPTH) {
+            break;
+        }
+    }
+    if (waiting != 1 || depth_ > EXEC_DEPTH) {
+        throw SetupError("the steps of a condition leave no single result: " + text_);
+    }
+}
+
 /// Its text as an operand of & or |.
 std::string Condition::part_of(ExecJoin join) const
 {

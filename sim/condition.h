@@ -56,6 +56,8 @@ public:
     /// Both, or either, of two.
     Condition(ExecJoin join, const Condition &a, const Condition &b);
     Condition operator~() const;
+    /// Of its steps. Throws SetupError if they do not leave one result.
+    Condition(std::vector<Step> steps, std::string text);
 
     bool holds() const;
     /// Call f with the instance of every field in it.

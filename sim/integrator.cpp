@@ -141,6 +141,7 @@ public:
     }
 
     std::size_t carried() const override { return 2; }
+    std::array<double, 2> tolerances() const override { return {relative_, absolute_}; }
 
     void advance(System &system, Ns start, Ns dt, double *x, const double *dx) override
     {

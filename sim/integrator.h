@@ -2,6 +2,7 @@
 // Ordinary differential equations x' = f(t, x), and the methods that advance them.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -56,6 +57,9 @@ public:
     virtual std::unique_ptr<Integrator> fresh() const = 0;
 
     virtual std::string describe() const = 0;
+
+    /// That of make_adaptive(), (relative, absolute); 0 of a method that has none.
+    virtual std::array<double, 2> tolerances() const { return {}; }
 
     /// Whether it is that of make_rk4(), whose step a system may then take itself.
     virtual bool is_rk4() const { return false; }

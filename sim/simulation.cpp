@@ -374,6 +374,11 @@ std::vector<std::byte> Simulation::snapshot() const
     return save(*runtime_);
 }
 
+std::size_t Simulation::snapshot_room() const
+{
+    return sim::snapshot_room(*runtime_);
+}
+
 void Simulation::restore(std::span<const std::byte> bytes, bool edited)
 {
     prepare();

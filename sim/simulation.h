@@ -147,6 +147,8 @@ public:
 
     /// The whole dynamic state, which this simulation or a clone can restore.
     std::vector<std::byte> snapshot() const;
+    /// [bytes] of the largest snapshot, of a simulation that is prepared: one after commands is larger.
+    std::size_t snapshot_room() const;
     /// Throws SetupError, and changes nothing, if the bytes are damaged or belong to a simulation of another structure.
     /// Logs are kept. edited: the caller has changed numbers on purpose.
     void restore(std::span<const std::byte> bytes, bool edited = false);

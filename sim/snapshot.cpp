@@ -81,6 +81,15 @@ std::vector<std::byte> save(Runtime &runtime)
     return bytes;
 }
 
+std::size_t snapshot_room(Runtime &runtime)
+{
+    std::size_t n = sizeof(Start);
+    const auto add = [&](void *, std::size_t size) { n += size; };
+    runtime.visit_state(add);
+    runtime.visit_commands(add);
+    return n;
+}
+
 std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime)
 {
     std::map<const void *, std::size_t> offsets;

@@ -8,6 +8,8 @@ namespace fledge::sim {
 
 std::vector<std::byte> save(Runtime &runtime);
 
+std::size_t snapshot_room(Runtime &runtime); ///< see Simulation::snapshot_room()
+
 std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime);
 
 /// Throws SetupError if the bytes are damaged, or of a run of another structure; returns whether they have the state of

@@ -63,6 +63,9 @@ double gravity_potential(const GravityBody &body, const Eigen::Vector3d &r_N)
 
 GravityBody checked(GravityBody body)
 {
+    if (body.checked) {
+        return body;
+    }
     const auto refuse = [&](const std::string &rule, double found) {
         throw sim::SetupError("gravity body " + (body.name.empty() ? "(no name)" : body.name) + ": " + rule +
                               "; found " + sim::format_number(found));
@@ -103,6 +106,7 @@ GravityBody checked(GravityBody body)
         }
     }
     body.pole_N /= length;
+    body.checked = true;
     return body;
 }
 

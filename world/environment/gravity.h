@@ -44,6 +44,7 @@ struct GravityBody {
     std::optional<double> surface;
     /// Whether pole_N holds also where a sky knows the pole of date.
     bool pole_stays = false;
+    bool checked = false; ///< by the function below: it is taken as it is
 
     bool has_zonals() const;
 };

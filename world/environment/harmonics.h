@@ -12,10 +12,21 @@
 
 #include <Eigen/Core>
 
+#include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace fledge::world {
+
+/// How a field is read from a file.
+struct HarmonicsSetup {
+    std::string path;                ///< SHADR or ICGEM
+    std::optional<int> degree;       ///< the highest; none: that of the file
+    std::string tides;               ///< the tide system of the file, or "file" for what it states; "": without tides
+    std::optional<std::string> date; ///< at which coefficients hold that change
+    double mu = 0.0;                 ///< [m^3/s^2] of the body, or 0, see read_gravity_field
+};
 
 class Harmonics {
 public:
@@ -41,6 +52,8 @@ public:
     /// Those of the Earth that an Attraction adds; none unless set.
     std::optional<SolidTides> tides;
 
+    std::optional<HarmonicsSetup> setup; ///< none if no file has it
+
 private:
     /// Two orders side by side.
     typedef double Pair __attribute__((vector_size(16)));
@@ -56,5 +69,8 @@ private:
     int degree_;
     std::vector<Terms> terms_;
 };
+
+/// Throws SetupError with file and line where the file is damaged or foreign.
+std::shared_ptr<Harmonics> read_harmonics(const HarmonicsSetup &setup);
 
 } // namespace fledge::world

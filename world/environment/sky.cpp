@@ -3,12 +3,57 @@
 
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/environment/de405.h"
 
 #include <algorithm>
 
 namespace fledge::world {
 
 using sim::Ns;
+
+namespace {
+
+TimeSystem time_of(const SkySetup &setup)
+{
+    return setup.leap_seconds ? TimeSystem::read(*setup.leap_seconds) : TimeSystem();
+}
+
+Ephemeris ephemeris_of(const SkySetup &setup)
+{
+    Ephemeris ephemeris;
+    for (const std::string &kernel : setup.kernels) {
+        if (kernel == "DE405") {
+            ephemeris.add_de405(setup.de405);
+        } else {
+            ephemeris.add_spk(kernel);
+        }
+    }
+    return ephemeris;
+}
+
+std::optional<TextKernel> constants_of(const SkySetup &setup)
+{
+    if (!setup.pck) {
+        return std::nullopt;
+    }
+    TextKernel constants = TextKernel::read(*setup.pck);
+    const std::vector<std::string> names = constants.names();
+    if (std::none_of(names.begin(), names.end(),
+                     [](const std::string &name) { return name.starts_with("BODY") && name.ends_with("_PM"); })) {
+        throw sim::SetupError(*setup.pck + ": says of no body how it turns (BODY499_PM, say); "
+                                           "expected a kernel of planetary constants (.tpc)");
+    }
+    return constants;
+}
+
+} // namespace
+
+Sky::Sky(SkySetup setup)
+    : Sky(ephemeris_of(setup), time_of(setup), time_of(setup).epoch(setup.epoch), setup.center, constants_of(setup),
+          setup.earth, setup.principal_axes ? read_de405(setup.de405).librations : nullptr)
+{
+    setup_ = std::move(setup);
+}
 
 Sky::Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck,
          const std::optional<EarthData> &earth, std::shared_ptr<const Librations> moon)

@@ -12,16 +12,34 @@
 
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace fledge::world {
 
+/// How a Sky is made, of files.
+struct SkySetup {
+    std::string epoch; ///< "2015-03-02T12:00:00", in UTC unless a scale follows
+    int center = 0;
+    std::vector<std::string> kernels; ///< SPK; "DE405": that of the folder `de405`
+    std::optional<std::string> leap_seconds, pck;
+    std::optional<EarthData> earth;
+    bool principal_axes = false; ///< of the Moon, by the librations of DE405
+    std::string de405 = Ephemeris::de405_folder;
+};
+
 class Sky {
 public:
+    /// Throws SetupError for files that are missing, damaged or of another kind, too.
+    explicit Sky(SkySetup setup);
+
     /// The bodies' orientations come from `pck` where it has them, else from built-in constants; that of the
     /// Earth from `earth` and that of the Moon from `moon`, if they are given.
     /// Throws SetupError if the ephemeris has not the center at the epoch, or `earth` is not known then.
     Sky(Ephemeris ephemeris, TimeSystem time, Epoch epoch, int center, std::optional<TextKernel> pck = std::nullopt,
         const std::optional<EarthData> &earth = std::nullopt, std::shared_ptr<const Librations> moon = nullptr);
+
+    const std::optional<SkySetup> &setup() const { return setup_; } ///< none if it was made of parts
 
     const Ephemeris &ephemeris() const { return ephemeris_; }
     const TimeSystem &time_system() const { return time_; }
@@ -58,6 +76,7 @@ public:
     Eigen::Matrix3d teme_of_date(sim::Ns t) const { return world::teme_of_date(time_, epoch_at(t)); }
 
 private:
+    std::optional<SkySetup> setup_;
     Ephemeris ephemeris_;
     TimeSystem time_;
     Epoch epoch_;

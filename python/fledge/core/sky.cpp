@@ -6,7 +6,6 @@
 #include "sim/error.h"
 #include "sim/text.h"
 #include "world/environment/bodies.h"
-#include "world/environment/de405.h"
 #include "world/environment/earth_atmosphere_model.h"
 #include "world/environment/harmonics.h"
 #include "world/environment/sky.h"
@@ -29,28 +28,7 @@ std::shared_ptr<Sky> make_sky(const std::string &epoch, int center, const std::v
                               const std::optional<std::string> &leap_seconds, const std::optional<std::string> &pck,
                               const std::optional<world::EarthData> &earth, bool principal_axes)
 {
-    world::TimeSystem time = leap_seconds ? world::TimeSystem::read(*leap_seconds) : world::TimeSystem();
-    const world::Epoch begin = time.epoch(epoch);
-    world::Ephemeris ephemeris;
-    for (const std::string &kernel : kernels) {
-        if (kernel == "DE405") {
-            ephemeris.add_de405();
-        } else {
-            ephemeris.add_spk(kernel);
-        }
-    }
-    std::optional<world::TextKernel> constants;
-    if (pck) {
-        constants = world::TextKernel::read(*pck);
-        const std::vector<std::string> names = constants->names();
-        if (std::none_of(names.begin(), names.end(),
-                         [](const std::string &name) { return name.starts_with("BODY") && name.ends_with("_PM"); })) {
-            throw sim::SetupError(*pck + ": says of no body how it turns (BODY499_PM, say); "
-                                         "expected a kernel of planetary constants (.tpc)");
-        }
-    }
-    return std::make_shared<Sky>(std::move(ephemeris), std::move(time), begin, center, std::move(constants), earth,
-                                 principal_axes ? world::read_de405().librations : nullptr);
+    return std::make_shared<Sky>(world::SkySetup{epoch, center, kernels, leap_seconds, pck, earth, principal_axes});
 }
 
 std::array<Triple, 3> rows(const Eigen::Matrix3d &dcm)
@@ -159,13 +137,7 @@ void bind_sky(py::module_ &m)
         "harmonics",
         [](const std::string &path, std::optional<int> degree, const std::string &tides,
            const std::optional<std::string> &date, double mu) {
-            const auto epoch = date ? std::optional(world::TimeSystem().epoch(*date)) : std::nullopt;
-            const world::HarmonicField field = world::read_gravity_field(path, epoch, mu);
-            auto made = std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
-            if (!tides.empty()) {
-                made->tides.emplace(field.mu, field.radius, tides == "file" ? field.tide_system : tides);
-            }
-            return made;
+            return world::read_harmonics({path, degree, tides, date, mu});
         },
         "path"_a, "degree"_a, "tides"_a, "epoch"_a, "mu"_a,
         "Of a SHADR or ICGEM file, up to a degree or whole, with the solid tides that suit a tide system, "

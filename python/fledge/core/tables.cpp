@@ -6,11 +6,10 @@
 #include "core/value.h"
 
 #include "sim/error.h"
-#include "sim/model_library.h"
+#include "sim/library_file.h"
 #include "world/models.h"
 
 #include <cstring>
-#include <dlfcn.h>
 #include <span>
 
 extern "C" {
@@ -56,20 +55,12 @@ const sim::ModelType *model_of(const FledgeStruct &table, Models models)
     return nullptr;
 }
 
-void check_version(const std::string &library, const char *what, std::uint32_t found, std::uint32_t ours)
-{
-    if (found != ours) {
-        throw sim::SetupError("the library " + library + " was built for version " + std::to_string(found) +
-                              " of the " + what + ", this is version " + std::to_string(ours) + ": build it again");
-    }
-}
-
 /// The types of a library by name.
 using Types = Typed<py::dict, "dict[str, type[Module] | type[Model] | type[Message]]">;
 
 Types types_of(const FledgeLibrary &library, Models models)
 {
-    check_version(library.name, "tables", library.version, FLEDGE_TABLE_VERSION);
+    sim::check_version(library.name, "tables", library.version, FLEDGE_TABLE_VERSION);
     py::dict types;
     for (std::uint32_t i = 0; i < library.n; i++) {
         const FledgeStruct &table = *library.structs[i];
@@ -87,35 +78,10 @@ Types types_of(const FledgeLibrary &library, Models models)
     return types;
 }
 
-/// A project's shared library. It exports `fledge_library_<name>`, and `fledge_models_<name>` if
-/// it has models. The tables of the messages that it shares with Fledge are in this extension.
 Types load_library(const std::string &path, const std::string &name)
 {
-    Dl_info self;
-    if (dladdr(reinterpret_cast<const void *>(&fledge_library_flight), &self)) {
-        // Python loads extensions with local symbols; this makes them global.
-        dlopen(self.dli_fname, RTLD_NOW | RTLD_NOLOAD | RTLD_GLOBAL);
-    }
-    void *handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!handle) {
-        const std::string why = dlerror();
-        const bool missing = why.find("undefined symbol") != std::string::npos;
-        throw sim::SetupError("cannot load the library " + path + ": " + why +
-                              (missing ? "; do its sources, as CMake has them, define it?" : ""));
-    }
-    const std::string symbol = "fledge_library_" + name;
-    const auto *library = static_cast<const FledgeLibrary *>(dlsym(handle, symbol.c_str()));
-    if (!library) {
-        dlclose(handle);
-        throw sim::SetupError("the library " + path + " does not export " + symbol);
-    }
-    Models models;
-    const std::string models_symbol = "fledge_models_" + name;
-    if (const auto *own = static_cast<const sim::ModelLibrary *>(dlsym(handle, models_symbol.c_str()))) {
-        check_version(name, "models", own->version, sim::model_version);
-        models = {own->types, own->n};
-    }
-    return types_of(*library, models); // the handle stays open, because the types live as long as the process
+    const sim::LibraryFile file = sim::open_library(path, name, &fledge_library_flight);
+    return types_of(*file.tables, file.models);
 }
 
 const FledgeStruct &struct_of(py::handle object)
@@ -380,10 +346,10 @@ void bind_objects(py::module_ &m)
     m.def(
         "maker",
         [](const AnyInstance &object) {
-            const char *const names[] = {"itself", "record", "computer"};
+            const char *const names[] = {"itself", "record", "computer", "model"};
             return names[static_cast<int>(instance_of(object)->maker)];
         },
-        "object"_a, "What makes the outputs of a module: itself, a record, or a computer in its place.");
+        "object"_a, "What makes the outputs of a module: itself, a record, or a computer or model in its place.");
     m.def(
         "script",
         [](const AnyInstance &object) -> ScriptOrNone {

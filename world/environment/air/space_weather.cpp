@@ -162,7 +162,7 @@ template <class D> D &SpaceWeather::Series<D>::make(int mjd)
 template Day &SpaceWeather::Series<Day>::make(int);
 template Jb2008Day &SpaceWeather::Series<Jb2008Day>::make(int);
 
-SpaceWeather::SpaceWeather(const std::vector<std::string> &paths, const TimeSystem &time) : time_(time)
+SpaceWeather::SpaceWeather(const std::vector<std::string> &paths, const TimeSystem &time) : time_(time), paths_(paths)
 {
     if (paths.empty()) {
         throw sim::SetupError("the activity of the Sun needs a file of indices, as CelesTrak's SW-All.csv");

@@ -57,7 +57,8 @@ public:
     void require(Epoch from, Epoch to, AirLaw law) const;
 
     /// For messages.
-    const std::string &files() const { return files_; }
+    const std::string &files() const { return files_; } ///< for messages
+    const std::vector<std::string> &paths() const { return paths_; }
 
     static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -102,6 +103,7 @@ private:
 
     TimeSystem time_;
     std::string files_;
+    std::vector<std::string> paths_;
     Activity all_;
 };
 
