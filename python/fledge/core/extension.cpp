@@ -29,6 +29,7 @@ PYBIND11_MODULE(_core, m)
     bind_sky(m);
     bind_world(m);
     bind_campaign(m);
+    bind_composition(m);
     bind_batch(m);
     bind_records(m);
 }

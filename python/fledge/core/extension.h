@@ -22,17 +22,18 @@ using AnyObject = Typed<pybind11::object, "Module | Model | Message">;
 using HealthRow = std::tuple<const char *, std::string, std::optional<double>, std::uint64_t, std::string>;
 std::vector<HealthRow> health_rows(const std::vector<sim::Finding> &findings);
 
-void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as Python sees them
-void bind_functions(pybind11::module_ &m);  ///< those of flight/math
-void bind_prototypes(pybind11::module_ &m); ///< modules and models that are classes in Python
-void bind_simulation(pybind11::module_ &m); ///< the kernel
-void bind_judge(pybind11::module_ &m);      ///< formulas on signals
-void bind_world(pybind11::module_ &m);      ///< what models take besides parameters
-void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
-void bind_batch(pybind11::module_ &m);      ///< clones that are stepped together
-void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
-void bind_records(pybind11::module_ &m);    ///< the container of records
-void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
+void bind_tables(pybind11::module_ &m);      ///< libraries, types and fields, as Python sees them
+void bind_functions(pybind11::module_ &m);   ///< those of flight/math
+void bind_prototypes(pybind11::module_ &m);  ///< modules and models that are classes in Python
+void bind_simulation(pybind11::module_ &m);  ///< the kernel
+void bind_judge(pybind11::module_ &m);       ///< formulas on signals
+void bind_world(pybind11::module_ &m);       ///< what models take besides parameters
+void bind_campaign(pybind11::module_ &m);    ///< dispersed runs
+void bind_composition(pybind11::module_ &m); ///< a simulation as JSON
+void bind_batch(pybind11::module_ &m);       ///< clones that are stepped together
+void bind_sky(pybind11::module_ &m);         ///< ephemerides, orientations, gravity fields
+void bind_records(pybind11::module_ &m);     ///< the container of records
+void bind_cosim(pybind11::module_ &m);       ///< a process as a node of many programs
 
 /// Of each extension with a kernel of its own, whose handlers know what that runs.
 inline void bind_crashes(pybind11::module_ &m)

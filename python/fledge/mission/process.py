@@ -762,6 +762,11 @@ class Flight(Process):
         return self._core_process.outages
 
     @property
+    def has_services(self) -> bool:
+        """Whether modules of it need `commands`, so that the kernel has its dictionary."""
+        return any(_core.struct(instance).service for instance in self)
+
+    @property
     def commands(self) -> Commands:
         """Commands by packets, as its targets get them."""
         from fledge.mission.commands import Commands, dictionary

@@ -346,12 +346,11 @@ class Simulation:
         """Before a run: of the first one, warn of what is implausible."""
         if self._core.now < 0:
             for flight in self.flights:
-                if any(_core.struct(instance).service for instance in flight.instances.values()):
-                    frames = flight.commands.dictionary.frames      # the kernel needs the dictionary, and the keys
-                    if frames and frames.secured and self.mission:
-                        from fledge.frames import FILE
+                frames = flight.commands.dictionary.frames if flight.has_services else None
+                if frames and frames.secured and self.mission:
+                    from fledge.frames import FILE
 
-                        flight.commands.take_keys(Path(self.mission.folder) / FILE)
+                    flight.commands.take_keys(Path(self.mission.folder) / FILE)
             check(self.processes)
 
     def reset(self) -> None:
@@ -368,6 +367,11 @@ class Simulation:
         """How paced runs kept up: {"instants", "overruns" (later than 1 ms), "worst" [s]}."""
         instants, overruns, worst = self._core.pace_report
         return {"instants": instants, "overruns": overruns, "worst": worst / 1e9}
+
+    def composition(self, process: str | None = None) -> tuple[str, list[tuple[str, str]]]:
+        """(JSON, (path, name) of each file that it needs) that FMUs fly, before the first run. process: the only one
+        that flies there. Raises CompositionError with all that is no data, as functions of Python."""
+        return _core.compose(self._core, process or "")
 
     # --- control theory ---
 

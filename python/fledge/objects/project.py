@@ -22,7 +22,8 @@ from fledge.folders import project as folder
 def types(part: str) -> dict[str, Any]:
     """Name -> type of the project's modules, models and messages with headers in `part`/: "flight" or "world".
     Raises SetupError if the project is not built or declares a name of Fledge's."""
-    return {name: type_ for name, type_ in _types().items() if _core.struct(type_).folder.split("/")[0] == part}
+    return {name: type_ for _, theirs in _libraries().values() for name, type_ in theirs.items()
+            if _core.struct(type_).folder.split("/")[0] == part}
 
 
 def unbuilt(part: str, name: str) -> str:
@@ -39,21 +40,29 @@ def unbuilt(part: str, name: str) -> str:
     return f"there is no {name}: {path}.h exists, but {reason}"
 
 
+def owners() -> dict[str, tuple[str, Path] | None]:
+    """Type -> (name, file) of its library, of all types that have headers; None: it is Fledge's."""
+    fledge = {name: None for part in ("flight", "world") for name in _core.library(part)}
+    return fledge | {name: (library, file) for library, (file, theirs) in _libraries().items() for name in theirs}
+
+
 @cache
-def _types() -> dict[str, Any]:
+def _libraries() -> dict[str, tuple[Path, dict[str, Any]]]:
+    """Name -> (file, types by name) of the project's libraries."""
     project = folder()
     if project is None:
         return {}
     build = Path(os.environ.get("FLEDGE_PROJECT_BUILD")
                  or project / "build" / os.environ.get("FLEDGE_PRESET", "release"))
     try:
-        libraries = (build / "fledge-libraries.txt").read_text(encoding="utf-8").splitlines()
+        lines = (build / "fledge-libraries.txt").read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
         raise SetupError(f"the project {project} is not built ({build}); "
                          f"./fledge --project {project} setup builds it") from None
     fledge = {**_core.library("flight"), **_core.library("world")}
     types_: dict[str, Any] = {}
-    for line in libraries:
+    found = {}
+    for line in lines:
         name, path = line.split(" ", 1)
         theirs = _core.load_library(path, name)
         for taken in sorted(theirs.keys() & (fledge.keys() | types_.keys())):
@@ -61,4 +70,5 @@ def _types() -> dict[str, Any]:
             raise SetupError(f"the library {name} declares {taken}, and so does {owner} of "
                              f"{'Fledge' if taken in fledge else 'this project'}: rename it")
         types_.update(theirs)
-    return types_
+        found[name] = Path(path), theirs
+    return found
