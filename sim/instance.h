@@ -58,8 +58,9 @@ public:
     /// Whether an instant has run since its reset, which sets outputs and memory anew.
     bool begun = false;
 
-    /// What makes its outputs: itself, a playback, or the computer that flies in its place (Process::fly_by).
-    enum class Maker { itself, record, computer } maker = Maker::itself;
+    /// What makes its outputs: itself, a playback, or what flies in its place: a computer (Process::fly_by), which has
+    /// parameters of its own, or a model (fly_by_model), which gets them.
+    enum class Maker { itself, record, computer, model } maker = Maker::itself;
 
     Script script;
 

@@ -321,7 +321,8 @@ void Process::fly_by(std::function<void(Ns t)> flight)
     flight_ = std::move(flight);
 }
 
-void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared)
+void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared,
+                           std::ptrdiff_t request)
 {
     for (const Shared &each : shared) {
         const std::size_t size = each.port.field->size, room = computer->type().size;
@@ -329,10 +330,14 @@ void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance
             throw SetupError(each.port.path() + " has no place in the computer that flies " + name);
         }
     }
-    fly_by([this, own = computer.get(), shared = std::move(shared)](Ns t) {
+    stand_in(Instance::Maker::model);
+    add(as, computer);
+    computer_ = computer;
+    request_ = request;
+    flight_ = [this, shared = std::move(shared)](Ns t) {
         bool changed = false;
         for (const auto &[port, offset] : shared) {
-            std::byte *const place = own->memory() + offset;
+            std::byte *const place = computer_->memory() + offset;
             if (port.field->group == FLEDGE_IN) {
                 std::ranges::copy(incoming(port), place);
             } else if (port.field->group == FLEDGE_PAR && std::memcmp(place, port.bytes(), port.field->size) != 0) {
@@ -340,21 +345,31 @@ void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance
                 changed = true;
             }
         }
-        {
-            const Runs runs(own);
-            if (changed) {
-                own->model()->refresh();
-            }
-            own->model()->update({t, 0});
+        if (owner_->time() < 0) {
+            request_of_computer(requests.mode);
         }
+        {
+            const Runs runs(computer_.get());
+            if (changed) {
+                computer_->model()->refresh();
+            }
+            computer_->model()->update({t, 0});
+        }
+        request_of_computer(-1);
         for (const auto &[port, offset] : shared) {
             if (port.field->group == FLEDGE_OUT) {
-                std::memcpy(port.bytes(), own->memory() + offset, port.field->size);
+                std::memcpy(port.bytes(), computer_->memory() + offset, port.field->size);
             }
         }
-    });
-    add(as, computer);
-    computer_ = computer;
+    };
+}
+
+void Process::request_of_computer(int mode) const
+{
+    if (computer_ && request_ >= 0) {
+        const std::int32_t number = mode + 1;
+        std::memcpy(computer_->memory() + request_, &number, sizeof number);
+    }
 }
 
 std::span<const std::byte> Process::incoming(const Port &input) const

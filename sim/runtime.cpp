@@ -59,7 +59,13 @@ void Runtime::expect_changes()
 
 void Runtime::enter(const Process &process, int mode)
 {
-    of(process).requested = mode;
+    process.request_of_computer(mode);
+    request(of(process), mode);
+}
+
+void Runtime::request(RunProcess &process, int mode)
+{
+    process.requested = mode;
     expect_changes(); // a task of that mode may come sooner than what was next
 }
 

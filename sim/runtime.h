@@ -97,7 +97,8 @@ public:
     void set_begun(bool begun); ///< Instance::begun, of all
     RunProcess &of(const Process &process);
     RunEvent &of(const Process &process, const Event &event);
-    void enter(const Process &process, int mode);
+    void enter(const Process &process, int mode); ///< as requested from outside
+    void request(RunProcess &process, int mode);
     void event_added(const Process &process);
     std::span<const std::byte> incoming(const Port &input) const;
     bool override_input(const Port &input, std::uint32_t place, double value); ///< see Simulation::override_input()

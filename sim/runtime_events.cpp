@@ -87,7 +87,7 @@ bool Runtime::run_event(RunProcess &process, std::size_t i, Ns t)
     const bool refused = mode >= 0 && !process.process->may_enter(mode);
     process.process->executive().event(t, i, event->name, event->text, refused);
     if (mode >= 0 && !refused) {
-        enter(*process.process, mode);
+        request(process, mode);
     }
     act(process, *event, t);
     return true;

@@ -254,9 +254,12 @@ public:
     void fly_by(std::function<void(Ns t)> flight);
     const std::function<void(Ns t)> &flight() const { return flight_; }
     /// The same by a model, which becomes an instance of this process without a task: at each instant it gets the inputs
-    /// and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt.
-    void fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared);
+    /// and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt. request:
+    /// where [bytes] it has the mode to enter, an int32_t from 1, 0: none; -1: nowhere.
+    void fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared,
+                      std::ptrdiff_t request = -1);
     const std::shared_ptr<Instance> &computer() const { return computer_; } ///< or null
+    void request_of_computer(int mode) const;                               ///< that it enters a mode; -1: none
     /// The message that is for an input at the present instant, as fly_by's function sees it.
     std::span<const std::byte> incoming(const Port &input) const;
 
@@ -348,6 +351,7 @@ private:
     Executive executive_;
     std::function<void(Ns t)> flight_;
     std::shared_ptr<Instance> computer_;
+    std::ptrdiff_t request_ = -1; ///< of it
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
     std::optional<std::vector<Packet>> played_telemetry_;

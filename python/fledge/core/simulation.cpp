@@ -238,7 +238,7 @@ void put_out(const sim::Process &process, const AnyPort &output, const py::bytes
 using ProgressOrNone = Typed<py::object, "Callable[[int], object] | None">;
 
 void fly_by_model(sim::Process &process, const std::string &as, const AnyInstance &computer,
-                  const std::vector<std::tuple<AnyInstance, std::string, std::size_t>> &shared)
+                  const std::vector<std::tuple<AnyInstance, std::string, std::size_t>> &shared, std::ptrdiff_t request)
 {
     const auto port_of_row = [](const auto &row) {
         const auto &[object, name, offset] = row;
@@ -250,7 +250,7 @@ void fly_by_model(sim::Process &process, const std::string &as, const AnyInstanc
         }
         throw py::value_error(instance->path + " has no " + name);
     };
-    process.fly_by_model(as, instance_of(computer), list_of(shared, port_of_row));
+    process.fly_by_model(as, instance_of(computer), list_of(shared, port_of_row), request);
 }
 
 bool run_until(sim::Simulation &simulation, Ns t, double pace, const ProgressOrNone &progress)
@@ -580,8 +580,9 @@ void bind_outside(Process &process)
              "By (times, messages) of its modes, and of what happened.")
         .def("fly_by", &sim::Process::fly_by, "flight"_a,
              "A function of the time [ns] flies in place of the process' modules.")
-        .def("fly_by_model", fly_by_model, "name"_a, "computer"_a, "shared"_a,
-             "A model flies in their place: (module, its field, where [bytes] the model has it) of what they share.")
+        .def("fly_by_model", fly_by_model, "name"_a, "computer"_a, "shared"_a, "request"_a,
+             "A model flies in their place: (module, its field, where [bytes] the model has it) of what "
+             "they share; where it has the mode to enter, or -1.")
         .def("incoming", incoming, "input"_a, "The bytes of the message that is for an input at this instant.")
         .def("put_out", put_out, "output"_a, "message"_a, "Write the bytes of an output, as fly_by's function.")
         .def(
