@@ -31,7 +31,8 @@ def add(command: Callable) -> None:
     sub = command("export", export, "export c nadir_spin --out nadir_spin_c")
     forms = ["c", "cfs", "rtems", "micropython", "xtce", "fmu"]
     sub.add_argument("form", choices=forms, help="c: MISSION.h and MISSION.c, in C99; cfs: an app for the apps "
-                     "folder of a cFS tree; rtems: an application of RTEMS 6 on a LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
+                     "folder of a cFS tree; rtems: an application of RTEMS 6 on a LEON3, with a Makefile; "
+                     "micropython: a program for this machine, which its script composes; "
                      "xtce: all packets and commands, of all flight processes, as a database for ground stations; "
                      "fmu: an FMU for co-simulation")
     add_mission(sub)
@@ -155,7 +156,7 @@ def export_fmu(options: argparse.Namespace) -> int:
     from fledge.export.fmu.mission import flight_fmu
     from fledge.objects import project
 
-    for name in ("tasks", "outputs", "board"):
+    for name in ("tasks", "outputs", *["board"] * (not options.on)):
         if getattr(options, name) is not None:
             raise Failure(f"export fmu: --{name} is for `export c`; an FMU has whole processes and all their outputs")
     sim = fledge.load(options.mission, **given_parameters(options))
@@ -169,7 +170,7 @@ def export_fmu(options: argparse.Namespace) -> int:
     if options.on:
         from fledge.export.fmu.board import board_fmu
 
-        system = board_fmu(sim, options.process)
+        system = board_fmu(options.mission, options.process, options.board or (), **given_parameters(options))
     elif options.process in flights:
         ours = project.folder()
         system = flight_fmu(sim, options.process, [ours] if ours else [])

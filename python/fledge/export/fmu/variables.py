@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import struct as packing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from math import prod
 from typing import Any
@@ -124,6 +124,14 @@ def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), p
     that it takes at an instant, of those that exchange them with the ground."""
     variables: list[Variable] = []
     placed: list[Message] = []
+    messages, parameters = list(messages), list(parameters)
+    taken = {".".join(each.path.split(".")[:2]) for each in (*messages, *parameters)}
+
+    def path(process: str, kind: str) -> str:
+        """flight.clock; where an instance has this name, flight.clock_"""
+        while f"{process}.{kind}" in taken:
+            kind += "_"
+        return f"{process}.{kind}"
 
     def add(some: Iterable[Variable]) -> None:
         for each in some:
@@ -140,19 +148,19 @@ def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), p
     for each in parameters:
         add(_parameters(each))
     for i, process in enumerate(processes):
-        add(_modes(process, i))
+        add(_modes(process, i, path))
     words = {process: distinct([e.name for e in events if e.process == process], ["mode"])
              for process in {event.process for event in events}}
     for i, event in enumerate(events):
         name = words[event.process][event.name]
-        add([Variable(0, f"{event.process}.fired.{name}", "fired", "u32", block=i,
+        add([Variable(0, f"{path(event.process, 'fired')}.{name}", "fired", "u32", block=i,
                       meaning=f"how often the event has fired: {event.meaning}"),
-             Variable(0, f"{event.process}.clock.{name}", "clock_event", "u8", block=i,
+             Variable(0, f"{path(event.process, 'clock')}.{name}", "clock_event", "u8", block=i,
                       meaning=f"ticks when the event fires: {event.meaning}")])
     for i, (name, room) in enumerate(packets.items()):
-        add([Variable(0, f"{name}.uplink", "uplink", "u8", block=i, bounds=(None, room),
+        add([Variable(0, path(name, "uplink"), "uplink", "u8", block=i, bounds=(None, room),
                       meaning="commands: space packets, whole and one after the other"),
-             Variable(0, f"{name}.downlink", "downlink", "u8", block=i,
+             Variable(0, path(name, "downlink"), "downlink", "u8", block=i,
                       meaning="telemetry: the space packets of the last step")])
     return Layout(variables, placed, list(processes), list(events))
 
@@ -197,14 +205,14 @@ def _bounds(f: Any, values: Sequence[float]) -> tuple[float | None, float | None
             high if high is None or all(value <= high for value in values) else None)
 
 
-def _modes(process: Process, place: int) -> Iterator[Variable]:
+def _modes(process: Process, place: int, path: Callable[[str, str], str]) -> Iterator[Variable]:
     rows = [(mode, i, "") for i, mode in enumerate(process.modes, 1)]
     kind = f"{process.name}.Mode"
-    yield Variable(0, f"{process.name}.mode", "mode", "enum", block=place, meaning="the mode in force",
+    yield Variable(0, path(process.name, "mode"), "mode", "enum", block=place, meaning="the mode in force",
                    enumeration=(kind, f"the modes of {process.name}", rows))
-    yield Variable(0, f"{process.name}.request", "request", "enum", block=place, start=(0,),
+    yield Variable(0, path(process.name, "request"), "request", "enum", block=place, start=(0,),
                    meaning="the mode to enter at the next instant; none: stay",
                    enumeration=(f"{process.name}.Request", f"the modes of {process.name}, or none",
                                 [("none", 0, "no request"), *rows]))
-    yield Variable(0, f"{process.name}.clock.mode", "clock_mode", "u8", block=place,
+    yield Variable(0, f"{path(process.name, 'clock')}.mode", "clock_mode", "u8", block=place,
                    meaning="ticks when the mode changes")
