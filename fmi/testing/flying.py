@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fledge import objects
+from fledge.elements import ELEMENTS
 from fmi.testing.oscillator import FLAGS, ROOT
 
 OFFSET, PRIME, MASK = 0xcbf29ce484222325, 0x100000001b3, 2**64 - 1
@@ -44,6 +46,25 @@ class Failed(Exception):
 def places(layout: Any) -> dict[str, Place]:
     """Of all variables of a Layout (fledge.export.fmu.variables)."""
     return {v.name: Place(v.reference, v.type, v.n) for v in layout.variables}
+
+
+def content(sim: Any, layout: Any, *roles: str) -> bytes:
+    """The bytes of the variables of all messages with these roles, in a simulation now."""
+    found = b""
+    for message in layout.messages:
+        if message.role in roles:
+            process, instance, port = message.path.split(".")
+            memory = objects.memory(getattr(sim.process(process).instances[instance], port))
+            for v in layout.variables[message.first:message.first + message.n]:
+                at = v.offset - message.offset
+                found += memory[at:at + v.n * ELEMENTS[v.type].size]
+    return found
+
+
+def of(layout: Any, *roles: str) -> list[Place]:
+    """The variables of which content() has the bytes."""
+    return [Place(v.reference, v.type, v.n) for message in layout.messages if message.role in roles
+            for v in layout.variables[message.first:message.first + message.n]]
 
 
 def hashes(points: Iterable[bytes]) -> list[int]:

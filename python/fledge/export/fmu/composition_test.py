@@ -10,13 +10,15 @@ from typing import Any
 import pytest
 
 import fledge
-from fledge import _core, world
-from fledge.errors import CompositionError, SetupError
+from fledge import _core
+from fledge.errors import SetupError
+from fledge.export.fmu.build import export
 from fledge.export.fmu.composition import layout, simulation_fmu
-from fledge.units import minute, s
+from fledge.export.fmu.mission import flight_fmu
+from fledge.units import s
+from fmi.testing.flying import Plan, content, hashes, of, places
 
 MISSIONS = sorted(path.parent.name for path in Path(fledge.__file__).parents[2].glob("missions/*/scenarios.py"))
-OF_SEVERAL = {"constellation", "formation"}
 
 
 def built(sim: Any, folder: Path, process: str = "") -> Any:
@@ -64,3 +66,39 @@ def test_a_world_flies_with_its_bits_on_the_outputs_of_flight(name: str, tmp_pat
         sim.run(until=i * 0.5 * s)
         ours = other.process(truth.name).wrap()
         assert all(_core.memory(ours[n]) == _core.memory(model) for n, model in truth.instances.items())
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_an_importer_flies_a_whole_mission_with_its_bits(version: str, tmp_path: Path) -> None:
+    """In two instances, which also go back to states, and on by their bytes."""
+    system = simulation_fmu(sim := fledge.load("sun_safe"))
+    plan = Plan()
+    fmu = plan.fmu(export(system, tmp_path / "whole.fmu", version), tmp_path)
+    plan.hash(fmu, of(system.layout, "output"))
+    points = []
+    for i in range(201):
+        sim.run(until=i * 0.5 * s)
+        points.append(content(sim, system.layout, "output"))
+    assert plan.fly(tmp_path, 200, 0.5, sets=2, states=30).hashes == hashes(points)
+    assert len(set(points)) > 100
+
+
+@pytest.mark.parametrize("mission", ["nadir_spin", "cubesat"])
+def test_world_and_flight_in_turn_fly_with_the_bits_of_the_mission(mission: str, tmp_path: Path) -> None:
+    sim = fledge.load(mission)
+    both = [simulation_fmu(fledge.load(mission), "world"), flight_fmu(fledge.load(mission))]
+    plan = Plan()
+    world, flight = (plan.fmu(export(system, tmp_path / f"{i}.fmu"), tmp_path) for i, system in enumerate(both))
+    names = [places(system.layout) for system in both]
+    for a, b in ((world, flight), (flight, world)):
+        for message in both[b].layout.inputs:
+            for v in both[b].layout.variables[message.first:message.first + message.n]:
+                plan.wire(a, names[a][v.name], b, names[b][v.name])
+    for fmu, system in enumerate(both):
+        plan.hash(fmu, of(system.layout, "output", "local"))
+    points = []
+    for i in range(121):
+        sim.run(until=i * 0.5 * s)
+        points.append(b"".join(content(sim, system.layout, "output", "local") for system in both))
+    assert plan.fly(tmp_path, 120, 0.5).hashes == hashes(points)
+    assert len(set(points)) > 100
