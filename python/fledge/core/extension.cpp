@@ -28,6 +28,7 @@ PYBIND11_MODULE(_core, m)
     bind_judge(m);
     bind_sky(m);
     bind_world(m);
+    bind_fmu(m);
     bind_campaign(m);
     bind_composition(m);
     bind_batch(m);

@@ -28,6 +28,7 @@ void bind_prototypes(pybind11::module_ &m);  ///< modules and models that are cl
 void bind_simulation(pybind11::module_ &m);  ///< the kernel
 void bind_judge(pybind11::module_ &m);       ///< formulas on signals
 void bind_world(pybind11::module_ &m);       ///< what models take besides parameters
+void bind_fmu(pybind11::module_ &m);         ///< models that are FMUs
 void bind_campaign(pybind11::module_ &m);    ///< dispersed runs
 void bind_composition(pybind11::module_ &m); ///< a simulation as JSON
 void bind_batch(pybind11::module_ &m);       ///< clones that are stepped together

@@ -102,30 +102,13 @@ FledgeField field_from(Declared &kept, const py::handle &f, const py::dict &stru
     return field;
 }
 
-/// The type of an introspect Struct. structs: name -> type of what its fields are; schema: of a message, else None.
 using StructTypes = Typed<py::dict, "dict[str, Any]">;
 
+/// The type of an introspect Struct. structs: name -> type of what its fields are; schema: of a message, else None.
 Typed<py::object, "Any"> declare(const py::handle &s, const StructTypes &structs,
                                  const Typed<py::object, "str | None"> &schema)
 {
-    static std::deque<Declared> all; // types live until the interpreter ends
-    Declared &kept = all.emplace_back();
-    for (const py::handle f : s.attr("fields")) {
-        kept.fields.push_back(field_from(kept, f, structs));
-    }
-    FledgeStruct &table = kept.table;
-    table.name = kept.keep(s.attr("name"));
-    table.doc = kept.keep(s.attr("doc"));
-    table.header = kept.keep(s.attr("header"));
-    table.folder = kept.keep(s.attr("folder"));
-    const auto kind = py::cast<std::string>(s.attr("kind").attr("value"));
-    table.kind = kind == "model" ? FLEDGE_MODEL : kind == "module" ? FLEDGE_MODULE : FLEDGE_MESSAGE;
-    table.size = py::cast<std::uint32_t>(s.attr("size"));
-    table.align = py::cast<std::uint32_t>(s.attr("align"));
-    table.hash = py::cast<std::uint64_t>(s.attr("hash"));
-    table.n = static_cast<std::uint32_t>(kept.fields.size());
-    table.fields = kept.fields.data();
-    table.schema = schema.is_none() ? nullptr : kept.keep(schema);
+    const FledgeStruct &table = table_from(s, structs, schema);
     // A message is that of a header with the same content, so that C and Python exchange it.
     const Type *type = schema.is_none() ? make_prototype_type(table) : type_of(table, "prototype");
     if (!type) {
@@ -158,6 +141,29 @@ double draw(py::handle object, bool normal)
 }
 
 } // namespace
+
+const FledgeStruct &table_from(const py::handle &s, const py::dict &structs, const py::handle &schema)
+{
+    static std::deque<Declared> all; // types live until the interpreter ends
+    Declared &kept = all.emplace_back();
+    for (const py::handle f : s.attr("fields")) {
+        kept.fields.push_back(field_from(kept, f, structs));
+    }
+    FledgeStruct &table = kept.table;
+    table.name = kept.keep(s.attr("name"));
+    table.doc = kept.keep(s.attr("doc"));
+    table.header = kept.keep(s.attr("header"));
+    table.folder = kept.keep(s.attr("folder"));
+    const auto kind = py::cast<std::string>(s.attr("kind").attr("value"));
+    table.kind = kind == "model" ? FLEDGE_MODEL : kind == "module" ? FLEDGE_MODULE : FLEDGE_MESSAGE;
+    table.size = py::cast<std::uint32_t>(s.attr("size"));
+    table.align = py::cast<std::uint32_t>(s.attr("align"));
+    table.hash = py::cast<std::uint64_t>(s.attr("hash"));
+    table.n = static_cast<std::uint32_t>(kept.fields.size());
+    table.fields = kept.fields.data();
+    table.schema = schema.is_none() ? nullptr : kept.keep(schema);
+    return table;
+}
 
 bool is_class_name(PyObject *name)
 {

@@ -5,7 +5,14 @@
 
 #include "core/object.h"
 
+#include <pybind11/pybind11.h>
+
 namespace fledge::core {
+
+/// The table of an introspect Struct, which lives as long as the process. structs: name -> type of what its fields are;
+/// schema: of a message, else None.
+const FledgeStruct &table_from(const pybind11::handle &s, const pybind11::dict &structs,
+                               const pybind11::handle &schema);
 
 /// Whether a name is `__class__`, which is the class of a prototype for super() and isinstance().
 bool is_class_name(PyObject *name);
