@@ -70,7 +70,7 @@ RULES = {
                            [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "sim", "world",
                             "fmi/fmu"]),
     "fmi/board": Rule("C++20", "flight on the emulated computer as an FMU",
-                      [*FLIGHT, "flight/exec", "record", "registers", "targets", "emulator", "fmi/fmu"]),
+                      [*FLIGHT, "flight/exec", "flight/command", "targets", "emulator", "fmi/fmu"]),
     "fmi/importer": Rule("C++20", "others' FMUs as models", [*FLIGHT, "flight/exec", "sim", "fmi/standard"]),
     "options": Rule("C++20", "the command lines of the programs in C++", []),
     "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
@@ -106,7 +106,7 @@ PARTS = [
     ("records", "recorded fields by name, of a run in memory or of a file"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),
-    ("fmi", "FMUs of others: the archive, unpacked with care, their descriptions, and their interfaces as models"),
+    ("fmi", "FMUs of others: the archive, unpacked with care, and the description of the model"),
     ("records.activity", "modes, events, commands and resets of a run, from its record"),
     ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
     ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),

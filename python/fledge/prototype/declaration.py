@@ -17,6 +17,7 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 from fledge.disk import shown
 from fledge.objects import outside, project
+from fledge.objects.layout import described, described_enum, head, lay_out
 from fledge.objects.script import check_function
 from introspect import comment, rules, units
 from introspect.emit import schema
@@ -119,7 +120,7 @@ def declare(cls: Any) -> tuple[Struct, Any]:
             problems.append(refusal.at(file, declaration.line))
     folder = "world" if cls._kind is Kind.MODEL else "flight"
     if cls._kind is Kind.MESSAGE:
-        fields.insert(0, _head(types))
+        fields.insert(0, head(types))
     fields, size, align = lay_out(fields)
     struct = Struct(cls.__name__, _doc(cls.__doc__), cls._kind, size, align, tuple(fields),
                     f"{folder}/{os.path.basename(file)}", file, line, folder)
@@ -149,12 +150,6 @@ def _doc(text: str) -> str:
 
 
 _types: dict[Struct, Any] = {}
-
-
-def _head(types: dict[str, Any]) -> Field:
-    types["Head"] = _core.library("flight")["Head"]
-    head = described(_core.struct(types["Head"]))
-    return Field("head", Type.STRUCT, "Head", (), 0, head.size, 0, struct=head)
 
 
 # --- fields ----------------------------------------------------------------------------------------
@@ -217,60 +212,14 @@ def _enumeration(given: Any, name: str) -> Enumeration:
         Enumerator(f"{given.__name__.upper()}_{member.name}", int(member), "") for member in given), "")
 
 
-def lay_out(fields: Sequence[Field]) -> tuple[list[Field], int, int]:
-    """(fields in their places, with spares; size; alignment), as a C compiler lays out the header's struct."""
-    align = max((_alignment(f) for f in fields), default=1)
-    placed: list[Field] = []
-    offset = 0
-    for group in Group:
-        own = [f for f in fields if f.group is group]
-        names = iter(["spare", *(f"spare{i}" for i in range(2, len(own) + 3))])
-        # A group ends at a multiple of the struct's alignment, so that no padding follows it.
-        for f in [*own, None] if own else []:
-            gap = -offset % (_alignment(f) if f else align)
-            if gap:
-                placed.append(Field(next(names), Type.U8, "uint8_t", (gap,), offset, gap, own[0].line, group))
-                offset += gap
-            if f:
-                placed.append(replace(f, offset=offset))
-                offset += f.size
-    return placed, offset, align
-
-
-def _alignment(f: Field) -> int:
-    return f.struct.align if f.struct else f.element_size
-
-
 # --- what headers declare, from their tables -------------------------------------------------------
-
-@cache
-def described(struct: _core.Struct) -> Struct:
-    """A table as introspect's model of it: the docs of the enumerators and the lines of the header are not in it."""
-    return Struct(struct.name, struct.doc, Kind(struct.kind), struct.size, struct.align,
-                  tuple(described_field(f) for f in struct.fields), struct.header, struct.header, 0)
-
-
-def described_field(f: Any) -> Field:
-    """The same of a field."""
-    lo, hi, lo_open, hi_open = f.bounds
-    clauses = frozenset(word for word in comment.WORDS if getattr(f, word.replace("-", "_")))
-    return Field(f.name, Type[f.type.upper()], f.ctype, tuple(f.shape), f.offset, f.size, 0, Group(f.group),
-                 units.parse(f.unit) if f.unit else None, clauses,
-                 None if lo is hi is None else Bounds(lo, hi, lo_open, hi_open), f.count, f.distinct, f.doc,
-                 described(f.struct) if f.type == "struct" else None, _described_enum(f) if f.type == "enum" else None)
-
-
-def _described_enum(f: Any) -> Enumeration:
-    name, doc, values = f.enumeration
-    return Enumeration(name, doc, tuple(Enumerator(*value) for value in values), "")
-
 
 @cache
 def _known_enumerations() -> dict[str, Enumeration]:
     """The enumerations that fields of headers have, by name."""
     types = [*_core.library("flight").values(), *_core.library("world").values(),
              *project.types("flight").values(), *project.types("world").values()]
-    return {f.ctype: _described_enum(f) for type_ in types for f in _structs(_core.struct(type_)) if f.type == "enum"}
+    return {f.ctype: described_enum(f) for type_ in types for f in _structs(_core.struct(type_)) if f.type == "enum"}
 
 
 def _structs(struct: _core.Struct) -> Iterator[Any]:

@@ -12,7 +12,7 @@ import fledge
 from fledge import RunError, SetupError, Simulation, _core, cli, flight as fsw, montecarlo, objects, prototype
 from fledge.mission.wiring import Wiring
 from fledge.prototype import Mat3, Vec3, field, input, mem, out, par
-from fledge.prototype.declaration import described
+from fledge.objects.layout import described
 from fledge.units import Quantity, deg, rad, s
 
 

@@ -27,6 +27,7 @@ from fledge.world.bodies import (BODIES, EARTH, EMB, JUPITER, JUPITER_SYSTEM, MA
                                  NEPTUNE_SYSTEM, PLUTO, PLUTO_SYSTEM, SATURN, SATURN_SYSTEM, SSB, SUN, URANUS,
                                  URANUS_SYSTEM, VENUS, Body)
 from fledge.world.chebyshev import fit_ephemeris
+from fledge.world.fmu import Fmu
 from fledge.world.orbit import Orbit
 from fledge.world.sky import EarthOrientation, Sky, SpaceWeather
 from fledge.world.turning import fit_orientation

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An FMU that others made as a model of the world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+from fledge import _core
+from fledge.errors import SetupError
+from fledge.fmi.archive import opened
+from fledge.world.fmu_interface import Interface
+
+
+def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, *,
+        messages: Mapping[str, tuple[Any, Mapping[str, str]]] | None = None,
+        locals: Sequence[str] | bool = (), **named: Any) -> _core.Model:
+    """A model by an FMU for co-simulation of FMI 2.0 or 3.0: `w.ball = world.Fmu("ball.fmu", g=-1.62 * m / s**2)`.
+
+    In a task, it steps from each update to the next. Its inputs and outputs are the fields of two messages, `inputs`
+    and `outputs`, in SI; der(h) is there as der_h. Inputs without a wire or feed keep their starts; a feed gives all of
+    them, and those that it leaves out are 0. Parameters, and the starts of outputs that may be given, are
+    parameters of the model.
+
+    parameters, named: values, with units, by the names of the FMU or as attributes.
+    messages: further ports, of types that others have: name -> (type, field -> variable), as in
+    {"torque": (fsw.BodyTorque, {"torque_B[0]": "tau1"})}. Elements count from 0. Those of an FMU that Fledge made are
+    there by themselves, world.nav.attitude as world_nav_attitude.
+    locals: names of local variables that are outputs, too; True: all.
+
+    Raises SetupError, with the file, for what is no such FMU, not safe to unpack, or does not fit.
+    """
+    interface = Interface(opened(path), messages or {}, locals)
+    model = interface.type()
+    _core.set_fmu(model, interface.plan)
+    attributes = {name: attribute for attribute, name in interface.names.items() if "." not in attribute}
+    values = {attributes.get(name, name): value for name, value in (parameters or {}).items()}
+    for name in values.keys() & named.keys():
+        raise SetupError(f"{interface.archive.where}: {name} is given twice")
+    for name, value in {**values, **named}.items():
+        setattr(model, name, value)
+    return model

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""FMUs as models of the world: an oscillator of fmi/testing against its closed form, and what goes wrong."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fledge import SetupError, Simulation, prototype, world
+from fledge.units import N, cm, m, ms, rad, s
+from fmi.testing import oscillator
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+
+
+def flown(path, period=100 * ms, seed=1, **options):
+    sim = Simulation("fmus", seed=seed)
+    w = sim.world
+    w.spring = world.Fmu(path, **options)
+    w.task("dynamics", every=period, run=[w.spring])
+    return sim
+
+
+@pytest.fixture(params=[2, 3])
+def path(request, tmp_path):
+    return oscillator.make(tmp_path, request.param)
+
+
+def swing(t, omega=2.0, x0=1.0, force=0.0):
+    """(x, v) of x'' = force - omega^2 x from rest."""
+    rest = force / omega**2
+    return rest + (x0 - rest) * np.cos(omega * t), -(x0 - rest) * omega * np.sin(omega * t)
+
+
+@pytest.mark.parametrize("longest", [0.0, 0.03])
+def test_it_swings_as_its_closed_form_also_by_shorter_steps(path, longest):
+    sim = flown(path, omega=3 * rad / s, x0=50 * cm, longest=longest * s)
+    log = sim.record(sim.world.spring.outputs)
+    sim.run(10)
+    x, v = swing(np.arange(101) / 10, 3.0, 0.5)
+    np.testing.assert_allclose(log["outputs.x"], x, atol=1e-13)
+    np.testing.assert_allclose(log["outputs.v"], v / 100, atol=1e-13)   # the FMU says that its v is in cm/s
+
+
+def test_inputs_of_the_first_instant_count_and_those_of_no_wire_keep_their_start(path):
+    sim = flown(path)
+    sim.feed(sim.world.spring.inputs, force=[8.0, 8.0, 0.0] * N, time=[0, 1, 2] * s)
+    sim.run(1.95 * s)
+    assert math.isclose(sim.world.spring.outputs.x, swing(1.9, force=8.0)[0], abs_tol=1e-13)
+    free = flown(path)
+    free.run(1.95 * s)
+    assert math.isclose(free.world.spring.outputs.x, swing(1.9)[0], abs_tol=1e-13)
+
+
+@VERSIONS
+def test_each_type_comes_back_with_its_bits(tmp_path, version):
+    sim = flown(oscillator.make(tmp_path, version))
+    given = {"in_i32": -2**31, "in_flag": 1, "in_choice": 2, "in_array": [0.1, -1e100, 1e-100], "in_text": "Grüße"}
+    if version == 3:
+        given |= {"in_f32": np.float32(0.1), "in_i8": -128, "in_u8": 255, "in_i16": -32768, "in_u16": 65535,
+                  "in_u32": 2**32 - 1, "in_i64": -2**63, "in_u64": 2**64 - 1}
+    sim.feed(sim.world.spring.inputs, **given)
+    outputs = sim.world.spring.outputs
+    sim.run(100 * ms)
+    for name, value in given.items():
+        np.testing.assert_array_equal(getattr(outputs, name.replace("in_", "out_")), value, err_msg=name)
+
+
+def test_events_and_clocks_are_counted(path):
+    sim = flown(path, period=500 * ms, every=200 * ms)
+    sim.run(1)
+    outputs = sim.world.spring.outputs
+    assert outputs.events == 5
+    assert not hasattr(outputs, "tick") or outputs.tick == 5
+
+
+def test_a_snapshot_a_clone_and_a_campaign_go_on_with_the_same_bits(path):
+    sim = flown(path, every=70 * ms)
+    sim.run(1)
+    snapshot = sim.snapshot()
+    twin = sim.clone()
+    sim.run(2)
+    last = bytes(np.asarray([sim.world.spring.outputs.x, sim.world.spring.outputs.v]))
+    twin.run(2)
+    assert bytes(np.asarray([twin.world.spring.outputs.x, twin.world.spring.outputs.v])) == last
+    sim.restore(snapshot)
+    sim.run(2)
+    assert bytes(np.asarray([sim.world.spring.outputs.x, sim.world.spring.outputs.v])) == last
+    sim.reset()
+    sim.run(3)
+    np.testing.assert_allclose(sim.world.spring.outputs.x, swing(3.0)[0], atol=1e-13)
+
+
+def test_parameters_change_in_a_run_only_where_they_may(path):
+    sim = flown(path)
+    sim.run(1)
+    x, v = swing(1.0)
+    sim.world.spring.omega = 4 * rad / s
+    sim.run(1)
+    assert math.isclose(sim.world.spring.outputs.x, x * math.cos(4) + v / 4 * math.sin(4), abs_tol=1e-12)
+    sim.world.spring.x0 = 2 * m
+    with pytest.raises(SetupError, match="x0 is an initial value"):
+        sim.run(3)
+
+
+class Push(prototype.Message):
+    """A force along an axis."""
+
+    forces = prototype.field(float, "[N] along each axis", shape=2)
+
+
+class Pusher(prototype.Module):
+    """Pushes with a constant force."""
+
+    push = prototype.out(Push)
+
+    def update(self, t, dt):
+        self.push.forces = [1.0, 4.0]
+        self.publish(self.push)
+
+
+def test_messages_of_others_have_variables_as_fields(path):
+    sim = Simulation("wired")
+    f, w = sim.flight, sim.world
+    w.spring = world.Fmu(path, messages={"push": (Push, {"forces[1]": "force"})})
+    f.pusher = Pusher()
+    w.connect(f.pusher.push >> w.spring.push)
+    f.task("control", every=100 * ms, run=[f.pusher])
+    w.task("dynamics", every=100 * ms, run=[w.spring])
+    sim.run(1)
+    assert abs(w.spring.outputs.x - swing(1.0, force=4.0)[0]) < 0.1     # the first push may come a tick late
+    assert not hasattr(w.spring.inputs, "force")
+
+
+@pytest.mark.parametrize(("fields", "says"), [
+    ({"forces[2]": "force"}, r"spring|beyond the shape \(2,\)"),
+    ({"force": "force"}, "has no field 'force'; did you mean 'forces'"),
+    ({"forces[0]": "forc"}, "there is no variable 'forc'; did you mean 'force'"),
+    ({"forces[0]": "omega", "forces[1]": "force"}, "all inputs, or none is"),
+    ({"forces": "force"}, "2 and 1 elements"),
+    ({"forces[0]": "in.text"}, "do not fit: a field of double, a variable of String"),
+    ({"forces[0]": "x"}, "different dimensions: N and m"),
+])
+def test_a_message_that_does_not_fit_is_refused(tmp_path, fields, says):
+    with pytest.raises(SetupError, match=says):
+        world.Fmu(oscillator.make(tmp_path), messages={"push": (Push, fields)})
+
+
+def test_parameters_have_units_and_names(path):
+    with pytest.raises(SetupError, match="expected a quantity in m; found 1.0 s"):
+        world.Fmu(path, x0=1 * s)
+    with pytest.raises(AttributeError, match="omga"):
+        world.Fmu(path, omga=1)
+    with pytest.raises(SetupError, match="x0 is given twice"):
+        world.Fmu(path, {"x0": 1 * m}, x0=2 * m)
+
+
+def test_an_fmu_without_states_flies_but_has_no_snapshot(tmp_path):
+    text = oscillator.description(3, 'canHandleVariableCommunicationStepSize="true"')
+    sim = flown(oscillator.make(tmp_path, text=text))
+    sim.clone().run(1)      # from the start
+    sim.run(1)
+    with pytest.raises(SetupError, match=r"world.spring \(oscillator.fmu\): no snapshot.* canSerializeFMUState"):
+        sim.snapshot()
+
+
+def test_a_single_instance_in_a_program_is_kept_to(tmp_path):
+    text = oscillator.description(3, 'canBeInstantiatedOnlyOncePerProcess="true"')
+    path = oscillator.make(tmp_path, text=text)
+    first = flown(path)
+    first.run(1)
+    with pytest.raises(SetupError, match="may be in a program once"):
+        flown(path).run(1)
+    del first
+    flown(path).run(1)
+
+
+MISBEHAVING = """
+import sys
+from fledge import Simulation, world, errors
+sim = Simulation("fmus")
+w = sim.world
+w.spring = world.Fmu(sys.argv[1])
+w.task("dynamics", every=0.1, run=[w.spring])
+try:
+    sim.run(1)
+    sim.snapshot()
+except (errors.SetupError, errors.RunError) as error:
+    sys.exit(str(error))
+"""
+
+
+@VERSIONS
+@pytest.mark.parametrize(("fault", "says"), [
+    ("segv DoStep 0.5", "segmentation fault (SIGSEGV) in world.spring (Oscillator), task dynamics, in fmi{v}DoStep of "
+     "oscillator.fmu, at t = 0.6 s"),
+    ("abort Instantiate", "abort (SIGABRT) in fmi{v}Instantiate{c} of oscillator.fmu"),
+    ("error DoStep 0.2", "world.spring (oscillator.fmu): fmi{v}DoStep answers with an error at t = 0.2 s of the FMU; "
+     "the FMU says: this function fails on purpose"),
+    ("fatal ExitInitializationMode", "fmi{v}ExitInitializationMode answers with a fatal error"),
+    ("nothing Instantiate", "world.spring (oscillator.fmu): fmi{v}Instantiate{c} makes no instance"),
+    ("nothing DoStep", "no step from t = 0 s of the FMU comes to 0.1 s"),
+    ("version GetVersion", "its description is of FMI {v}.0, and fmi{v}GetVersion of its library says"),
+    ("end DoStep 0.3", "world.spring (oscillator.fmu) ends the simulation at t = 0."),
+    ("grow GetFMUState", "its state has grown to"),
+])
+def test_what_an_fmu_does_wrong_is_a_line(tmp_path, version, fault, says):
+    path = oscillator.make(tmp_path, version)
+    done = subprocess.run([sys.executable, "-c", MISBEHAVING, path], env={**os.environ, "OSCILLATOR": fault},
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0
+    assert says.format(v=version, c="CoSimulation" if version == 3 else "") in done.stderr
