@@ -151,7 +151,7 @@ void MissionLink::restore(const State &state)
     line_ = state.line;
     backend_.loop.state = state.loop;
     outside_.restore(state.outside);
-    std::memcpy(last_.data(), state.packets.data(), std::min(last_.size(), state.packets.size()));
+    std::ranges::copy(state.packets, std::as_writable_bytes(std::span(last_)).begin());
 }
 
 } // namespace fledge::emulator

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""FMUs of flight on the emulated LEON3 in an importer in C, with the inputs of the desktop's flight: every output has
+its bytes."""
+
+import ctypes
+import functools
+import xml.etree.ElementTree as xml
+import zipfile
+
+import pytest
+
+import fledge
+from fledge.export.fmu.board import board_fmu
+from fledge.export.fmu.build import export
+from fledge.export.fmu.flight_test import VERSIONS, Flight
+from fledge.targets import TARGETS
+from fledge.targets.reset_test import mission
+from fmi.testing.flying import Plan, places
+
+pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A function that gives the Flight of a mission on the LEON3, and builds each mission once."""
+    systems = functools.cache(lambda mission: board_fmu(mission, folder=tmp_path_factory.mktemp("built")))
+
+    class Board(Flight):
+        def __init__(self, mission, folder, version="3"):
+            self.folder, self.sim, self.plan = folder, fledge.load(mission), Plan()
+            self.system = systems(mission)
+            self.layout, self.step = self.system.layout, self.system.facts.step
+            self.path, self.places = export(self.system, folder / "board.fmu", version), places(self.layout)
+
+    return Board
+
+
+@pytest.fixture(scope="module")
+def resetting(tmp_path_factory):
+    """A mission whose computer the power unit resets."""
+    return str(mission(tmp_path_factory.mktemp("missions") / "resetting", [7.2, 14.0], 1.3))
+
+
+@VERSIONS
+def test_every_output_has_the_bytes_of_the_desktop(flight, tmp_path, version):
+    """In two instances, which also go back to states, and on by their bytes; and with other parameters."""
+    board = flight("nadir_spin", tmp_path, version)
+    u_max = board.places["flight.wheels.u_max"]
+    board.plan.set(0, board.places["flight.control.K"], [2.0])
+    board.plan.set(0, board.places["flight.control.K"], [3.0], at=50)
+    board.plan.set(0, u_max, [0.2, 0.01, 0.2, 0.2, *[0.0] * (u_max.n - 4)], at=70)
+
+    def change(sim, step):
+        sim.flight.control.K = 2.0 if step < 50 else 3.0
+        if step == 70:
+            sim.flight.wheels.u_max[1] = 0.01       # the configuration is published again
+
+    board.fly(200, change=change, sets=2, states=20)
+
+
+def test_modes_events_and_resets_are_those_of_the_desktop(flight, resetting, tmp_path):
+    board = flight(resetting, tmp_path)
+    mode, fired, clock = (board.places[f"flight.{name}"] for name in ("mode", "fired.turns", "clock.mode"))
+    board.plan.show(0, [mode, fired])
+    board.plan.clock(0, clock.reference)
+    board.plan.set(0, board.places["flight.request"], [2], at=34)
+    board.step = 0.5    # the tasks that run between read no inputs
+    shown = board.fly(48, change=lambda sim, step: step == 34 and sim.flight.turn.enter(), events=True, states=10)
+    desktop = board.sim.flight
+    assert [desktop.active_mode, desktop.turns.fired[0]] == ["turn", 3] and shown[mode.reference] == ["2"]
+    assert shown[fired.reference] == ["3"]
+    assert shown[clock.reference] == [str(sum(count for count, _ in desktop.entered.values()))]
+
+
+def test_packets_pass_both_ways(flight, resetting, tmp_path):
+    """Commands are executed at the next instant, and what flight sends has the bytes of the desktop."""
+    board, expected = flight(resetting, tmp_path), []
+    commands = board.sim.flight.commands
+    commands.take_packets()
+    board.sim.step()
+    same = fledge.load(resetting).flight.commands.packets
+    packets = same.mode("turn") + same.telemetry("flight.spin.reference")
+    commands.mode("turn")
+    commands.telemetry("flight.spin.reference")
+    for step in range(1, 7):
+        board.sim.run(until=step)
+        expected.append(b"".join(packet for _, packet in commands.take_packets()))
+    assert fly_packets(board, packets, 6) == expected and len(expected[0]) > 100 and len(set(expected)) == 6
+
+
+def fly_packets(board, packets, steps):
+    """Of each step of 1 s what flight sends, if it gets the packets before the first one; by the library itself."""
+    with zipfile.ZipFile(board.path) as archive:
+        archive.extractall(board.folder)
+    library = ctypes.CDLL(str(next(board.folder.glob("binaries/*/*_flight.so"))))
+    token = xml.parse(board.folder / "modelDescription.xml").getroot().attrib["instantiationToken"]
+    instantiate, n, f64 = library.fmi3InstantiateCoSimulation, ctypes.c_size_t, ctypes.c_double
+    instantiate.restype = ctypes.c_void_p
+    fmu = ctypes.c_void_p(instantiate(b"flight", token.encode(), f"{board.folder}/resources/".encode(), False, False,
+                                      False, False, None, n(0), None, None, None))
+    uplink, downlink = (ctypes.byref(ctypes.c_uint32(board.places[f"flight.{name}"].reference))
+                        for name in ("uplink", "downlink"))
+    size, data = n(len(packets)), ctypes.c_char_p(packets)
+    flags, last = [ctypes.byref(ctypes.c_bool())] * 3, ctypes.byref(f64())
+    value = n(1), ctypes.byref(size), ctypes.byref(data), n(1)
+    assert library.fmi3EnterInitializationMode(fmu, False, f64(), f64(), False, f64()) == 0
+    assert library.fmi3ExitInitializationMode(fmu) == 0 and library.fmi3SetBinary(fmu, uplink, *value) == 0
+    found = []
+    for step in range(steps):
+        assert library.fmi3DoStep(fmu, f64(step), f64(1), True, *flags, last) == 0
+        assert library.fmi3GetBinary(fmu, downlink, *value) == 0
+        found.append(ctypes.string_at(data, size.value))
+    library.fmi3FreeInstance(fmu)
+    return found
