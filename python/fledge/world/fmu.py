@@ -9,8 +9,6 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.fmi.archive import opened
-from fledge.world.fmu_interface import Interface
 
 
 def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, *,
@@ -31,6 +29,10 @@ def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, 
 
     Raises SetupError, with the file, for what is no such FMU, not safe to unpack, or does not fit.
     """
+    # Here, because they would delay each mission by their imports.
+    from fledge.fmi.archive import opened
+    from fledge.world.fmu_interface import Interface
+
     interface = Interface(opened(path), messages or {}, locals)
     model = interface.type()
     _core.set_fmu(model, interface.plan)
