@@ -50,11 +50,12 @@ set_target_properties(fledge_leon3 PROPERTIES INSTALL_RPATH "$ORIGIN/../../lib")
 foreach(loader IN LISTS loaders)
     target_link_options(${loader} PRIVATE LINKER:--disable-new-dtags)
 endforeach()
-install(TARGETS _core _cosim _emulator _ground DESTINATION ${FLEDGE_HOME}/python)
+install(TARGETS _core _cosim _emulator _ground fledge_fmu_simulation fledge_fmu_board
+    DESTINATION ${FLEDGE_HOME}/python)
 install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py ${FLEDGE_PYTHON_DIR}/_fledge_protocol.py
     DESTINATION ${FLEDGE_HOME}/python)
 
-foreach(folder ccsds flight record registers sim world targets cosim introspect missions)
+foreach(folder ccsds flight record registers sim world targets cosim fmi introspect missions)
     install(DIRECTORY ${folder} DESTINATION ${FLEDGE_HOME}
         REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
 endforeach()

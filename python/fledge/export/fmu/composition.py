@@ -23,7 +23,7 @@ from fledge.objects import project
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
 
-LIBRARY = "libfledge_fmu_simulation"    # below the folder of the extension, of this machine; of others with -PLATFORM
+LIBRARY = "libfledge_fmu_simulation.so"     # beside the extension; of another platform in build/PLATFORM/python
 
 
 def simulation_fmu(sim: Simulation, process: str | None = None) -> System:
@@ -102,9 +102,9 @@ def _libraries(processes: Sequence[Any]) -> dict[str, Path]:
 
 
 def _library(platform: str) -> Path:
-    path = build_folder() / "python" / (f"{LIBRARY}.so" if platform == machine.machine() else f"{LIBRARY}-{platform}.so")
+    native, build = platform == machine.machine(), build_folder()
+    path = (build if native else build.with_name(platform)) / "python" / LIBRARY
     if not path.is_file():
-        raise Failure(f"export fmu: {path} is not there: " + (
-            "./fledge setup builds it" if platform == machine.machine() else
-            f"docs/fmi.md says how to build it for {platform}"))
+        how = "./fledge setup builds it" if native else f"cmake/{platform}.cmake says how to build it"
+        raise Failure(f"export fmu: {path} is not there; {how}")
     return path
