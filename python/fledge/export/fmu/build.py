@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from pathlib import Path
 
-from fledge.disk import ROOT, write_files
+from fledge.disk import ROOT, build_folder, write_files
 from fledge.errors import Failure
 from fledge.export.fmu.archive import Content, content_of, write_archive
 from fledge.export.fmu.description import Facts, build_description, description, terminals
@@ -88,6 +88,17 @@ def compiled(system: System, code: Mapping[str, str], platform: str, folder: Pat
     return program(folder, f"{system.facts.identifier}.so", [*own, *system.sources.values()], [folder, *system.roots],
                    compiler_for(platform), ["-O2", "-fPIC", "-fvisibility=hidden"],
                    ["-shared", "-s", "-static-libgcc", "-Wl,--no-undefined"], entry="fmi3DoStep")
+
+
+def prebuilt(name: str, platform: str) -> Path:
+    """A library of Fledge's own build, in C++: beside the extension; of another platform in build/PLATFORM/python.
+    Raises Failure."""
+    native, ours = platform == machine.machine(), build_folder()
+    path = (ours if native else ours.with_name(platform)) / "python" / name
+    if not path.is_file():
+        how = "./fledge setup builds it" if native else f"cmake/{platform}.cmake says how to build it"
+        raise Failure(f"export fmu: {path} is not there; {how}")
+    return path
 
 
 def compiler_for(platform: str) -> str:

@@ -125,13 +125,11 @@ def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), p
     variables: list[Variable] = []
     placed: list[Message] = []
     messages, parameters = list(messages), list(parameters)
-    taken = {".".join(each.path.split(".")[:2]) for each in (*messages, *parameters)}
+    taken = {".".join(path.split(".")[:2]) for path in (*(m.path for m in messages), *(p.path for p in parameters))}
 
     def path(process: str, kind: str) -> str:
         """flight.clock; where an instance has this name, flight.clock_"""
-        while f"{process}.{kind}" in taken:
-            kind += "_"
-        return f"{process}.{kind}"
+        return f"{process}.{kind}" if f"{process}.{kind}" not in taken else path(process, f"{kind}_")
 
     def add(some: Iterable[Variable]) -> None:
         for each in some:
