@@ -163,20 +163,21 @@ static fmi2Status no_status(Fmu *f, const char *function)
 fmi2Status fmi2GetRealStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Real *value)
 {
     const Fmu *f = instance;
-    if (kind != fmi2LastSuccessfulTime || !fmu_may(instance, "fmi2GetRealStatus", FMU_STEPPING | FMU_TERMINATED)) {
-        return no_status(instance, "fmi2GetRealStatus");
+    if (kind == fmi2LastSuccessfulTime && f != NULL && (f->moment->phase & (FMU_STEPPING | FMU_TERMINATED)) != 0u) {
+        *value = f->moment->time;
+        return fmi2OK;
     }
-    *value = f->moment->time;
-    return fmi2OK;
+    return no_status(instance, "fmi2GetRealStatus");
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    if (kind != fmi2Terminated || !fmu_may(instance, "fmi2GetBooleanStatus", FMU_STEPPING | FMU_TERMINATED)) {
-        return no_status(instance, "fmi2GetBooleanStatus");
+    const Fmu *f = instance;
+    if (kind == fmi2Terminated && f != NULL && (f->moment->phase & (FMU_STEPPING | FMU_TERMINATED)) != 0u) {
+        *value = fmi2False;
+        return fmi2OK;
     }
-    *value = fmi2False;
-    return fmi2OK;
+    return no_status(instance, "fmi2GetBooleanStatus");
 }
 
 fmi2Status fmi2GetStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Status *value)

@@ -174,7 +174,8 @@ Fmu *fmu_new(const FmuSetup *setup)
     f->version = setup->version;
     f->event_mode = setup->event_mode;
     f->early_return = setup->early_return;
-    f->categories = UINT32_MAX; /* why there is no instance is always of interest */
+    /* Why there is no instance is always of interest. */
+    f->categories = setup->logging ? UINT32_MAX : 1u << category_of("errors");
     if (name[strspn(name, " \t\r\n")] == '\0') {
         (void)fmu_refuse(f, FMU_FAILED, function, "the instance has no name");
     } else if (fmu_system.token != NULL && strcmp(token, fmu_system.token) != 0) {
@@ -453,19 +454,16 @@ static int step_is_possible(Fmu *f, const char *function, double time, double st
     return 0;
 }
 
-/* The modes that the importer requests anew. */
-static int enter_modes(Fmu *f)
+/* Of the modes that the importer requests anew; a mode that the system refuses, as flight may, is in the log alone. */
+static void enter_modes(Fmu *f)
 {
     uint32_t i;
     for (i = 0u; i < f->layout->n_processes; ++i) {
-        if (f->request[i] != f->entered[i]) {
-            if (f->request[i] != 0 && fmu_system.enter(f->system, i, f->request[i] - 1) != 0) {
-                return 0;
-            }
-            f->entered[i] = f->request[i];
+        if (f->request[i] != f->entered[i] && f->request[i] != 0) {
+            (void)fmu_system.enter(f->system, i, f->request[i] - 1);
         }
+        f->entered[i] = f->request[i];
     }
-    return 1;
 }
 
 FmuStatus fmu_step(Fmu *f, const char *function, double time, double step)
@@ -480,12 +478,10 @@ FmuStatus fmu_step(Fmu *f, const char *function, double time, double step)
                           "a parameter was out of its bounds; all that were set since the "
                           "last step have their old values again");
     }
-    if (!enter_modes(f)) {
-        return fmu_refuse(f, FMU_DISCARDED, function, "a mode cannot be entered");
-    }
+    fmu_forget_ticks(f);
+    enter_modes(f);
     give_heads(f);
     forget_changes(f);
-    fmu_forget_ticks(f);
     until = end_of(f, time, step);
     if (until < m->now) {
         until = m->now;

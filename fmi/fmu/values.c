@@ -66,7 +66,7 @@ static int next_part(Fmu *f, const FmuCall *call, size_t i, Part *part)
     return 0;
 }
 
-static FmuStatus whole(Fmu *f, const FmuCall *call, const Part *last)
+static FmuStatus all_values(Fmu *f, const FmuCall *call, const Part *last)
 {
     const size_t n = last->at + last->n;
     return n == call->n_values
@@ -128,7 +128,7 @@ FmuStatus fmu_get(Fmu *f, const FmuCall *call, void *values)
             element_write(call->kind, to + k * width, element_read(part.variable->type, from + k * size));
         }
     }
-    return whole(f, call, &part);
+    return all_values(f, call, &part);
 }
 
 /* Of a number of a message: it has changed, or the importer sets its head. */
@@ -145,6 +145,26 @@ static void mark_message(Fmu *f, const FmuVariable *v)
     }
 }
 
+/* Write a number; 0: the type cannot have it. */
+static int write_number(FledgeType type, uint8_t *to, double x)
+{
+    const double limit = 4503599627370496.0; /* 2^52: from here on a double is whole, and element_write() not exact */
+    double written;
+    if (type == FLEDGE_I64 && (x >= limit || x <= -limit) && x < 9.2e18 && x > -9.2e18) {
+        const int64_t whole = (int64_t)x;
+        memcpy(to, &whole, sizeof whole);
+        return 1;
+    }
+    if (type == FLEDGE_U64 && x >= limit && x < 1.8e19) {
+        const uint64_t whole = (uint64_t)x;
+        memcpy(to, &whole, sizeof whole);
+        return 1;
+    }
+    element_write(type, to, x);
+    written = element_read(type, to);
+    return type == FLEDGE_F32 || (written - x <= 0.5 && x - written <= 0.5);
+}
+
 /* Write the importer's numbers; 0: a variable's type cannot have one of them. */
 static int write_numbers(const FmuCall *call, const Part *part, const uint8_t *from, uint8_t *to)
 {
@@ -158,10 +178,7 @@ static int write_numbers(const FmuCall *call, const Part *part, const uint8_t *f
         return 1;
     }
     for (k = 0u; k < part->n; ++k) {
-        const double x = element_read(call->kind, from + k * width);
-        uint8_t *number = to + k * size;
-        element_write(type, number, x);
-        if (type != FLEDGE_F32 && !(element_read(type, number) - x <= 0.5 && x - element_read(type, number) <= 0.5)) {
+        if (!write_number(type, to + k * size, element_read(call->kind, from + k * width))) {
             return 0;
         }
     }
@@ -212,7 +229,7 @@ FmuStatus fmu_set(Fmu *f, const FmuCall *call, const void *values)
         }
         f->moment->computed = 0u;
     }
-    return whole(f, call, &part);
+    return all_values(f, call, &part);
 }
 
 /* ---- clocks and packets */
