@@ -3,7 +3,8 @@
 build, which FMI 3.0 has beside it.
 
 Annotations of the vendor "fledge" say which variables form a message: `<Message path= type= causality=>`, whose
-variables are those whose names begin with the path.
+variables are those whose names begin with the path. An input that flight sees later than at the same instant has
+`latency=`, too.
 """
 from __future__ import annotations
 
@@ -161,7 +162,8 @@ class _Writer:
         rows = Element("Messages")
         for message in self.layout.messages:
             ElementTree.SubElement(rows, "Message", {"path": message.path, "type": message.struct.name,
-                                                     "causality": CAUSALITY[message.role]})
+                                                     "causality": CAUSALITY[message.role]}
+                                   | ({"latency": message.latency} if message.latency != "same_instant" else {}))
         if not len(rows):
             return []
         found = Element("Annotations" if self.three else "VendorAnnotations")

@@ -60,7 +60,7 @@ def layout(mission: Mission) -> Layout:
     blocks = [Parameters(m.path, m.struct, i, -parameters(m.struct)[1], m.memory, left_out=UNWRITTEN.get(m.type, ()))
               for i, m in enumerate(owners)]
     roles = {"in": "input", "out": "output", "inside": "local"}
-    messages = [Message(m.path, m.struct, roles[m.direction], i, 0)
+    messages = [Message(m.path, m.struct, roles[m.direction], i, 0, latency=m.latency)
                 for i, m in enumerate((*mission.inputs, *mission.outputs), len(owners))]
     modes = [Process(mission.process, [mission.mode_titles[mode] for mode in mission.modes])] if mission.modes else []
     return listed(messages, blocks, modes, [Event(mission.process, e.title, e.when) for e in mission.events],

@@ -57,6 +57,7 @@ class Message:
     block: int
     offset: int                 # [bytes] of its Head
     start: bytes = b""          # of an input; none: all zero
+    latency: str = "same_instant"   # of an input, as the importer must see to: mission/crossing.py
     first: int = 0              # the place of its first variable
     n: int = 0
 
