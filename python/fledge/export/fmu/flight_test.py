@@ -143,7 +143,8 @@ def test_the_sources_compile_anywhere_and_fly_alike(tmp_path, compiler):
     library = next((tmp_path / "fmu/binaries").rglob("*.so"))
     library.unlink()
     strict = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
-    subprocess.run([compiler, *OPTIONS.split(), *strict, "-shared", "-I.", *sources, "-o", library], cwd=tmp_path / "fmu/sources", check=True)
+    subprocess.run([compiler, *OPTIONS.split(), *strict, "-shared", "-I.", *sources, "-o", library],
+                   cwd=tmp_path / "fmu/sources", check=True)
     files = {path.relative_to(tmp_path / "fmu").as_posix(): path for path in (tmp_path / "fmu").rglob("*")
              if path.is_file()}
     flight.path = write_archive(tmp_path / "again.fmu", files)
