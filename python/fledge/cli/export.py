@@ -69,7 +69,7 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP; of fmu a file, "
                      "runs/MISSION/fmu/NAME.fmu")
     add_parameters(sub)
-    sub.set_defaults(needs=lambda options: TARGETS.known([options.form]))
+    sub.set_defaults(needs=lambda options: TARGETS.known([options.form, options.on, *listed(options.platform)]))
 
 
 def export(options: argparse.Namespace) -> int:
