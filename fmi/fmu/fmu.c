@@ -412,37 +412,45 @@ static int64_t nearest(double x)
     return (int64_t)(x < 0.0 ? x - 0.5 : x + 0.5);
 }
 
-/* [ns] The end of a step. An importer that adds up its steps has, after many, a time that is wrong by more than 1 ns;
- * so a step of a whole number of ns is that long. Else its end is what the importer says, and where a double at that
- * time is no better than some ns (a start in 1970), the roundest number that it can mean. */
+/* [s] How wrong a time of the importer may be: it has few digits if the start is in 1970, and the more steps it has added
+ * up, the less it is what it means. */
+static double error_of(const Fmu *f, double time)
+{
+    const double start = f->moment->start;
+    return 4.0 * DBL_EPSILON * (magnitude(time) + magnitude(start)) + 1e-11 * magnitude(time - start);
+}
+
+/* [ns] The end of a step. A step of a whole number of ns is that long, whatever its begin; else its end is the roundest
+ * number that the importer can mean. */
 static int64_t end_of(const Fmu *f, double time, double step)
 {
     const double length = step * 1e9;
     const double end = (time + step - f->moment->start) * 1e9;
-    const double slack = 4.0 * DBL_EPSILON * 1e9 * (magnitude(time + step) + magnitude(f->moment->start));
+    const double error = error_of(f, time + step) * 1e9;
     int64_t unit;
     if (magnitude(length - (double)nearest(length)) < 1e-3) {
         return f->moment->now + nearest(length);
     }
-    for (unit = 1000000000000; unit > 1 && slack > 0.5; unit /= 10) {
-        const int64_t round = (int64_t)((end + slack) / (double)unit) * unit;
-        if ((double)round >= end - slack) {
+    for (unit = 1000000000000; unit > 1 && error > 0.5; unit /= 10) {
+        const int64_t round = (int64_t)((end + error) / (double)unit) * unit;
+        if ((double)round >= end - error) {
             return round;
         }
     }
     return nearest(end);
 }
 
-/* Whether the importer's step can be run. The times of a step may be wrong by a tenth of it. */
+/* Whether the importer's step can be run. */
 static int step_is_possible(Fmu *f, const char *function, double time, double step)
 {
     const FmuMoment *m = f->moment;
-    const double slack = 0.1 * step + 1e-9 + 8.0 * DBL_EPSILON * magnitude(time);
+    const double now = m->start + tick_seconds(m->now);
+    const double slack = 0.1 * step + 1e-9 + error_of(f, time);
     if (!(step > 0.0)) {
         (void)fmu_refuse(f, FMU_FAILED, function, "the step must be > 0 s, found %g s", step);
-    } else if (!(magnitude(time - (m->start + tick_seconds(m->now))) <= slack)) {
-        (void)fmu_refuse(f, FMU_FAILED, function, "the step must begin where the FMU is, at %.9g s; found %.9g s",
-                         m->start + tick_seconds(m->now), time);
+    } else if (!(magnitude(time - now) <= slack)) {
+        (void)fmu_refuse(f, FMU_FAILED, function, "the step must begin where the FMU is, at %.9g s; found %.9g s", now,
+                         time);
     } else if (m->bounded && time + step > m->stop + slack) {
         (void)fmu_refuse(f, FMU_FAILED, function, "the step ends at %.9g s, after the stop time %.9g s", time + step,
                          m->stop);

@@ -79,6 +79,20 @@ TEST(FmuRun, TimesOfImportersThatRoundOrAddUpAreUnderstood)
             }
         }
     }
+    // After an early end, as of another FMU, the rest of a step is no whole number of ns.
+    for (const double h : {0.1, 0.3, 0.7}) {
+        Instance fmu;
+        fmu.initialized();
+        double t = 0.0;
+        for (int i = 0; i < 30'000; i++) {
+            const double end = t + h;
+            const double middle = t + h / 3.0;
+            ASSERT_EQ(fmu.step(t, middle - t), fmi3OK);
+            ASSERT_EQ(fmu.step(middle, end - middle), fmi3OK);
+            t = end;
+            ASSERT_EQ(fmu.i64(LAST), std::llround(1e3 * h) * MS * (i + 1));
+        }
+    }
     Instance third; // three steps are 10 ms: no number of ns is one of them
     third.initialized();
     for (int i = 0; i < 30'000; i++) {

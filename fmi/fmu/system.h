@@ -3,7 +3,16 @@
  * mission (mission.h), a simulation and the emulated computer each are such a system; a library has one of them.
  *
  * Time is that of the mission [ns], from 0 at the start. The system runs the instant 0 in begin(), and in advance() all
- * instants after the last one up to the given time. At an instant, inputs are what the importer has set until then. */
+ * instants after the last one up to the given time. At an instant, inputs are what the importer has set until then.
+ *
+ * Example:
+ *     const FmuHost host = {NULL, NULL, "craft", "", ""};
+ *     void *craft = fmu_system.create(&host);
+ *     int64_t reached;
+ *     if (craft != NULL && fmu_system.begin(craft) == 0 &&
+ *         fmu_system.advance(craft, 500000000, 0, &reached) == 0) {
+ *         fmu_system.destroy(craft);
+ *     } */
 #ifndef FMI_FMU_SYSTEM_H
 #define FMI_FMU_SYSTEM_H
 

@@ -213,10 +213,10 @@ FmuStatus fmu_set(Fmu *f, const FmuCall *call, const void *values)
         to = place_of(f, v);
         if (call->kind == FLEDGE_CHAR) {
             const char *text = ((const char *const *)values)[part.at];
-            if (strlen(text) >= v->n) {
+            if (text == NULL || strlen(text) >= v->n) {
                 return fmu_refuse(f, FMU_FAILED, call->function,
                                   "the text with the value reference %u has at most %u bytes, found \"%s\"",
-                                  call->references[i], v->n - 1u, text);
+                                  call->references[i], v->n - 1u, text != NULL ? text : "none");
             }
             memset(to, 0, v->n);
             memcpy(to, text, strlen(text));

@@ -1,6 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The C interface of FMI 3.0, from the standard (fmi-standard.org): its types, and for each function its type, as
- * fmi3DoStepTYPE of fmi3DoStep. FMI3_CO_SIMULATION and FMI3_OTHER list all functions. */
+ * fmi3DoStepTYPE of fmi3DoStep. FMI3_CO_SIMULATION and FMI3_OTHER list all functions.
+ *
+ * Example:
+ *     struct {
+ *     #define MEMBER(name) fmi3##name##TYPE *name;
+ *         FMI3_CO_SIMULATION(MEMBER)
+ *     #undef MEMBER
+ *     } ball; // its members from dlsym()
+ *     fmi3Boolean event, end, early;
+ *     fmi3Float64 reached;
+ *     if (ball.DoStep(NULL, 0.0, 0.1, fmi3True, &event, &end, &early, &reached) != fmi3OK) {
+ *         return;
+ *     } */
 #ifndef FMI_STANDARD_FMI3_H
 #define FMI_STANDARD_FMI3_H
 
