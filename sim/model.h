@@ -82,6 +82,7 @@ public:
     /// The bytes of memory() are about to be copied, or were written by a snapshot: for a model whose state is
     /// elsewhere. Throws SetupError if it cannot.
     virtual void save() {}
+    virtual bool saves() const { return true; } ///< whether it can
     virtual void restored() {}
 
     /// The assumptions that the model makes about the data that it was given, a line each. May be called

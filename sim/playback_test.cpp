@@ -165,6 +165,12 @@ TEST(Playback, AModelFliesInPlaceOfTheModulesWithTheirInputsParametersAndSnapsho
         sim.restore(snapshot);
         sim.run_until(4000 * ms);
         EXPECT_EQ(interface<Tank>(tank).out.level.x, first);
+        sim.restore(snapshot);
+        const auto clone = sim.clone();
+        sim.run_until(2500 * ms); // the clone has a computer of its own
+        clone->run_until(4000 * ms);
+        sim.run_until(4000 * ms);
+        EXPECT_EQ(interface<Tank>(clone->process("world").find("tank")).out.level.x, first);
         EXPECT_EQ(interface<Scale>(scale).mem.updates, by_model ? 0 : 9);
         return std::pair{first, interface<Scale>(scale).out.number.head.sequence};
     };

@@ -332,11 +332,17 @@ void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance
     }
     stand_in(Instance::Maker::model);
     add(as, computer);
-    computer_ = computer;
+    set_computer(computer, std::move(shared), request);
+}
+
+void Process::set_computer(std::shared_ptr<Instance> computer, std::vector<Shared> shared, std::ptrdiff_t request)
+{
+    computer_ = std::move(computer);
+    shared_ = std::move(shared);
     request_ = request;
-    flight_ = [this, shared = std::move(shared)](Ns t) {
+    flight_ = [this](Ns t) {
         bool changed = false;
-        for (const auto &[port, offset] : shared) {
+        for (const auto &[port, offset] : shared_) {
             std::byte *const place = computer_->memory() + offset;
             if (port.field->group == FLEDGE_IN) {
                 std::ranges::copy(incoming(port), place);
@@ -356,7 +362,7 @@ void Process::fly_by_model(const std::string &as, const std::shared_ptr<Instance
             computer_->model()->update({t, 0});
         }
         request_of_computer(-1);
-        for (const auto &[port, offset] : shared) {
+        for (const auto &[port, offset] : shared_) {
             if (port.field->group == FLEDGE_OUT) {
                 std::memcpy(port.bytes(), computer_->memory() + offset, port.field->size);
             }

@@ -449,7 +449,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
     auto copy = std::make_unique<Simulation>(seed());
     Clones clones;
     for (const auto &process : processes()) {
-        if (process->flight_) {
+        if (process->flight_ && !process->computer_) {
             throw SetupError(process->name +
                              " is flown by a computer outside of the simulation, which cannot be cloned");
         }
@@ -491,6 +491,13 @@ std::unique_ptr<Simulation> Simulation::clone() const
         for (const auto &event : process.events_) {
             other.events_.push_back(std::make_shared<Event>(*event));
             other.events_.back()->visit(replace);
+        }
+        if (process.computer_) {
+            std::vector<Shared> shared = process.shared_;
+            for (Shared &each : shared) {
+                replace(each.port.instance);
+            }
+            other.set_computer(clones.of(process.computer_), std::move(shared), process.request_);
         }
         other.dictionary_ = process.dictionary_;
         other.script_ = process.script_;

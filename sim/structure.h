@@ -337,6 +337,7 @@ private:
     friend class Simulation;
     Process(Simulation &owner, std::string process_name);
     void stand_in(Instance::Maker maker);
+    void set_computer(std::shared_ptr<Instance> computer, std::vector<Shared> shared, std::ptrdiff_t request);
 
     std::size_t index_of(const Event &event) const;
     const std::string &mode_name(int mode) const; ///< "" of -1
@@ -351,6 +352,7 @@ private:
     Executive executive_;
     std::function<void(Ns t)> flight_;
     std::shared_ptr<Instance> computer_;
+    std::vector<Shared> shared_;  ///< with it
     std::ptrdiff_t request_ = -1; ///< of it
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;

@@ -165,7 +165,8 @@ Initialized SimulationNode::initialize(const Initialize &request)
         }
     }
     Initialized answer;
-    answer.saves = true;
+    answer.saves = std::ranges::all_of(
+        process_.instances(), [](const auto &instance) { return !instance->model() || instance->model()->saves(); });
     for (const sim::Task &task : process_.tasks()) {
         answer.rates.push_back({task.period, task.offset});
     }

@@ -64,6 +64,7 @@ public:
     void update(Tick tick) override;
     std::span<std::byte> memory() override { return state_; }
     void save() override;
+    bool saves() const override { return plan_->file.saves; }
     void restored() override;
     std::vector<std::string> assumptions() const override
     {
