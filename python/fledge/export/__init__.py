@@ -13,7 +13,7 @@ Example:
 `emit_board` adds the board that its messages pass, and the tables of how (targets/mission_io.h); `emit_commands` the
 tables of commands and telemetry; `emit_host` all that a host needs to know (targets/mission_host.h). What one target
 alone needs lies in its folder: targets/cfs/export, targets/micropython/export. The database for ground stations is made
-by packets.py, xtce.py and stations.py, with what a mission's ground.toml adds (ground.py).
+by packets.py, xtce.py and stations.py, with what a mission's ground.toml adds (ground.py). FMUs are in fmu/.
 """
 
 from fledge.commands import leaves

@@ -84,6 +84,13 @@ def test_every_output_has_the_bytes_of_the_desktop(tmp_path, version):
     Flight("nadir_spin", tmp_path, version).fly(200, sets=2, states=30)
 
 
+def test_a_reset_of_the_computer_begins_flight_anew(tmp_path):
+    """The computer of flatsat is reset at 60.5 s, and down for 3 s."""
+    flight = Flight("flatsat", tmp_path)
+    flight.fly(140, states=15)
+    assert flight.sim.process("world").power.computer.count == 1
+
+
 @pytest.mark.parametrize("events", [False, True])
 def test_a_mode_begins_that_the_importer_requests(tmp_path, events):
     """With event mode, at the instant; both ways with the bytes of the desktop. One of its modules is called clock."""
