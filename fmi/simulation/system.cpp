@@ -3,9 +3,11 @@
 // numbers processes and events; its token is in token.txt there:
 //
 //     {"variables": [[reference, role, type, n, block, offset], ...],
-//      "messages": [[first, n, block, offset], ...], "processes": [name, ...], "events": [[process, name], ...]}
+//      "messages": [[first, n, block, offset], ...], "processes": [name, ...], "events": [[process, name], ...],
+//      "commanded": the flight process that takes packets, or ""}
 #include "fmi/fmu/system.h"
 
+#include "flight/command/command.h"
 #include "flight/msg/head.h"
 #include "fmi/simulation/composition.h"
 
@@ -32,8 +34,8 @@ template <class Enum, std::size_t n> Enum named(const char *const (&names)[n], c
     return static_cast<Enum>(found - std::begin(names));
 }
 
-const char *const roles[] = {"input",   "output", "local",      "parameter",   "fixed", "mode",
-                             "request", "fired",  "clock_mode", "clock_event", "time"};
+const char *const roles[] = {"input", "output",     "local",       "parameter", "fixed",  "mode",    "request",
+                             "fired", "clock_mode", "clock_event", "time",      "uplink", "downlink"};
 const char *const types[] = {"f64", "f32", "i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "char", "enum"};
 
 std::ifstream open(const FmuHost &host, const std::string &name)
@@ -81,6 +83,13 @@ public:
                 throw sim::SetupError(process + " has no event " + name);
             }
         }
+        if (const std::string name = fmu.at("commanded"); !name.empty()) {
+            commanded_ = &simulation_->process(name);
+            commanded_->units.take(); // they are kept from now on
+            frames_ = std::ranges::any_of(commanded_->instances(), [](const auto &instance) {
+                return instance->type().service && instance->type().service->wrap;
+            });
+        }
         check();
         layout_ = {variables_.data(),
                    static_cast<std::uint32_t>(variables_.size()),
@@ -114,12 +123,14 @@ public:
             std::copy(inputs[i].begin(), inputs[i].end(), memory(messages_[i].block) + messages_[i].offset);
         }
         changed_ = false;
+        sent_.clear();
         run(0);
     }
 
     Ns advance(Ns until, bool stop)
     {
         const std::uint64_t before = happenings();
+        sent_.clear();
         do {
             const Ns next = simulation_->next();
             run(stop ? std::min(next, until) : until);
@@ -153,6 +164,22 @@ public:
         }
         return static_cast<std::uint32_t>(n);
     }
+
+    /// Space packets, or, where flight speaks frames, a unit of them.
+    void uplink(std::span<const std::uint8_t> bytes)
+    {
+        if (!commanded_ || !commanded_->dictionary()) {
+            throw sim::SetupError("no flight process here takes packets");
+        }
+        while (!bytes.empty()) {
+            const std::size_t size = bytes.size() < 7 ? bytes.size() : std::size_t{7} + bytes[4] * 256u + bytes[5];
+            const auto unit = bytes.first(frames_ ? bytes.size() : std::min(size, bytes.size()));
+            commanded_->command({unit.begin(), unit.end()});
+            bytes = bytes.subspan(unit.size());
+        }
+    }
+
+    const std::vector<std::uint8_t> &sent() const { return sent_; }
 
     std::size_t state_size() const { return sizeof(std::uint64_t) + room_; }
 
@@ -194,6 +221,11 @@ private:
         control.same_parameters = !changed_;
         simulation_->run_until(until, control);
         changed_ = false;
+        if (commanded_) {
+            for (const sim::Packet &unit : commanded_->units.take()) {
+                sent_.insert(sent_.end(), unit.bytes.begin(), unit.bytes.end());
+            }
+        }
     }
 
     /// How often something happened at which an importer may want to stop.
@@ -233,6 +265,9 @@ private:
     std::vector<FmuMessage> messages_;
     std::vector<sim::Process *> processes_;
     std::vector<std::pair<sim::Process *, std::shared_ptr<sim::Event>>> events_;
+    sim::Process *commanded_ = nullptr;
+    bool frames_ = false;            ///< it speaks them
+    std::vector<std::uint8_t> sent_; ///< by the last run
     FmuLayout layout_{};
     std::size_t room_ = 0;
     bool changed_ = true; ///< parameters, since the last run
@@ -332,6 +367,17 @@ std::size_t state_size(void *self)
     return flown(self).state_size();
 }
 
+int uplink(void *self, const std::uint8_t *packets, std::size_t n)
+{
+    return guarded(flown(self).host, "", [&] { flown(self).uplink({packets, n}); });
+}
+
+const std::uint8_t *downlink(const void *self, std::size_t *n)
+{
+    *n = flown(self).sent().size();
+    return flown(self).sent().data();
+}
+
 int save(void *self, void *bytes)
 {
     return guarded(flown(self).host, "", [&] { flown(self).save(bytes); });
@@ -361,5 +407,5 @@ extern "C" const FmuSystem fmu_system = {nullptr, // the composition has it
                                          fledge::fmi::state_size,
                                          fledge::fmi::save,
                                          fledge::fmi::restore,
-                                         nullptr,
-                                         nullptr};
+                                         fledge::fmi::uplink,
+                                         fledge::fmi::downlink};

@@ -18,6 +18,7 @@ from fledge.export.fmu.description import Facts
 from fledge.export.fmu.variables import Event, Layout, Message, Parameters, Process, listed
 from fledge.export.names import identifier
 from fledge.export.packets import UNWRITTEN
+from fledge.mission.process import Flight
 from fledge.objects import project
 
 if TYPE_CHECKING:
@@ -31,25 +32,27 @@ def simulation_fmu(sim: Simulation, process: str | None = None) -> System:
     give to that process comes from outside. Raises SetupError for what is no data, and for what a run would refuse."""
     sim.check()
     inside = [p for p in sim.processes if process in (None, p.name)]
-    for flight in sim.flights:
-        frames = flight.commands.dictionary.frames if flight in inside and flight.has_services else None
+    for flight in inside:
+        frames = flight.commands.dictionary.frames if isinstance(flight, Flight) and flight.has_services else None
         if frames and frames.secured:
-            raise SetupError(f"{flight.name}: its link is secured, and an FMU has no keys: let its SpaceLink do "
-                             "without, or export the world and flight apart")
+            raise SetupError(f"{flight.name}: its link secures frames, and an FMU has no keys: export it without")
+    commanded = _commanded(sim, process)
+    packets = {f"{sim.name}_packets.json": commanded.commands.dictionary.text()} if commanded else {}
     text, files = sim.composition(process)
     tables = _libraries(sim.processes)
     variables = layout(sim, process)
     composition = json.loads(text) | {
         "libraries": {name: path.name for name, path in tables.items()},
         "fmu": variables.rows() | {"processes": [p.name for p in variables.processes],
-                                   "events": [(event.process, event.name) for event in variables.events]}}
+                                   "events": [(event.process, event.name) for event in variables.events],
+                                   "commanded": commanded.name if commanded else ""}}
     times = [time for p in inside for task in p.tasks for time in (task.period, task.offset) if time]
     name = sim.name if process is None else f"{sim.name} {process}"
     facts = Facts(name, identifier(name.replace(" ", "_")), sim.mission.summaries()[""] if sim.mission else "",
                   f"Fledge {__version__}", gcd(*times) / 1e9)
     return System(facts, variables,
                   resources={"composition.json": json.dumps(composition, separators=(",", ":")),
-                             **{name: Path(path) for path, name in files}},
+                             **packets, **{name: Path(path) for path, name in files}},
                   libraries=lambda platform: [_library(platform), *tables.values()])
 
 
@@ -84,7 +87,14 @@ def layout(sim: Simulation, process: str | None = None) -> Layout:
                                          left_out=UNWRITTEN.get(struct.name, ())))
     modes = [Process(p.name, [name for name, _ in p.modes]) for p in inside if p.modes]
     events = [Event(p.name, event.name, event.text) for p in inside for event in p.events.values()]
-    return listed(messages, parameters, modes, events)
+    commanded = _commanded(sim, process)
+    return listed(messages, parameters, modes, events,
+                  {commanded.name: commanded.commands.dictionary.room} if commanded else {})
+
+
+def _commanded(sim: Simulation, process: str | None) -> Flight | None:
+    """The flight process in it that takes packets: the only one."""
+    return sim.flights[0] if process is None and len(sim.flights) == 1 else None
 
 
 def _libraries(processes: Sequence[Any]) -> dict[str, Path]:

@@ -11,6 +11,7 @@ import pytest
 import fledge
 from fledge.commands import Code, Reason
 from fledge.export.fmu.build import export
+from fledge.export.fmu.composition import simulation_fmu
 from fledge.export.fmu.mission import flight_fmu
 
 LOG = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
@@ -19,10 +20,9 @@ FALSE = c.c_bool(False)
 
 
 class Instance:
-    """An instance of an FMU of flight. Functions that fail are errors, but for those of `status`."""
+    """An instance of an FMU of 3.0. Functions that fail are errors, but for those of `status`."""
 
-    def __init__(self, mission, folder):
-        system = flight_fmu(fledge.load(mission))
+    def __init__(self, system, folder):
         with zipfile.ZipFile(export(system, folder / "flight.fmu")) as archive:
             archive.extractall(folder)
         token = ElementTree.parse(folder / "modelDescription.xml").getroot().attrib["instantiationToken"]
@@ -75,9 +75,10 @@ class Instance:
         self.library.fmi3FreeInstance(self.instance)
 
 
-def test_commands_and_telemetry_are_those_of_the_desktop(tmp_path):
+@pytest.mark.parametrize("make", [flight_fmu, simulation_fmu])
+def test_commands_and_telemetry_are_those_of_the_desktop(make, tmp_path):
     """Of a link that sends commands between the instants 0 and 0.5 s: the packets have the same bytes."""
-    sim, fmu = fledge.load("nadir_spin"), Instance("nadir_spin", tmp_path)
+    sim, fmu = fledge.load("nadir_spin"), Instance(make(fledge.load("nadir_spin")), tmp_path)
     commands = sim.flight.commands
     packets = commands.packets
     script = [packets.noop(), packets.telemetry("housekeeping"), *packets.write("flight.control", K=-1.0),
@@ -92,14 +93,14 @@ def test_commands_and_telemetry_are_those_of_the_desktop(tmp_path):
     sim.run(until=4.0)
     expected = [packet.packet for packet in commands.take_packets()]
     assert len(expected) > 12 and found == b"".join(expected)
-    assert [text for category, text in fmu.lines if category == "commands"] == [
+    assert make is simulation_fmu or [text for category, text in fmu.lines if category == "commands"] == [
         f"the command 2 of code {Code.WRITE:d} is refused for reason {Reason.RULE:d}"]
     fmu.free()
 
 
 def test_a_parameter_that_breaks_its_rule_is_refused_with_the_rule(tmp_path):
     """The step is discarded, and the old number is back."""
-    fmu = Instance("nadir_spin", tmp_path)
+    fmu = Instance(flight_fmu(fledge.load("nadir_spin")), tmp_path)
     assert fmu.step(0.0, 0.5) == 0
     fmu.set("flight.control.K", -2.0)
     assert fmu.step(0.5, 0.5) == 2
