@@ -16,8 +16,9 @@ public:
         const auto log_line = [](fmi3InstanceEnvironment self, fmi3Status status, fmi3String, fmi3String text) {
             static_cast<Fmu3 *>(self)->log(status, text);
         };
-        instance_ = instantiate_(name_.c_str(), file_.token.c_str(), file_.resources.c_str(), fmi3False, fmi3True,
-                                 file_.event_mode, fmi3True, nullptr, std::size_t{0}, this, log_line, nullptr);
+        instance_ =
+            instantiate_(name_.c_str(), file_.token.c_str(), (file_.resources + "/").c_str(), fmi3False, fmi3True,
+                         file_.event_mode, fmi3True, nullptr, std::size_t{0}, this, log_line, nullptr);
         if (!instance_) {
             throw sim::SetupError(name_ + " (" + file_.file + "): " + instantiate_.name() + " makes no instance" +
                                   logged());

@@ -239,6 +239,8 @@ def _notes(instance: _core.Module | _core.Model) -> list[str]:
     """Notes beside its name and type: the bodies that attract a craft, a module's function in Python."""
     if cls := prototype(instance):
         return [f"Python: class {cls.__name__}"]
+    if (struct := _core.struct(instance)).header.endswith(".fmu"):
+        return [struct.doc.rpartition("From ")[2].removesuffix(".")]
     if functions := script(instance):
         return [f"Python: {short_function_text(functions[0])}"]
     names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in _attached(instance, "gravity"))

@@ -8,6 +8,7 @@ from os import PathLike
 from typing import Any
 
 from fledge import _core
+from fledge.disk import shown
 from fledge.errors import SetupError
 
 
@@ -33,6 +34,10 @@ def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, 
     from fledge.fmi.archive import opened
     from fledge.world.fmu_interface import Interface
 
+    for name, message in (messages or {}).items():
+        if not isinstance(message, tuple) or len(message) != 2 or not isinstance(message[1], Mapping):
+            raise SetupError(
+                f"{shown(path)}: messages: expected {name!r}: (type, {{field: variable}}); found {message!r}")
     interface = Interface(opened(path), messages or {}, locals)
     model = interface.type()
     _core.set_fmu(model, interface.plan)

@@ -139,12 +139,13 @@ class Interface:
         unused = [v for v in rest if not _can_be(v) and v.causality in ("input", "output", "parameter")]
         rest = [v for v in rest if _can_be(v)]
         if unused:
-            plan.assumptions.append(f"{plan.file}: not used are {listed([f'{v.name} ({v.type})' for v in unused], 8)}; "
-                                    "inputs and parameters keep their starts")
+            names = listed([f"{v.name} ({v.type})" for v in unused], 8)
+            plan.assumptions.append(f"inputs and outputs: variables of {plan.file} that no message can hold keep their "
+                                    f"starts: {names}")
         unknown = sorted({v.unit.name for v in d.variables.values() if v.unit and v.unit.dims is None})
         if unknown:
-            plan.assumptions.append(f"{plan.file}: the units {listed(unknown, 8)} are not explained in it; numbers in "
-                                    "them are taken as they are, without unit")
+            plan.assumptions.append(f"units: {plan.file} does not explain {listed(unknown, 8)}; numbers in these are "
+                                    "taken as they are, without unit")
         settable = [v for v in rest if v.start and v.type != "Clock"]
         tunable = [v for v in settable if v.causality == "parameter" and v.variability == "tunable"]
         fixed = [v for v in settable if v.causality == "parameter" and v.variability != "tunable"
@@ -201,7 +202,7 @@ class Interface:
         origin = f"From {self.archive.path.name}, FMI {d.version}.0" + (f", by {d.tool}" if d.tool else "")
         doc = ". ".join(part.strip().rstrip(".") for part in (d.about or d.name, origin))
         struct = Struct(self._own, doc + ".", Kind.MODEL, size, align, tuple(placed), where, where, 0)
-        vars(struct)["hash"] = fnv1a(f"{struct.hash} {d.token} {doc} {self.plan.library}")
+        vars(struct)["hash"] = fnv1a(f"{struct.hash} {d.token} {doc}")
         self.type = _core.declare_fmu(struct, types)
         self._image = bytearray(size)
         at = {f.name: f for f in placed}

@@ -9,7 +9,13 @@ import sys
 import numpy as np
 import pytest
 
-from fledge import SetupError, Simulation, prototype, world
+import fledge
+from fledge import SetupError, Simulation, _core, prototype, world
+from fledge.export.fmu.build import export
+from fledge.export.fmu.composition import simulation_fmu
+from fledge.export.fmu.mission import flight_fmu
+from fledge.mission.wiring import Wiring
+from fledge.montecarlo import Campaign
 from fledge.units import N, cm, m, ms, rad, s
 from fmi.testing import oscillator
 
@@ -147,6 +153,71 @@ def test_messages_of_others_have_variables_as_fields(path):
 def test_a_message_that_does_not_fit_is_refused(tmp_path, fields, says):
     with pytest.raises(SetupError, match=says):
         world.Fmu(oscillator.make(tmp_path), messages={"push": (Push, fields)})
+
+
+def both(folder, version):
+    """nadir_spin by the FMUs of its world and its flight, in one process; flight after the world."""
+    sim = Simulation("both")
+    w = sim.world
+    w.plant = world.Fmu(export(simulation_fmu(fledge.load("nadir_spin"), "world"), folder / "world.fmu", version))
+    w.computer = world.Fmu(export(flight_fmu(fledge.load("nadir_spin")), folder / "flight.fmu", version))
+    for port in ("world_nav_attitude", "world_nav_orbit", "world_wheels_speeds"):
+        w.connect(getattr(w.plant, port) >> getattr(w.computer, port))
+    w.connect(w.computer.flight_motor_command >> w.plant.flight_motor_command)
+    w.task("plant", every=100 * ms, run=[w.plant], priority=1)
+    w.task("computer", every=500 * ms, run=[w.computer])
+    return sim
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_fmus_of_fledge_have_its_messages_and_bits(tmp_path, version):
+    desktop, sim = fledge.load("nadir_spin"), both(tmp_path, version)
+    for duration in (0, 30 * s, 30 * s):
+        desktop.run(duration)
+        sim.restore(sim.snapshot()) if duration else None
+        sim.run(duration)
+        w, nav = sim.world, desktop.world.nav
+        for mine, theirs in ((w.plant.world_nav_attitude, nav.attitude), (w.plant.world_nav_orbit, nav.orbit),
+                             (w.computer.flight_motor_command, desktop.flight.motor.command)):
+            assert _core.memory(mine) == _core.memory(theirs), _core.path(theirs)
+
+
+def test_a_campaign_disperses_parameters_of_an_fmu(path, tmp_path):
+    folder = tmp_path / "spring"
+    folder.mkdir()
+    (folder / "world.py").write_text(f"""from fledge import world
+
+
+def build(w, f):
+    w.spring = world.Fmu({str(path)!r})
+    w.task("dynamics", every=0.1, run=[w.spring])
+""")
+    (folder / "flight.py").write_text("""from fledge import flight as fsw
+
+
+def build(f):
+    f.guidance = fsw.InertialPointing()
+    f.task("gnc", every=1, run=[f.guidance])
+""")
+    (folder / "dispersions.py").write_text("""from fledge.units import m, rad, s
+
+
+def spread(d):
+    \"\"\"Any start.\"\"\"
+    d.duration = 2 * s
+    d.every = 1 * s
+    d["world.spring.x0"] = d.uniform(-1 * m, 1 * m)
+    d["world.spring.omega"] = d.uniform(1 * rad / s, 3 * rad / s)
+    d.retain("world.spring.outputs.x")
+""")
+    result = Campaign(folder).fly(20, seed=3, threads=2)
+    x0, omega = (result.draws[f"world.spring.{name}"] for name in ("x0", "omega"))
+    assert not result.failures
+    np.testing.assert_allclose(result.retained["world.spring.outputs.x"][:, 2], x0 * np.cos(2 * omega), atol=1e-14)
+
+
+def test_what_shows_a_mission_names_the_file(path):
+    assert "spring  Oscillator; oscillator.fmu, FMI " in Wiring(flown(path)).outline()
 
 
 def test_parameters_have_units_and_names(path):
