@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# The library of FMUs of a simulation for 64-bit Arm, by Debian's cross compiler (g++-aarch64-linux-gnu):
+# The libraries of FMUs for 64-bit Arm, by Debian's cross compiler (g++-aarch64-linux-gnu):
 #
 #     cmake -S . -B build/aarch64 -G Ninja -D CMAKE_TOOLCHAIN_FILE=cmake/aarch64.cmake -D CMAKE_BUILD_TYPE=Release
-#     ninja -C build/aarch64 fledge_fmu_simulation
+#     ninja -C build/aarch64 fledge_fmu_simulation fledge_fmu_board
 #
-# It needs ERFA of that machine: `sudo dpkg --add-architecture arm64`, then liberfa-dev:arm64, or its liberfa.a by
-# -D FLEDGE_STATIC_ERFA=FILE. `fledge export fmu --platform aarch64` takes the library from there.
+# The first one needs ERFA of that machine: `sudo dpkg --add-architecture arm64`, then liberfa-dev:arm64, or its
+# liberfa.a by -D FLEDGE_STATIC_ERFA=FILE. `fledge export fmu --platform aarch64` takes the libraries from there.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

@@ -1,6 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the FMU of flight on an emulated computer knows of the mission: a shared object beside its library, which
- * `fledge export fmu --on leon3` builds. */
+ * `fledge export fmu --on leon3` builds.
+ *
+ * Example:
+ *
+ *     const TelemetryTable *telemetry = fmu_board.host->telemetry;
+ *     uint32_t read = fmu_board.n_parts; // after each instant, of the memory of the mission
+ *     read += fmu_board.host->commands->n_blocks + telemetry->n_outputs;
+ */
 #ifndef FMI_BOARD_BOARD_H
 #define FMI_BOARD_BOARD_H
 

@@ -253,9 +253,8 @@ private:
             const std::string report = machine_.report(&program_);
             char when[64];
             std::snprintf(when, sizeof when, ", in the tick at %g s: ", static_cast<double>(t) * 1e-9);
-            throw Error(
-                (lives ? "flight did not answer before its next instant" : "the processor is in its error mode") +
-                std::string(t < 0 ? ", as it starts: " : when) + report.substr(0, report.find('\n')));
+            throw Error((lives ? "flight did not answer before its next instant" : "the computer has failed") +
+                        std::string(t < 0 ? ", as it starts: " : when) + report.substr(0, report.find('\n')));
         }
         read();
         for (std::uint32_t id = 0; id < io().n_messages; id++) {

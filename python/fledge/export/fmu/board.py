@@ -3,18 +3,17 @@
 fmi/board/system.cpp."""
 from __future__ import annotations
 
-import platform as machine
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import byte_runs
-from fledge.disk import build_folder, write_files
+from fledge.disk import write_files
 from fledge.errors import Failure
 from fledge.export.c_source import row, written
 from fledge.export.commands import numbers
 from fledge.export.fmu import mission as exported
-from fledge.export.fmu.build import System, compiler_for
+from fledge.export.fmu.build import System, compiler_for, prebuilt
 from fledge.export.fmu.variables import Layout
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.leon3.board import BOARD
@@ -41,19 +40,10 @@ def board_fmu(mission: str, process: str | None = None, boards: Sequence[Path | 
     target.check(part)
     variables = exported.layout(part.mission)
     packets = {name: text for name, text in part.files.items() if name.endswith(".json")}
-    return System(exported.facts(part.mission), variables,
+    return System(exported.facts(part.mission, "leon3"), variables,
                   resources={"flight.elf": target.build(part), "board.toml": BOARD, **packets},
-                  libraries=lambda platform: [library(platform), tables(part, variables, platform)])
-
-
-def library(platform: str) -> Path:
-    """What runs the computer. Raises Failure."""
-    native, ours = platform == machine.machine(), build_folder()
-    path = (ours if native else ours.with_name(platform)) / "python/libfledge_fmu_board.so"
-    if not path.is_file():
-        how = "./fledge setup builds it" if native else f"cmake/{platform}.cmake says how to build it"
-        raise Failure(f"export fmu: {path} is not there; {how}")
-    return path
+                  libraries=lambda platform: [prebuilt("libfledge_fmu_board.so", platform),
+                                              tables(part, variables, platform)])
 
 
 def tables(part: Part, variables: Layout, platform: str) -> Path:

@@ -10,12 +10,14 @@ import zipfile
 import pytest
 
 import fledge
+from fledge import cli
+from fledge.errors import Failure
 from fledge.export.fmu.board import board_fmu
 from fledge.export.fmu.build import export
 from fledge.export.fmu.flight_test import VERSIONS, Flight
 from fledge.targets import TARGETS
 from fledge.targets.reset_test import mission
-from fmi.testing.flying import Plan, places
+from fmi.testing.flying import Plan, importer, places
 
 pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
 
@@ -112,3 +114,19 @@ def fly_packets(board, packets, steps):
         found.append(ctypes.string_at(data, size.value))
     library.fmi3FreeInstance(fmu)
     return found
+
+
+def test_on_aarch64_the_same_bits(flight, tmp_path):
+    """With the library that cmake/aarch64.cmake builds."""
+    board = flight("nadir_spin", tmp_path)
+    try:
+        board.path = export(board.system, tmp_path / "aarch64.fmu", platforms=["aarch64"])
+    except Failure as failure:
+        pytest.skip(str(failure))
+    board.fly(60, machine="aarch64", states=5,
+              program=["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu", importer("aarch64-linux-gnu-gcc")])
+
+
+def test_what_it_cannot_be_is_refused(tmp_path, capsys):
+    assert cli.main(["export", "fmu", "nadir_spin", "--on", "leon3", "--out", str(tmp_path / "x.fmu")]) == 2
+    assert "--on is for a flight process, which --process names: flight" in capsys.readouterr().err
