@@ -221,6 +221,10 @@ def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 
 
+def test_missions_are_fmus_and_fmus_fly_in_missions(tmp_path):
+    assert follow("fmi.md", Shell(tmp_path)) == 5
+
+
 def test_a_script_of_the_ground_commands_a_mission(tmp_path):
     assert follow("ground.md", Shell(tmp_path)) >= 2
 
