@@ -47,6 +47,7 @@ struct FmuPlan {
     std::vector<FmuPort> inputs, outputs;
     std::vector<std::uint32_t> counters;  ///< [bytes] for each clock, the number of its ticks in the interface
     std::vector<std::string> assumptions; ///< a line each
+    std::string image;                    ///< the bytes of the interface with which a model begins
     std::shared_ptr<const void> keeps;    ///< the unpacked FMU
 };
 

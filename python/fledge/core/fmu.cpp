@@ -84,9 +84,18 @@ void set_fmu(const AnyInstance &object, const Typed<py::object, "Any"> &given)
         const py::gil_scoped_acquire gil;
         Py_DECREF(const_cast<PyObject *>(static_cast<const PyObject *>(kept)));
     });
-    const auto image = member<std::string>(given, "image");
-    std::memcpy(instance_of(object)->memory(), image.data(), image.size());
+    plan->image = member<std::string>(given, "image");
+    std::memcpy(instance_of(object)->memory(), plan->image.data(), plan->image.size());
     model->set_plan(plan);
+}
+
+/// The bytes of an input before anything is given for it.
+py::bytes starts(const AnyPort &port)
+{
+    const FledgeField &field = *as_view(port.ptr())->member->field;
+    const auto *model = dynamic_cast<importer::FmuModel *>(as_root(root_of(port.ptr()))->instance->model());
+    return model && model->plan() ? model->plan()->image.substr(field.offset, field.size)
+                                  : std::string(field.size, '\0');
 }
 
 Typed<py::object, "Any"> declare_fmu(const py::handle &s, const Typed<py::dict, "dict[str, Any]"> &structs)
@@ -108,6 +117,7 @@ Typed<py::object, "Any"> declare_fmu(const py::handle &s, const Typed<py::dict, 
 void bind_fmu(py::module_ &m)
 {
     m.def("declare_fmu", declare_fmu, "struct"_a, "structs"_a, "The type of the models of an FMU.");
+    m.def("starts", starts, "input"_a, "What it holds before a wire or feed: the starts of an FMU, else zeros.");
     m.def("set_fmu", set_fmu, "object"_a, "plan"_a, "What the fields of a model of an FMU are there.");
 }
 

@@ -40,7 +40,7 @@ def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic
     if record is None and not fields:
         raise SetupError(f"{what}: give a record, or some of the fields: {listed(_own(struct))}")
     if record is None:
-        times, messages = _by_fields(what, struct, time, quality, fields)
+        times, messages = _by_fields(what, port, time, quality, fields)
     elif isinstance(record, Records):
         times, messages = _by_record(what, path, struct, record, topic)
     elif hasattr(record, "columns") and hasattr(record, "index"):
@@ -80,12 +80,13 @@ def _linear(what: str, struct: _core.Struct, linear: bool | Iterable[str], alway
 
 # --- fields ----------------------------------------------------------------------------------------
 
-def _by_fields(what: str, struct: _core.Struct, time: Any, quality: Any,
+def _by_fields(what: str, port: Any, time: Any, quality: Any,
                fields: dict[str, Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     import numpy as np
 
+    struct = _core.struct(port)
     times = np.zeros(1, np.int64) if time is None else _times(what, time)
-    messages = np.zeros(len(times), dtype_of(struct))
+    messages = np.repeat(np.frombuffer(_core.starts(port), dtype_of(struct)), len(times))
     _fill(messages, struct, fields, what, time is not None)
     messages["head"]["t"] = times
     messages["head"]["sequence"] = np.arange(1, len(times) + 1)

@@ -18,9 +18,8 @@ def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, 
     """A model by an FMU for co-simulation of FMI 2.0 or 3.0: `w.ball = world.Fmu("ball.fmu", g=-1.62 * m / s**2)`.
 
     In a task, it steps from each update to the next. Its inputs and outputs are the fields of two messages, `inputs`
-    and `outputs`, in SI; der(h) is there as der_h. Inputs without a wire or feed keep their starts; a feed gives all of
-    them, and those that it leaves out are 0. Parameters, and the starts of outputs that may be given, are
-    parameters of the model.
+    and `outputs`, in SI; der(h) is there as der_h. Inputs that no wire or feed gives keep their starts. Parameters, and
+    the starts of outputs that may be given, are parameters of the model.
 
     parameters, named: values, with units, by the names of the FMU or as attributes.
     messages: further ports, of types that others have: name -> (type, field -> variable), as in

@@ -251,7 +251,8 @@ def test_a_single_instance_in_a_program_is_kept_to(tmp_path):
 
 MISBEHAVING = """
 import sys
-from fledge import Simulation, world, errors
+from fledge import Simulation, _core, world, errors
+_core.limit_updates(300_000_000)
 sim = Simulation("fmus")
 w = sim.world
 w.spring = world.Fmu(sys.argv[1])
@@ -264,10 +265,20 @@ except (errors.SetupError, errors.RunError) as error:
 """
 
 
+def test_a_feed_leaves_other_inputs_at_their_starts(path):
+    sim = flown(path)
+    sim.feed(sim.world.spring.inputs, force=8 * N)
+    sim.run(1)
+    assert sim.world.spring.outputs.out_choice == 1 and sim.world.spring.inputs.force == 8
+
+
 @VERSIONS
 @pytest.mark.parametrize(("fault", "says"), [
     ("segv DoStep 0.5", "segmentation fault (SIGSEGV) in world.spring (Oscillator), task dynamics, in fmi{v}DoStep of "
      "oscillator.fmu, at t = 0.6 s"),
+    ("endless DoStep 0.5", "no end of the update in world.spring (Oscillator), task dynamics, in fmi{v}DoStep of "
+     "oscillator.fmu, at t = 0.6 s: it has taken longer than 0.3 s"),
+    ("endless Reset", "no end of the update in fmi{v}Reset of oscillator.fmu: it has taken longer than 0.3 s"),
     ("abort Instantiate", "abort (SIGABRT) in fmi{v}Instantiate{c} of oscillator.fmu"),
     ("error DoStep 0.2", "world.spring (oscillator.fmu): fmi{v}DoStep answers with an error at t = 0.2 s of the FMU; "
      "the FMU says: this function fails on purpose"),
