@@ -124,6 +124,7 @@ static void *create(const FmuHost *host)
     s->telemetry.packet = memory + at[PACKET];
     s->scratch = memory + at[SCRATCH];
     m->init(s->mission);
+    memcpy(s->start, s->mission, m->size);
     memcpy(s->seen, s->mission, m->size);
     return s;
 }
@@ -390,9 +391,21 @@ static int instant(System *s, int64_t t)
     return count(s, t, before);
 }
 
+/* Parameters that flight itself has changed, at the instant 0 of a beginning before this one, are again as they were. */
+static void take_back(System *s)
+{
+    for (uint16_t i = 0u; i < s->commands.n_blocks; i++) {
+        const MissionParameters *p = &fmu_mission.parameters[i];
+        for (size_t k = p->offset; k < (size_t)p->offset + p->size; k++) {
+            s->mission[k] = s->mission[k] == s->seen[k] ? s->start[k] : s->mission[k];
+        }
+    }
+}
+
 static int begin(void *self)
 {
     System *s = self;
+    take_back(s);
     memset(s->fired, 0, fmu_mission.layout->n_events * sizeof *s->fired);
     const uint32_t waiting = s->state->uplink;
     memset(s->state, 0, sizeof *s->state);
