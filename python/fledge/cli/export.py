@@ -183,7 +183,8 @@ def export_fmu(options: argparse.Namespace) -> int:
         raise Failure(f"export fmu: --out is a file, NAME.fmu; found {path}")
     build.export(system, path, options.fmi or "3", listed(options.platform), options.sources)
     inputs, outputs = (sum(m.role == role for m in system.layout.messages) for role in ("input", "output"))
-    say(f"  wrote  {path}: {inputs} messages in, {outputs} out, {len(system.layout.variables)} variables")
+    say(f"  wrote  {path}: {inputs} message{'s' * (inputs != 1)} in, {outputs} out, {len(system.layout.variables)} "
+        "variables")
     return 0
 
 

@@ -47,11 +47,11 @@ def flight_fmu(sim: Any, process: str | None = None, roots: Sequence[Path] = ())
                   named, roots, packets)
 
 
-def facts(mission: Mission) -> Facts:
-    """Its step is the longest at whose multiples its tasks run."""
+def facts(mission: Mission, on: str = "") -> Facts:
+    """Its step is the longest at whose multiples its tasks run. on: a target, which flies it in the FMU."""
     times = [time for task in mission.tasks for time in (task.period, task.offset) if time]
-    return Facts(f"{mission.folder} {mission.process}", identifier(f"{mission.folder}_{mission.process}"),
-                 mission.about, f"Fledge {__version__}", gcd(*times) / 1e9)
+    name = f"{mission.folder} {mission.process}" + (f" {on}" if on else "")
+    return Facts(name, identifier(name), mission.about, f"Fledge {__version__}", gcd(*times) / 1e9)
 
 
 def layout(mission: Mission) -> Layout:
