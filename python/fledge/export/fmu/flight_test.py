@@ -85,9 +85,17 @@ def test_every_output_has_the_bytes_of_the_desktop(tmp_path, version):
 
 
 def test_a_reset_of_the_computer_begins_flight_anew(tmp_path):
-    """The computer of flatsat is reset at 60.5 s, and down for 3 s."""
+    """The computer of flatsat is reset at 60.5 s, and down for 3 s. Its parameters are those of the start again."""
     flight = Flight("flatsat", tmp_path)
-    flight.fly(140, states=15)
+    begun = flight.sim.flight.control.K
+
+    def change(sim, step):
+        if step == 50:
+            sim.flight.control.K = 2 * begun
+
+    flight.plan.set(0, flight.places["flight.control.K"], [2 * begun], at=50)
+    flight.fly(140, change=change, states=15)
+    assert flight.sim.flight.control.K == begun
     assert flight.sim.process("world").power.computer.count == 1
 
 
