@@ -187,7 +187,12 @@ private:
             const sim::LibraryFile theirs = sim::open_library(path, name, &fledge_library_flight);
             add_types(*theirs.tables, theirs.models);
         }
-        sim::set_executive_types(*types_.at("ProcessMode").table, *types_.at("Activity").table);
+        // The same for all, which several threads may build.
+        static const bool once = [&] {
+            sim::set_executive_types(*types_.at("ProcessMode").table, *types_.at("Activity").table);
+            return true;
+        }();
+        (void)once;
     }
 
     world::SkySetup sky_setup(const json &row) const

@@ -4,6 +4,15 @@
 //
 // Bytes are hexadecimal, times integer nanoseconds. Instances are named by their paths ("world.craft"), ports by theirs
 // ("world.craft.external"); enumerators are their numbers.
+//
+// Example:
+//
+//     #include "fmi/simulation/composition.h"
+//     #include <nlohmann/json.hpp>
+//     std::unique_ptr<sim::Simulation> again(const sim::Simulation &simulation)
+//     {
+//         return fmi::build(nlohmann::json::parse(fmi::compose(simulation, "").text), "files");
+//     }
 #pragma once
 
 #include "sim/simulation.h"
