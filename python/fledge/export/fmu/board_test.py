@@ -94,7 +94,7 @@ def fly_packets(board, packets, steps):
     """Of each step of 1 s what flight sends, if it gets the packets before the first one; by the library itself."""
     with zipfile.ZipFile(board.path) as archive:
         archive.extractall(board.folder)
-    library = ctypes.CDLL(str(next(board.folder.glob("binaries/*/*_flight.so"))))
+    library = ctypes.CDLL(str(next(board.folder.glob("binaries/*/*_leon3.so"))))
     token = xml.parse(board.folder / "modelDescription.xml").getroot().attrib["instantiationToken"]
     instantiate, n, f64 = library.fmi3InstantiateCoSimulation, ctypes.c_size_t, ctypes.c_double
     instantiate.restype = ctypes.c_void_p
