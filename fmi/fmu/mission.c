@@ -391,7 +391,7 @@ static int instant(System *s, int64_t t)
     return count(s, t, before);
 }
 
-/* Parameters that flight itself has changed, at the instant 0 of a beginning before this one, are again as they were. */
+/* Parameters that flight itself has changed, at the instant 0 of an earlier beginning, are again as they were. */
 static void take_back(System *s)
 {
     for (uint16_t i = 0u; i < s->commands.n_blocks; i++) {
