@@ -63,7 +63,7 @@ public:
         machine_.on_reset = [this] { log(FMU_WARNING, "events", "the computer was reset"); };
         booted_ = machine_.snapshot();
         booted_link_ = link_.save();
-        booted_image_ = image_;
+        booted_image_ = given_ = image_;
     }
     Flight(const Flight &) = delete;
     Flight &operator=(const Flight &) = delete;
@@ -91,15 +91,22 @@ public:
         return !rule;
     }
 
-    /// From the state behind the boot: the parameters of the image count, and flight is reset.
+    /// From the state behind the boot: the parameters of the image count, and flight is reset. Those that flight itself
+    /// has changed, after a beginning before this one, are again as they were.
     void begin()
     {
         machine_.restore(*booted_);
         link_.restore(booted_link_);
+        for (const TelemetryOutput &part : std::span(parts_).first(commands().n_blocks)) {
+            for (std::uint32_t k = part.offset; k < part.offset + part.size; k++) {
+                image_[k] = image_[k] == seen_[k] ? given_[k] : image_[k];
+            }
+        }
         for (const TelemetryOutput &part : std::span(parts_).subspan(commands().n_blocks)) {
             std::copy_n(&booted_image_[part.offset], part.size, &image_[part.offset]);
         }
         seen_ = booted_image_;
+        given_ = image_;
         write();
         exchange(-1);
         std::ranges::fill(fired_, 0u);
@@ -319,6 +326,7 @@ private:
         f(fired_.data(), fired_.size() * sizeof fired_[0]);
         f(image_.data(), image_.size());
         f(seen_.data(), seen_.size());
+        f(given_.data(), given_.size());
         f(&link.reached, sizeof link.reached);
         f(&link.line, sizeof link.line);
         f(&link.loop, sizeof link.loop);
@@ -345,6 +353,7 @@ private:
     std::shared_ptr<const Snapshot> booted_;
     MissionLink::State booted_link_;
     std::vector<std::uint8_t> booted_image_;
+    std::vector<std::uint8_t> given_; ///< the image at the last beginning
 };
 
 Flight &of(void *self)
