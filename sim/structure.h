@@ -253,9 +253,9 @@ public:
     /// their outputs. Its messages are as with play(). Such a simulation cannot be cloned.
     void fly_by(std::function<void(Ns t)> flight);
     const std::function<void(Ns t)> &flight() const { return flight_; }
-    /// The same by a model, which becomes an instance of this process without a task: at each instant it gets the inputs
-    /// and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt. request:
-    /// where [bytes] it has the mode to enter, an int32_t from 1, 0: none; -1: nowhere.
+    /// The same by a model, which becomes an instance of this process without a task: at each instant it gets the
+    /// inputs and parameters, updates, and its outputs become theirs. It keeps the time itself: its ticks have no dt.
+    /// request: where [bytes] it has the mode to enter, an int32_t from 1, 0: none; -1: nowhere.
     void fly_by_model(const std::string &as, const std::shared_ptr<Instance> &computer, std::vector<Shared> shared,
                       std::ptrdiff_t request = -1);
     const std::shared_ptr<Instance> &computer() const { return computer_; } ///< or null

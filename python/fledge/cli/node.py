@@ -19,12 +19,15 @@ from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 from fledge.disk import make
 
+LATENCIES = ("same_instant", "next_instant", "next_exchange")
+
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterator
     from typing import Any, Self
 
+    from fledge.cosim import Node
     from fledge.mission.crossing import Crossing
     from fledge.mission.simulation import Simulation
 
@@ -55,6 +58,15 @@ def add(command: Callable) -> None:
                      "instants")
     sub.add_argument("--script", metavar="FILE", help="commands to this flight process: lines of a time [ns] and the "
                      "bytes of a packet in hexadecimal; each comes before the first instant after its time")
+    sub.add_argument("--fmu", metavar="FILE", help="this FMU flies in the place of the process: fledge export fmu")
+    sub.add_argument("--every", metavar="DURATION", help="of an FMU in the place of a mission, as in `node ball.fmu "
+                     "ball`: the time from one step to the next")
+    sub.add_argument("--read", action="append", default=[], metavar="PORT=TOPIC", help="what an input message of that "
+                     "FMU reads")
+    sub.add_argument("--message", action="append", nargs="+", default=[], metavar="WORD", help="a further message of "
+                     "that FMU: NAME TYPE FIELD=VARIABLE ...")
+    sub.add_argument("--latency", choices=LATENCIES, default=LATENCIES[-1], help="of what it reads; default: "
+                     "next_exchange")
     sub.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
     add_update_limit(sub)
     seconds = number("a number of seconds")
@@ -68,6 +80,11 @@ def node(options: argparse.Namespace) -> int:
     import fledge
     from fledge.interruption import handled
 
+    if options.mission.endswith(".fmu"):
+        with handled([number for number in ENDS if signal.getsignal(number) is not signal.SIG_IGN], _interrupt_once):
+            return _fmu(options)
+    if options.every or options.read or options.message:
+        raise Failure("node: --every, --read and --message are of an FMU alone, as in node ball.fmu ball --every 10ms")
     sim = fledge.load(options.mission, **given_parameters(options))
     scenario = set_up(sim, options.scenario, options.free, options.scripted)
     sim.check()
@@ -78,6 +95,8 @@ def node(options: argparse.Namespace) -> int:
         sim.process(name)  # raises for an unknown name
     if options.outputs and (options.record or len(names) > 1):
         raise Failure("node: --outputs is for one process, and writes its only record; leave out --record")
+    if options.fmu and len(names) > 1:
+        raise Failure("node: --fmu is for one process")
     if options.script and (len(names) > 1 or names[0] not in [flight.name for flight in sim.flights]):
         raise Failure("node: --script is for one flight process")
     if len(names) > 1 and options.name:
@@ -96,13 +115,18 @@ def node(options: argparse.Namespace) -> int:
 
 
 def _single(sim: Simulation, scenario: str, process: str, options: argparse.Namespace,
-            crossing: list[Crossing] | None = None, address: str | None = None, quiet: bool = False) -> int:
-    """Fly one process in this program, until the end of the run."""
+            crossing: list[Crossing] | None = None, address: str | None = None, quiet: bool = False,
+            part: Node | None = None) -> int:
+    """Fly one process in this program, until the end of the run. part: it, if it is a node already"""
     import fledge
     from fledge import cosim
     from fledge.cli import health
 
-    part = cosim.split(sim, process, crossing)
+    if options.fmu:
+        from fledge.cosim.fmu import fly_fmu
+
+        fly_fmu(sim, options.fmu, process)
+    part = part or cosim.split(sim, process, crossing)
     name = options.name or (not quiet and os.environ.get("FLEDGE_NODE")) or process
     _prepare(sim, scenario, process, options, name)
     if not quiet:
@@ -130,11 +154,29 @@ def _single(sim: Simulation, scenario: str, process: str, options: argparse.Name
     return 0
 
 
+def _fmu(options: argparse.Namespace) -> int:
+    """Fly an FMU alone."""
+    from fledge.cosim.fmu import fmu_node
+
+    if not options.every:
+        raise Failure(f"node: how often does {options.mission} step? Give --every, as in --every 10ms")
+    reads = dict(word.partition("=")[::2] for word in options.read)
+    messages = {}
+    for name, *words in options.message:
+        kind, *fields = words or [""]
+        messages[name] = (kind, dict(word.partition("=")[::2] for word in fields))
+    part = fmu_node(options.mission, options.process, parse_duration(options.every, "--every"), reads=reads or None,
+                    messages=messages, latency=options.latency, parameters=given_parameters(options))
+    if options.record:
+        make(Path(options.record), 0o700)
+        part.simulation.record(part.simulation.process(part.process).fmu)
+    return _single(part.simulation, "alone", part.process, options, part=part)
+
+
 def _prepare(sim: Simulation, scenario: str, process: str, options: argparse.Namespace, name: str) -> None:
     """Let a process fly its script of commands, and record what is wanted. name: of the node"""
     import fledge
 
-    assert sim.mission
     if options.outputs:
         sim.record(*sim.process(process))
     if options.script:
@@ -150,7 +192,8 @@ def _prepare(sim: Simulation, scenario: str, process: str, options: argparse.Nam
         log.keep = False    # it goes into the file; this program may run for weeks
     if options.record or options.outputs:
         sim.archive(options.outputs or Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
-                    fledge=fledge.__version__, process=process, **sim.mission.metadata())
+                    fledge=fledge.__version__, process=process,
+                    **(sim.mission.metadata() if sim.mission else {}))
 
 
 def _close_record(sim: Simulation, process: str, options: argparse.Namespace, problem: str | None, quiet: bool) -> None:

@@ -170,8 +170,8 @@ def test_a_node_keeps_no_samples_in_memory(tmp_path, monkeypatch):
     sim = fledge.load("inertial_pointing")
     scenario = set_up(sim)
     monkeypatch.setattr(cosim, "split", lambda sim, *_: SimpleNamespace(serve=lambda *_, **__: sim.run(60.0) or ""))
-    options = SimpleNamespace(name=None, record=str(tmp_path), address=None, simulation=None, keys=None, patience=1.0,
-                              delay=0.0, until=None, outputs=None, script=None)
+    options = SimpleNamespace(name=None, fmu=None, record=str(tmp_path), address=None, simulation=None, keys=None,
+                              patience=1.0, delay=0.0, until=None, outputs=None, script=None)
     assert _single(sim, scenario, "world", options) == 0
     assert sim.records and sum(map(len, sim.records)) == 0
     archive = Archive(tmp_path / "world.mcap")

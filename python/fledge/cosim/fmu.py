@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An FMU in the place of a process of a mission.
+"""An FMU in the place of a process of a mission, or as a node of its own.
 
     sim = fledge.load("nadir_spin")
-    cosim.fly_fmu(sim, "flight.fmu")    # of fledge export fmu nadir_spin --process flight
+    fly_fmu(sim, "flight.fmu")      # of fledge export fmu nadir_spin --process flight
     sim.run(10 * minute)
+
+    node = fmu_node("ball.fmu", "ball", every=0.01 * s, reads={"inputs": "/wind/fmu/outputs"})
+    node.serve()                    # puts out /ball/fmu/outputs
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from fledge import _core, objects
-from fledge.errors import SetupError, listed
+from fledge import _core, cosim, objects
+from fledge.errors import SetupError, did_you_mean, listed
 
 if TYPE_CHECKING:
     from fledge.world.fmu_interface import Interface
@@ -35,17 +39,21 @@ def fly_fmu(simulation: Simulation, path: str | PathLike[str], process: str | No
 
     part = simulation.process(process) if process else simulation.flight
     if simulation.time_ns >= 0:
-        raise SetupError(f"{simulation.name} has run until {simulation.time:g} s; an FMU flies from the start: load the "
-                         "mission anew, or reset() it")
+        raise SetupError(f"{simulation.name} has run until {simulation.time:g} s; an FMU flies from the start: load "
+                         "the mission anew, or reset() it")
     interface = Interface(opened(path), {}, True)
     core = simulation.kernel.process(part.name)
     if core.reset:
-        raise SetupError(f"{interface.archive.where}: {part.name} has a computer that can be reset, which an FMU cannot")
+        raise SetupError(f"{interface.archive.where}: the computer of {part.name} can be reset, and an FMU cannot")
     model = interface.type()
     _core.set_fmu(model, interface.plan)
-    problems, rows = [], []
+    problems: list[str] = []
+    rows: list[Row] = []
     for row in _shared(simulation, part, interface, model):
-        (problems if isinstance(row, str) else rows).append(row)
+        if isinstance(row, str):
+            problems.append(row)
+        else:
+            rows.append(row)
     if problems:
         raise SetupError(f"{interface.archive.where} cannot fly {part.name}: {listed(problems, 6)}; export it of this "
                          f"mission: fledge export fmu {simulation.name} --process {part.name}")
@@ -67,18 +75,17 @@ def _shared(simulation: Simulation, part: Process, interface: Interface, model: 
     """What the FMU and the modules of a process have in common, and words for what they should have, too."""
     places = {f.name: f for f in objects.struct(model).fields}
     messages = {path: places.get(path.replace(".", "_")) for path in interface.description.messages}
-    missing = object()
 
-    def place(path: str, message: Any, verb: str) -> Row | str:
+    def place(path: str, message: str, verb: str) -> Row | str:
         name, port = path.split(".")[1:]
-        there = messages.get(message, missing)
+        there = messages.get(message)
         instance = part.instances[name]
         size = next(f.size for f in objects.struct(instance).fields if f.name == port)
-        if there is missing or there is None or there.size != size:
+        if there is None or there.size != size:
             return f"it {verb} no {message}"
         return instance, port, there.offset
 
-    read = {}
+    read: dict[str, str] = {}
     for source, target, *_ in simulation.wires:
         if target.startswith(f"{part.name}.") and not source.startswith(f"{part.name}."):
             read.setdefault(source, target)
@@ -97,3 +104,60 @@ def _shared(simulation: Simulation, part: Process, interface: Interface, model: 
                                          if of == f"{part.name}.{name}.{f.name}" and "." not in own), ""))
                 if there and (there.type, there.size) == (f.type, f.size):
                     yield instance, f.name, there.offset
+
+
+def fmu_node(path: str | PathLike[str], name: str, every: Any, *, reads: Mapping[str, str] | None = None,
+             messages: Mapping[str, tuple[str, Mapping[str, str]]] | None = None, latency: str = "next_exchange",
+             parameters: Mapping[str, Any] | None = None) -> cosim.Node:
+    """A node with an FMU alone, which steps by `every`. Its messages are those of world.Fmu, as /NAME/fmu/outputs.
+
+    reads: its inputs -> topics; without one, an input keeps its starts. None: of an FMU that Fledge made, its messages
+    by their own names. messages: name -> (type, field -> variable), as
+    of world.Fmu, the type by its name, or by the file of an FMU, whose outputs it is. latency: of what it reads.
+    Raises SetupError.
+    """
+    from fledge import world
+    from fledge.mission.crossing import Crossing
+    from fledge.mission.simulation import Simulation
+    from fledge.objects import project
+
+    types = {**_core.library("flight"), **_core.library("world"), **project.types("flight"), **project.types("world")}
+    for port, (kind, _) in (messages or {}).items():
+        if kind.endswith(".fmu"):
+            types[kind] = type(world.Fmu(kind).outputs)
+        elif kind not in types:
+            raise SetupError(f"{port}: there is no message {kind}{did_you_mean(kind, list(types)).rstrip(';')}")
+    process = re.sub(r"\W", "_", name)
+    simulation = Simulation(name, empty=True)
+    part = simulation.add_world(process)
+    try:
+        part.fmu = world.Fmu(path, parameters, messages={port: (types[kind], fields)
+                                                         for port, (kind, fields) in (messages or {}).items()})
+    except (AttributeError, TypeError, ValueError) as error:    # of a parameter
+        raise SetupError(f"{path}: {error}") from None
+    part.task("step", every=every, run=[part.fmu])
+    ports = {f.name: f for f in objects.struct(part.fmu).fields if f.group == "in"}
+    if reads is None:
+        reads = {port: topic for port, topic in _of_fledge(path).items() if port in ports}
+    for port in reads:
+        if port not in ports:
+            raise SetupError(f"{name} has no input message {port}{did_you_mean(port, list(ports))} there are "
+                             + (", ".join(ports) or "none"))
+    return cosim.Node(simulation, process, [
+        Crossing(topic, "", f"{process}.fmu.{port}", latency, 0, ports[port].struct, True)
+        for port, topic in reads.items()])
+
+
+def own_topics(node: cosim.Node, path: str | PathLike[str]) -> dict[str, str]:
+    """What a node of fmu_node() writes -> the topic of the run: of the messages of Fledge's FMUs their own."""
+    model, own = node.simulation.process(node.process).fmu, _of_fledge(path)
+    topics = {f.name: f"/{node.process}/fmu/{f.name}" for f in objects.struct(model).fields if f.group == "out"}
+    return {topic: own.get(port, topic) for port, topic in topics.items()}
+
+
+def _of_fledge(path: str | PathLike[str]) -> dict[str, str]:
+    """The ports that are messages of Fledge's own -> topics."""
+    from fledge.fmi.archive import opened
+
+    return {message.replace(".", "_"): "/" + message.replace(".", "/")
+            for message in opened(path).description.messages}

@@ -77,7 +77,7 @@ def test_what_cannot_fly_a_process_is_refused_in_one_line(folder, tmp_path):
     path = exported(folder, "nadir_spin")
     for mission, says in (("sun_safe", r"nadir_spin3.fmu cannot fly flight: .* export it of this mission: fledge "
                            "export fmu sun_safe --process flight"),
-                          ("mars_orbiter", "flight has a computer that can be reset, which an FMU cannot")):
+                          ("mars_orbiter", "the computer of flight can be reset, and an FMU cannot")):
         with pytest.raises(fledge.SetupError, match=says) as refused:
             fly_fmu(fledge.load(mission), path)
         assert "\n" not in str(refused.value)

@@ -280,7 +280,8 @@ class Event:
     def armed(self, value: bool) -> None:
         self._process().refuse_if_flown()
         if any(_core.maker(instance) == "model" for instance in self._process()):
-            raise SetupError(f"{self._process().name}.{self.name}: an FMU flies this process, and arms its events itself")
+            raise SetupError(f"{self._process().name}.{self.name}: an FMU flies this process, and arms its events "
+                             "itself")
         self._core.armed = bool(value)
 
     @property

@@ -25,12 +25,14 @@ from registers.location import line_of
 
 POLICIES = ("abort", "pause", "hold", "drop", "restart")
 TRANSPORTS = ("ipc", "tcp")
+LATENCIES = ("same_instant", "next_instant", "next_exchange")
 PLACEHOLDERS = ("simulation", "node", "address", "seed", "until", "record")
 WHEN_IT_COMES = "when it comes"
 SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _TAKEN = ("controller", "all", "exchange")      # by Fledge's own logs and records
+_OF_FMU = ("every", "reads", "messages", "latency")     # alone
 _OF_MISSION = ("process", "scenario", "free", "parameters", "target", "board", "elf")
 
 
@@ -57,6 +59,12 @@ class Program:
     target: str | None = _key("text", of="node")        # flies the process, as `fledge fly --on` does
     board: list[str] = _key("words", list, of="node")   # files of the target's boards, or folders
     elf: str | None = _key("text", of="node")           # the program of a target at a serial line
+    fmu: str | None = _key("text", of="node")           # flies in the place of the process, or alone
+    every: float = _key("seconds", 0.0, of="node")      # [s] a step of an FMU alone
+    reads: dict[str, str] = _key("table", dict, of="node")      # its input messages -> topics
+    messages: dict[str, dict] = _key("table", dict, of="node")  # its further ones -> type, and field -> variable
+    latency: str = _key("choice", "next_exchange", LATENCIES, of="node")    # of what it reads
+    step_timeout: float = _key("seconds", 30.0, of="node")      # [s] of the clock, for a step of an FMU
     command: list[str] | None = _key("words")           # None: a process of a mission, or started by hand
     by_hand: bool = _key("flag", False)
     directory: str = _key("text", ".")                  # on the host if there is one
@@ -255,10 +263,11 @@ class _Reader(Tables):
         plan.until = duration if plan.until is None else plan.until
         own = {"mission": plan.mission, "parameters": plan.parameters} | (
             {"scenario": plan.scenario} if plan.scenario else {})
-        for table in nodes:
-            if not any(key in table for key in ("mission", "command", "by_hand")):
-                table |= {key: value for key, value in own.items() if key not in table}
         order = [p.name for p in sim.processes if p.tasks]
+        for table in nodes:
+            alone = "fmu" in table and table.get("process", table.get("name")) not in order
+            if not alone and not any(key in table for key in ("mission", "command", "by_hand")):
+                table |= {key: value for key, value in own.items() if key not in table}
         given = [table.get("process", table.get("name")) for table in nodes
                  if table.get("mission") in (None, plan.mission)]    # a program of its name stands in for a process
         nodes += [{**own, "process": process} for process in order if process not in given]
@@ -371,9 +380,11 @@ class _Reader(Tables):
     def start(self, table: dict, path: tuple, p: Program) -> None:
         """Check how the program starts."""
         given = [key for key in ("mission", "command", "by_hand", "link", "serve") if table.get(key)]
+        if p.fmu and not p.mission:
+            given.append("fmu")
         if len(given) != 1:
             self.refuse((*path, given[1] if given else "command"),
-                        "a program is a `mission` with its `process`, a `command`, or started `by_hand`",
+                        "a program is a `mission` with its `process`, an `fmu`, a `command`, or started `by_hand`",
                         f"of {p.name} there is {'and '.join(f'`{g}` ' for g in given) or 'neither'}".rstrip(),
                         'write one, for example command = ["python3", "model.py"]')
             return
@@ -382,8 +393,14 @@ class _Reader(Tables):
                         "write [[node]]")
         if p.radio and not p.link:
             self.refuse((*path, "radio"), "`radio` is of a `link`", f"{p.name} has none", "leave it out")
+        if p.fmu and not p.host:
+            self.fmu(table, path, p)
+        for key in (*_OF_FMU, "step_timeout"):
+            if key in table and not (p.fmu and (key == "step_timeout" or not p.mission)):
+                self.refuse((*path, key), f"`{key}` is of an `fmu`" + " alone" * (key in _OF_FMU),
+                            f"{p.name} is none", "leave it out")
         for key in _OF_MISSION:
-            if key in table and not p.mission and not (p.link and key == "process"):
+            if key in table and not p.mission and not (p.link and key == "process" or p.fmu and key == "parameters"):
                 self.refuse((*path, key), f"`{key}` is of a `mission`", f"{p.name} has none", "leave it out")
         if p.mission:
             p.process = p.process or p.name
@@ -400,6 +417,42 @@ class _Reader(Tables):
             if name not in PLACEHOLDERS and near:
                 self.refuse((*path, "command"), "only known words in braces are filled in",
                             f"there is {{{name}}}", f"did you mean {{{near[0]}}}?")
+
+    def fmu(self, table: dict, path: tuple, p: Program) -> None:
+        """Check an FMU in the place of a process, or alone, by its model description."""
+        from fledge.cosim.fmu import fmu_node, own_topics
+        from fledge.errors import SetupError
+        from fledge.fmi import Archive
+
+        p.fmu = str(self.folder / str(p.fmu))
+        if p.target:
+            self.refuse((*path, "fmu"), "a target or an FMU flies a process", f"{p.name} has both", "leave one out")
+        for message in p.messages.values():
+            if isinstance(message, dict) and str(message.get("type")).endswith(".fmu"):
+                message["type"] = str(self.folder / message["type"])
+        words = [key for key in ("reads", "messages") if not all(
+            isinstance(value, str if key == "reads" else dict) for value in getattr(p, key).values())]
+        for key in words:
+            self.refuse((*path, key), f"`{key}` has " + ("topics by input messages" if key == "reads" else
+                        "types, and variables by fields"), f"it is {shown(getattr(p, key))}", "write for example " + (
+                            'reads = { inputs = "/wind/fmu/outputs" }' if key == "reads" else
+                            'messages.torque = { type = "BodyTorque", torque_B = "tau" }'))
+        if words or not p.mission and not p.every:
+            if not p.mission and not p.every:
+                self.refuse((*path, "every"), "an FMU alone has a time from step to step", f"{p.name} has none",
+                            "write for example every = 0.01")
+            return
+        try:
+            if p.mission:
+                Archive(p.fmu)
+            else:
+                node = fmu_node(p.fmu, p.name, p.every, reads=p.reads or None, parameters=p.parameters, messages={
+                    name: (str(message.get("type")), {key: value for key, value in message.items() if key != "type"})
+                    for name, message in p.messages.items()})
+                p.topics = {**own_topics(node, p.fmu), **p.topics}
+                self.written[p.name] = list(own_topics(node, p.fmu))
+        except SetupError as error:
+            self.refuse((*path, "fmu"), "an FMU can be flown", str(error), "docs/fmi.md says what it needs")
 
     def link(self, table: dict, path: tuple, p: Program, address: str) -> None:
         """A link by which foreign tools command a flight process; with `writes = []` they only see its telemetry."""

@@ -177,7 +177,7 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
      "or 0.5"),
     (NODE + "reply = -0.1", 4, "`reply` is seconds, from 0 to 1e9; it is -0.1; write a number such as 60 or 0.5"),
     ("seed = 1.5\n" + NODE, 1, "`seed` is a whole number; it is 1.5; write a whole number"),
-    ('[[node]]\nname = "a"', 1, "a program is a `mission` with its `process`, a `command`, or started "
+    ('[[node]]\nname = "a"', 1, "a program is a `mission` with its `process`, an `fmu`, a `command`, or started "
      "`by_hand`; of a there "
      'is neither; write one, for example command = ["python3", "model.py"]'),
     ('[[node]]\nname = "a"\ncommand = "python3 mass.py"', 3, "`command` is a list of texts, the program first; it is "

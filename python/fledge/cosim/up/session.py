@@ -376,6 +376,16 @@ class Session:
                                                             is_line(p.target) else [])]
             return [*fledge, "fly", str(p.mission), *filter(None, [p.scenario]), "--on", f"{p.process}={p.target}",
                     *line, *given, *boards, "--out", f"{record}/{p.name}", "--join", self._address]
+        if p.fmu:
+            given += ["--update-limit", f"{p.step_timeout:g}s"]
+        if p.fmu and not p.mission:
+            given += [word for port, topic in p.reads.items() for word in ("--read", f"{port}={topic}")]
+            for name, message in p.messages.items():
+                fields = [f"{field}={variable}" for field, variable in message.items() if field != "type"]
+                given += ["--message", name, message["type"], *fields]
+            return [*fledge, "node", p.fmu, p.name, "--name", p.name, "--every", f"{p.every!r}s", "--latency",
+                    p.latency, *given, *["--record", record] * self.plan.record]
+        given += ["--fmu", p.fmu] if p.fmu else []
         return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name, *given,
                 *(["--outputs", f"{record}/{p.name}.mcap"] if self.plan.report and p.flies else
                   ["--record", record] * self.plan.record)]
