@@ -69,7 +69,14 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP; of fmu a file, "
                      "runs/MISSION/fmu/NAME.fmu")
     add_parameters(sub)
-    sub.set_defaults(needs=lambda options: TARGETS.known([options.form, options.on, *listed(options.platform)]))
+    sub.set_defaults(needs=needs)
+
+
+def needs(options: argparse.Namespace) -> list[str]:
+    """The packages and parts of the build."""
+    library = "fledge_fmu_board" if options.on else "fledge_fmu_simulation"
+    return [*TARGETS.known([options.form, options.on, *listed(options.platform)]),
+            *[f"build {library}"] * (options.form == "fmu")]
 
 
 def export(options: argparse.Namespace) -> int:
