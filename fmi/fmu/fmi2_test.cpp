@@ -261,6 +261,11 @@ TEST(Fmi2, ADiscardedStepHasAStatus)
     EXPECT_EQ(fmi2GetBooleanStatus(fmu.p, fmi2LastSuccessfulTime, &ended), fmi2Discard);
     EXPECT_EQ(fmu.step(5.1, 0.1), fmi2OK);
     EXPECT_EQ(fmi2Terminate(fmu.p), fmi2OK);
+    EXPECT_EQ(fmi2Reset(fmu.p), fmi2OK);
+    ASSERT_EQ(fmi2SetupExperiment(fmu.p, fmi2False, 0.0, 5.0, fmi2True, 5.1), fmi2OK);
+    fmu.initialized();
+    EXPECT_EQ(fmu.step(5.0, 0.2), fmi2Error);
+    EXPECT_TRUE(fmu.says("the stop time 5.1 s"));
 }
 
 TEST(Fmi2, AStateContinuesInAnotherInstance)

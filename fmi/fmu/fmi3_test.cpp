@@ -181,6 +181,14 @@ TEST(Fmi3, IllegalReferencesAndNumbersAreRefused)
         EXPECT_EQ(fmu.set(IN_COLOR, Wholes{0, color}), fmi3Error);
         EXPECT_TRUE(fmu.says("out of range"));
     }
+    const std::uint8_t *bytes = nullptr;
+    std::size_t size = 0;
+    for (const fmi3ValueReference r : {reference(IN_U8), reference(CLOCK_EVENT), outside}) {
+        EXPECT_EQ(fmi3GetBinary(Instance().p, &r, 1, &size, &bytes, 1), fmi3Error);
+        EXPECT_EQ(fmi3SetBinary(Instance().p, &r, 1, &size, &bytes, 1), fmi3Error);
+    }
+    const fmi3ValueReference down = reference(DOWNLINK);
+    EXPECT_EQ(fmi3SetBinary(Instance().p, &down, 1, &size, &bytes, 1), fmi3Error);
     const fmi3ValueReference boolean = reference(IN_U8);
     bool flag = false;
     EXPECT_EQ(fmi3GetBoolean(Instance().p, &boolean, 1, &flag, 1), fmi3Error);
@@ -273,6 +281,21 @@ TEST(Fmi3, EachFunctionIsRefusedInTheStatesInWhichTheStandardForbidsIt)
             }
         }
     }
+}
+
+TEST(Fmi3, WithoutAnInstanceEachFunctionFails)
+{
+    fmi3FMUState state = nullptr;
+    std::size_t size = 0;
+    std::uint8_t byte = 0;
+    for (const Function &function : FUNCTIONS) {
+        Instance none(false, false, "{none}");
+        EXPECT_EQ(function.call(none), fmi3Error) << function.name;
+    }
+    EXPECT_EQ(fmi3SetFMUState(nullptr, &byte), fmi3Error);
+    EXPECT_EQ(fmi3SerializedFMUStateSize(nullptr, &byte, &size), fmi3Error);
+    EXPECT_EQ(fmi3SerializeFMUState(nullptr, &byte, &byte, 1), fmi3Error);
+    EXPECT_EQ(fmi3DeserializeFMUState(nullptr, &byte, 1, &state), fmi3Error);
 }
 
 TEST(Fmi3, AnImporterWithoutEventModeMayNotEnterIt)

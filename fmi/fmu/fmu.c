@@ -412,8 +412,8 @@ static int64_t nearest(double x)
     return (int64_t)(x < 0.0 ? x - 0.5 : x + 0.5);
 }
 
-/* [s] How wrong a time of the importer may be: it has few digits if the start is in 1970, and the more steps it has added
- * up, the less it is what it means. */
+/* [s] How wrong a time of the importer may be: it has few digits if the start is in 1970, and errors grow with the
+ * steps that are added up. */
 static double error_of(const Fmu *f, double time)
 {
     const double start = f->moment->start;
@@ -476,7 +476,7 @@ static void enter_modes(Fmu *f)
 
 FmuStatus fmu_step(Fmu *f, const char *function, double time, double step)
 {
-    FmuMoment *m = f->moment;
+    FmuMoment *m;
     int64_t until;
     if (!fmu_may(f, function, FMU_STEPPING) || !step_is_possible(f, function, time, step)) {
         return FMU_FAILED;
@@ -486,6 +486,7 @@ FmuStatus fmu_step(Fmu *f, const char *function, double time, double step)
                           "a parameter was out of its bounds; all that were set since the "
                           "last step have their old values again");
     }
+    m = f->moment;
     fmu_forget_ticks(f);
     enter_modes(f);
     give_heads(f);

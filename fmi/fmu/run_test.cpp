@@ -2,6 +2,7 @@
 // What an FMU does in a run, by FMI 3.0 over a toy: the instant 0, steps, heads, parameters, events, packets, states.
 #include "fmi/fmu/testing/instance.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -35,6 +36,7 @@ TEST(FmuRun, TheInstant0FollowsWhatIsSetInInitialization)
     ASSERT_EQ(fmi3ExitInitializationMode(fmu.p), fmi3OK);
     EXPECT_EQ(fmu.f64(INTEGRAL), (Numbers{3.0, 3.0}));
     EXPECT_EQ(fmu.u32(SEEN_SEQUENCE), 1U); // however often it ran
+    EXPECT_EQ(std::count(fmu.log.begin(), fmu.log.end(), "0 events: the run begins"), 3);
     EXPECT_EQ(fmu.i64(LAST), 0);
 }
 
@@ -144,7 +146,11 @@ TEST(FmuRun, AMessageGetsAHeadForEachStepBeforeWhichItWasSet)
     EXPECT_EQ(fmu.i64(SEEN_QUALITY), QUALITY_GOOD);
     EXPECT_EQ(fmu.i64(SEEN_T), 10 * MS);
     EXPECT_EQ(fmu.u32(SEEN_SEQUENCE), 1U);
-    ASSERT_EQ(fmu.step(5.02, 0.01), fmi3OK); // not set again
+    EXPECT_EQ(fmu.i64(COMMANDED_QUALITY), QUALITY_NONE);
+    ASSERT_EQ(fmu.set(COMMAND_U, Numbers{1.0}), fmi3OK); // the other message
+    ASSERT_EQ(fmu.step(5.02, 0.01), fmi3OK);             // not set again
+    EXPECT_EQ(fmu.i64(COMMANDED_QUALITY), QUALITY_GOOD);
+    EXPECT_EQ(fmu.i64(COMMANDED_T), 20 * MS);
     EXPECT_EQ(fmu.i64(SEEN_T), 10 * MS);
     EXPECT_EQ(fmu.u32(SEEN_SEQUENCE), 1U);
     ASSERT_EQ(fmu.set(IN_F64, Numbers{1.0, 1.0}), fmi3OK);
@@ -236,12 +242,16 @@ TEST(FmuRun, AModeIsEnteredWhenItsRequestChanges)
     ASSERT_EQ(fmu.set(IN_F64, Numbers{20.0, 0.0}), fmi3OK); // the mode 2 begins by itself
     ASSERT_EQ(fmu.set(REQUEST, Wholes{1}), fmi3OK);         // held, not new
     ASSERT_EQ(fmu.step(0.02, 0.01), fmi3OK);
-    EXPECT_EQ(fmu.i64(MODE), 2);
-    ASSERT_EQ(fmu.set(REQUEST, Wholes{0}), fmi3OK);
+    ASSERT_EQ(fmu.set(IN_F64, Numbers{-1000.0, 0.0}), fmi3OK);
     ASSERT_EQ(fmu.step(0.03, 0.01), fmi3OK);
     EXPECT_EQ(fmu.i64(MODE), 2);
+    ASSERT_EQ(fmu.set(REQUEST, Wholes{0}), fmi3OK);
+    ASSERT_EQ(fmu.set(OTHER_REQUEST, Wholes{2}), fmi3OK);
+    ASSERT_EQ(fmu.step(0.04, 0.01), fmi3OK);
+    EXPECT_EQ(fmu.i64(MODE), 2);
+    EXPECT_EQ(fmu.i64(OTHER_MODE), 2);
     ASSERT_EQ(fmu.set(REQUEST, Wholes{9}), fmi3OK);
-    EXPECT_EQ(fmu.step(0.04, 0.01), fmi3OK); // flight goes on
+    EXPECT_EQ(fmu.step(0.05, 0.01), fmi3OK); // flight goes on
     EXPECT_TRUE(fmu.says("the modes are 1 and 2"));
     EXPECT_EQ(fmu.i64(MODE), 2);
 }
@@ -285,6 +295,25 @@ TEST(FmuRun, AStepReturnsEarlyWhereAModeBegins)
     }
 }
 
+TEST(FmuRun, AnEventThatTheImporterDoesNotHandleIsForgotten)
+{
+    Instance fmu(true, false);
+    fmu.initialized();
+    ASSERT_EQ(fmi3EnterStepMode(fmu.p), fmi3OK);
+    ASSERT_EQ(fmu.set(COMMAND_U, Numbers{7.0}), fmi3OK);
+    ASSERT_EQ(fmu.step(0.0, 0.01), fmi3OK);
+    EXPECT_TRUE(fmu.events);
+    ASSERT_EQ(fmu.set(COMMAND_U, Numbers{0.0}), fmi3OK);
+    ASSERT_EQ(fmu.step(0.01, 0.01), fmi3OK);
+    EXPECT_FALSE(fmu.events);
+    EXPECT_EQ(fmu.u32(OTHER_FIRED), 1U);
+    ASSERT_EQ(fmu.set(OTHER_REQUEST, Wholes{2}), fmi3OK);
+    ASSERT_EQ(fmu.step(0.02, 0.01), fmi3OK);
+    ASSERT_EQ(fmi3EnterEventMode(fmu.p), fmi3OK);
+    EXPECT_FALSE(fmu.clock(CLOCK_MODE) || fmu.clock(CLOCK_EVENT) || fmu.clock(OTHER_CLOCK_EVENT));
+    EXPECT_TRUE(fmu.clock(OTHER_CLOCK_MODE));
+}
+
 TEST(FmuRun, AnEventOfTheInstant0IsInTheFirstEventMode)
 {
     Instance fmu(true, false);
@@ -310,6 +339,7 @@ TEST(FmuRun, PacketsAreDeliveredOnce)
     EXPECT_EQ(fmu.received(), std::string("a\0bc", 4));
     ASSERT_EQ(fmu.step(0.01, 0.01), fmi3OK);
     EXPECT_EQ(fmu.received(), "");
+    EXPECT_EQ(fmu.received(UPLINK), "");
     EXPECT_EQ(fmu.send("more than 16 bytes"), fmi3Discard);
     EXPECT_TRUE(fmu.says("the packets cannot be sent"));
 }
@@ -453,6 +483,12 @@ TEST(FmuRun, DamagedStatesAreRefused)
     }
     fmi3FMUState state = nullptr;
     ASSERT_EQ(fmi3GetFMUState(fmu.p, &state), fmi3OK);
+    std::size_t size;
+    std::uint64_t no_state[4] = {};
+    EXPECT_EQ(fmi3SerializedFMUStateSize(fmu.p, no_state, &size), fmi3Error);
+    EXPECT_EQ(fmi3SerializeFMUState(fmu.p, no_state, reinterpret_cast<std::uint8_t *>(no_state), 32), fmi3Error);
+    EXPECT_EQ(fmi3SetFMUState(fmu.p, no_state), fmi3Error);
+    EXPECT_TRUE(fmu.says("the state is not of this FMU"));
     std::vector<std::uint8_t> small(good.size() - 1);
     EXPECT_EQ(fmi3SerializeFMUState(fmu.p, state, small.data(), small.size()), fmi3Error);
     EXPECT_TRUE(fmu.says("there is room for " + std::to_string(small.size())));

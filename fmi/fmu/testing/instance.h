@@ -102,10 +102,10 @@ struct Instance {
         const auto *data = reinterpret_cast<const std::uint8_t *>(bytes.data());
         return fmi3SetBinary(p, &r, 1, &n, &data, 1);
     }
-    std::string received()
+    std::string received(Name name = DOWNLINK)
     {
-        const fmi3ValueReference r = reference(DOWNLINK);
-        std::size_t n = 0;
+        const fmi3ValueReference r = reference(name);
+        std::size_t n = 99;
         const std::uint8_t *data = nullptr;
         EXPECT_EQ(fmi3GetBinary(p, &r, 1, &n, &data, 1), fmi3OK);
         return {reinterpret_cast<const char *>(data), n};

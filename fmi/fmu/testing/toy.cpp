@@ -21,21 +21,25 @@ struct Row {
 
 constexpr std::array<Row, N_NAMES> ROWS = {{
     {FMU_TIME, FLEDGE_F64, 1, 0, 0},
-    {FMU_INPUT, FLEDGE_I64, 1, 0, offsetof(Input, head.t)},
-    {FMU_INPUT, FLEDGE_ENUM, 1, 0, offsetof(Input, head.quality)},
-    {FMU_INPUT, FLEDGE_U32, 1, 0, offsetof(Input, head.sequence)},
-    {FMU_INPUT, FLEDGE_F64, 2, 0, offsetof(Input, values.f64)},
-    {FMU_INPUT, FLEDGE_F32, 2, 0, offsetof(Input, values.f32)},
-    {FMU_INPUT, FLEDGE_I8, 2, 0, offsetof(Input, values.i8)},
-    {FMU_INPUT, FLEDGE_U8, 2, 0, offsetof(Input, values.u8)},
-    {FMU_INPUT, FLEDGE_I16, 2, 0, offsetof(Input, values.i16)},
-    {FMU_INPUT, FLEDGE_U16, 2, 0, offsetof(Input, values.u16)},
-    {FMU_INPUT, FLEDGE_I32, 2, 0, offsetof(Input, values.i32)},
-    {FMU_INPUT, FLEDGE_U32, 2, 0, offsetof(Input, values.u32)},
-    {FMU_INPUT, FLEDGE_I64, 2, 0, offsetof(Input, values.i64)},
-    {FMU_INPUT, FLEDGE_U64, 2, 0, offsetof(Input, values.u64)},
-    {FMU_INPUT, FLEDGE_ENUM, 2, 0, offsetof(Input, values.color)},
-    {FMU_INPUT, FLEDGE_CHAR, 8, 0, offsetof(Input, values.text)},
+    {FMU_INPUT, FLEDGE_I64, 1, 0, offsetof(Inputs, command.head.t)},
+    {FMU_INPUT, FLEDGE_ENUM, 1, 0, offsetof(Inputs, command.head.quality)},
+    {FMU_INPUT, FLEDGE_U32, 1, 0, offsetof(Inputs, command.head.sequence)},
+    {FMU_INPUT, FLEDGE_F64, 1, 0, offsetof(Inputs, command.u)},
+    {FMU_INPUT, FLEDGE_I64, 1, 0, offsetof(Inputs, input.head.t)},
+    {FMU_INPUT, FLEDGE_ENUM, 1, 0, offsetof(Inputs, input.head.quality)},
+    {FMU_INPUT, FLEDGE_U32, 1, 0, offsetof(Inputs, input.head.sequence)},
+    {FMU_INPUT, FLEDGE_F64, 2, 0, offsetof(Inputs, input.values.f64)},
+    {FMU_INPUT, FLEDGE_F32, 2, 0, offsetof(Inputs, input.values.f32)},
+    {FMU_INPUT, FLEDGE_I8, 2, 0, offsetof(Inputs, input.values.i8)},
+    {FMU_INPUT, FLEDGE_U8, 2, 0, offsetof(Inputs, input.values.u8)},
+    {FMU_INPUT, FLEDGE_I16, 2, 0, offsetof(Inputs, input.values.i16)},
+    {FMU_INPUT, FLEDGE_U16, 2, 0, offsetof(Inputs, input.values.u16)},
+    {FMU_INPUT, FLEDGE_I32, 2, 0, offsetof(Inputs, input.values.i32)},
+    {FMU_INPUT, FLEDGE_U32, 2, 0, offsetof(Inputs, input.values.u32)},
+    {FMU_INPUT, FLEDGE_I64, 2, 0, offsetof(Inputs, input.values.i64)},
+    {FMU_INPUT, FLEDGE_U64, 2, 0, offsetof(Inputs, input.values.u64)},
+    {FMU_INPUT, FLEDGE_ENUM, 2, 0, offsetof(Inputs, input.values.color)},
+    {FMU_INPUT, FLEDGE_CHAR, 8, 0, offsetof(Inputs, input.values.text)},
     {FMU_OUTPUT, FLEDGE_F64, 2, 1, offsetof(Output, values.f64)},
     {FMU_OUTPUT, FLEDGE_F32, 2, 1, offsetof(Output, values.f32)},
     {FMU_OUTPUT, FLEDGE_I8, 2, 1, offsetof(Output, values.i8)},
@@ -53,15 +57,22 @@ constexpr std::array<Row, N_NAMES> ROWS = {{
     {FMU_LOCAL, FLEDGE_I64, 1, 1, offsetof(Output, seen.t)},
     {FMU_LOCAL, FLEDGE_ENUM, 1, 1, offsetof(Output, seen.quality)},
     {FMU_LOCAL, FLEDGE_U32, 1, 1, offsetof(Output, seen.sequence)},
+    {FMU_LOCAL, FLEDGE_I64, 1, 1, offsetof(Output, commanded.t)},
+    {FMU_LOCAL, FLEDGE_ENUM, 1, 1, offsetof(Output, commanded.quality)},
     {FMU_PARAMETER, FLEDGE_F64, 1, 2, offsetof(Gains, gain)},
     {FMU_PARAMETER, FLEDGE_F64, 1, 2, offsetof(Gains, limit)},
     {FMU_PARAMETER, FLEDGE_CHAR, 8, 2, offsetof(Gains, label)},
     {FMU_FIXED, FLEDGE_F64, 1, 3, offsetof(Start, integral)},
     {FMU_MODE, FLEDGE_ENUM, 1, 0, 0},
     {FMU_REQUEST, FLEDGE_ENUM, 1, 0, 0},
+    {FMU_MODE, FLEDGE_ENUM, 1, 1, 0},
+    {FMU_REQUEST, FLEDGE_ENUM, 1, 1, 0},
     {FMU_FIRED, FLEDGE_U32, 1, 0, 0},
+    {FMU_FIRED, FLEDGE_U32, 1, 1, 0},
     {FMU_CLOCK_MODE, FLEDGE_U8, 1, 0, 0},
+    {FMU_CLOCK_MODE, FLEDGE_U8, 1, 1, 0},
     {FMU_CLOCK_EVENT, FLEDGE_U8, 1, 0, 0},
+    {FMU_CLOCK_EVENT, FLEDGE_U8, 1, 1, 0},
     {FMU_UPLINK, FLEDGE_U8, 1, 0, 0},
     {FMU_DOWNLINK, FLEDGE_U8, 1, 0, 0},
 }};
@@ -80,18 +91,19 @@ constexpr Table TABLE = [] {
     }
     return table;
 }();
-constexpr FmuMessage MESSAGE = {IN_T, OUT_F64 - IN_T, 0, 0};
-constexpr FmuLayout LAYOUT = {TABLE.rows, N_NAMES, &MESSAGE, 1, 1, 1};
+constexpr FmuMessage MESSAGES[] = {{COMMAND_T, IN_T - COMMAND_T, 0, offsetof(Inputs, command)},
+                                   {IN_T, OUT_F64 - IN_T, 0, offsetof(Inputs, input)}};
+constexpr FmuLayout LAYOUT = {TABLE.rows, N_NAMES, MESSAGES, 2, 2, 2};
 
 /** What a snapshot has. */
 struct State {
-    Input input;
+    Inputs inputs;
     Output output;
     Gains gains = {0.5, 8.0, "toy"};
     Start start;
     std::int64_t next; ///< [ns] the next instant
-    std::int32_t mode;
-    std::uint32_t entered, fired;
+    std::int32_t mode[2];
+    std::uint32_t entered[2], fired[2];
     std::uint32_t n_up, n_down; ///< [bytes]
     std::uint8_t up[16], down[16];
 };
@@ -126,7 +138,7 @@ void *create(const FmuHost *host)
 void *memory(void *self, std::uint32_t block)
 {
     State &s = state(self);
-    void *const blocks[] = {&s.input, &s.output, &s.gains, &s.start};
+    void *const blocks[] = {&s.inputs, &s.output, &s.gains, &s.start};
     return blocks[block];
 }
 
@@ -139,26 +151,34 @@ int changed(void *self, std::uint32_t block)
     return block == 3 && s.start.integral > 1.0 ? refuse(self, "the start must be <= 1") : 0;
 }
 
-void enter_mode(State &s, std::int32_t mode)
+void enter_mode(State &s, std::uint32_t process, std::int32_t mode)
 {
-    s.mode = mode;
-    s.entered++;
+    s.mode[process] = mode;
+    s.entered[process]++;
 }
 
-// The mode 1 begins where the integral passes the limit; the event fires where color[0] is 7.
+std::uint32_t ticks(const State &s)
+{
+    return s.entered[0] + s.entered[1] + s.fired[0] + s.fired[1];
+}
+
+// The mode 1 begins where the integral passes the limit; events fire where color[0] is 7, and where u is.
 void run(Toy &toy)
 {
     State &s = toy.s;
     Output &out = s.output;
-    out.values = s.input.values;
-    out.seen = s.input.head;
+    const Input &in = s.inputs.input;
+    out.values = in.values;
+    out.seen = in.head;
+    out.commanded = s.inputs.command.head;
     out.t = s.next;
     for (std::size_t i = 0; i < 2; i++) {
-        out.integral[i] += s.gains.gain * s.input.values.f64[i];
+        out.integral[i] += s.gains.gain * in.values.f64[i];
     }
-    s.fired += s.input.values.color[0] == 7;
-    if (s.mode == 0 && out.integral[0] > s.gains.limit) {
-        enter_mode(s, 1);
+    s.fired[0] += in.values.color[0] == 7;
+    s.fired[1] += s.inputs.command.u == 7.0;
+    if (s.mode[0] == 0 && out.integral[0] > s.gains.limit) {
+        enter_mode(s, 0, 1);
         toy.host->log(toy.host->user, FMU_OK, "modes", "mode 1 begins");
     }
     std::memcpy(s.down, s.up, sizeof s.down);
@@ -171,12 +191,13 @@ int begin(void *self)
 {
     Toy &toy = *static_cast<Toy *>(self);
     State first{};
-    first.input = toy.s.input;
+    first.inputs = toy.s.inputs;
     first.gains = toy.s.gains;
     first.start = toy.s.start;
     toy.s = first;
     toy.s.output.integral[0] = toy.s.output.integral[1] = toy.s.start.integral;
     run(toy);
+    toy.host->log(toy.host->user, FMU_OK, "events", "the run begins");
     return 0;
 }
 
@@ -189,9 +210,9 @@ int advance(void *self, std::int64_t until, int stop, std::int64_t *reached)
     }
     s.n_down = 0;
     while (s.next <= until) {
-        const std::uint32_t before = s.entered + s.fired;
+        const std::uint32_t before = ticks(s);
         run(toy);
-        if (stop && s.entered + s.fired != before) {
+        if (stop && ticks(s) != before) {
             *reached = s.output.t;
             return 0;
         }
@@ -200,12 +221,12 @@ int advance(void *self, std::int64_t until, int stop, std::int64_t *reached)
     return 0;
 }
 
-int enter(void *self, std::uint32_t, std::int32_t mode)
+int enter(void *self, std::uint32_t process, std::int32_t mode)
 {
     if (mode < 0 || mode > 1) {
         return refuse(self, "the modes are 1 and 2");
     }
-    enter_mode(state(self), mode);
+    enter_mode(state(self), process, mode);
     return 0;
 }
 
@@ -266,10 +287,10 @@ extern "C" const FmuSystem fmu_system = {
     changed,
     begin,
     advance,
-    [](const void *self, std::uint32_t) { return state(self).mode; },
+    [](const void *self, std::uint32_t i) { return state(self).mode[i]; },
     enter,
-    [](const void *self, std::uint32_t) { return state(self).fired; },
-    [](const void *self, std::uint32_t) { return state(self).entered; },
+    [](const void *self, std::uint32_t i) { return state(self).fired[i]; },
+    [](const void *self, std::uint32_t i) { return state(self).entered[i]; },
     [](void *) { return sizeof(State); },
     save,
     restore,

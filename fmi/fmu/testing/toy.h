@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small system behind the functions of the standard: an integrator with instants at each 10 ms, a mode, an event,
+// A small system behind the functions of the standard: an integrator with instants at each 10 ms, modes, events,
 // parameters with rules, a text, an array of each type, and packets.
 #pragma once
 
@@ -43,19 +43,29 @@ struct Values {
     char text[8];
 };
 
-/** Block 0. */
 struct Input {
     Head head;
     Values values;
 };
+struct Command {
+    Head head;
+    double u;
+};
 
-/** Block 1: the heads and values of the input at the last instant, and the integral of values.f64. */
+/** Block 0: two messages. */
+struct Inputs {
+    Command command;
+    Input input;
+};
+
+/** Block 1: the values of the input at the last instant, the integral of values.f64, and what heads there were. */
 struct Output {
     Head head;
     Values values;
     double integral[2];
     std::int64_t t; ///< [ns] of the last instant
     Head seen;      ///< of the input at the last instant
+    Head commanded; ///< of the command
 };
 
 /** Block 2. Rules: 0 < gain < limit. */
@@ -73,6 +83,10 @@ struct Start {
 /** The variables, in the order of the layout. */
 enum Name {
     TIME,
+    COMMAND_T,
+    COMMAND_QUALITY,
+    COMMAND_SEQUENCE,
+    COMMAND_U,
     IN_T,
     IN_QUALITY,
     IN_SEQUENCE,
@@ -105,15 +119,22 @@ enum Name {
     SEEN_T,
     SEEN_QUALITY,
     SEEN_SEQUENCE,
+    COMMANDED_T,
+    COMMANDED_QUALITY,
     GAIN,
     LIMIT,
     LABEL,
     START,
     MODE,
     REQUEST,
+    OTHER_MODE,
+    OTHER_REQUEST,
     FIRED,
+    OTHER_FIRED,
     CLOCK_MODE,
+    OTHER_CLOCK_MODE,
     CLOCK_EVENT,
+    OTHER_CLOCK_EVENT,
     UPLINK,
     DOWNLINK,
     N_NAMES
