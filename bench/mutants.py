@@ -57,6 +57,7 @@ SEEN_FROM_PYTHON = {
             "missions/nadir_spin", "python/fledge/errors_test.py", "python/fledge/targets/reset_test.py"],
     "world": ["python/fledge/world", "missions/nadir_spin", "missions/flyby", "missions/two_body_pointing"],
     "cosim": ["python/fledge/cosim", "tests/cosim_nodes_test.py", "tests/cosim_missions_test.py"],
+    "fmi": ["fmi", "python/fledge/export/fmu", "python/fledge/fmi", "python/fledge/world"],
     "registers": ["python/fledge/export/board_test.py"],
     "introspect": ["python/fledge/objects"],
     "targets": ["python/fledge/targets", "python/fledge/export"],

@@ -23,8 +23,8 @@ import pytest
 from tests.tree import ROOT, files
 
 SUFFIXES = {".h", ".c", ".cpp", ".py"}
-PRODUCT = {"ccsds", "cosim", "emulator", "flight", "ground", "introspect", "options", "python", "record", "registers",
-           "sim", "targets", "world"}
+PRODUCT = {"ccsds", "cosim", "emulator", "flight", "fmi", "ground", "introspect", "options", "python", "record",
+           "registers", "sim", "targets", "world"}
 # Folders that are no entrance, and why.
 WITHOUT = {
     "emulator/tools": "is one program",
