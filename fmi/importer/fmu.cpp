@@ -24,8 +24,8 @@ std::shared_ptr<void> only(const FmuFile &file, const std::string &name)
     if (!living[file.library].expired()) {
         throw sim::SetupError(
             name + " (" + file.file +
-            "): the FMU may be in a program once (canBeInstantiatedOnlyOncePerProcess), and is there; "
-            "fly the other one as a node of its own (fledge up), and campaigns with workers=1");
+            "): the FMU may be in a program once (canBeInstantiatedOnlyOncePerProcess), and is there; it has no clones "
+            "and campaigns, and a second one flies as a node of its own (fledge up)");
     }
     const auto mark = std::make_shared<int>(0);
     living[file.library] = mark;
