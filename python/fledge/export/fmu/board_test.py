@@ -4,8 +4,12 @@ its bytes."""
 
 import ctypes
 import functools
+import re
+import struct
+import subprocess
 import xml.etree.ElementTree as xml
 import zipfile
+from dataclasses import replace
 
 import pytest
 
@@ -18,6 +22,9 @@ from fledge.export.fmu.flight_test import VERSIONS, Flight
 from fledge.targets import TARGETS
 from fledge.targets.reset_test import mission
 from fmi.testing.flying import Plan, importer, places
+
+SIZE, F64 = ctypes.c_size_t, ctypes.c_double
+LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 
 pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
 
@@ -91,29 +98,78 @@ def test_packets_pass_both_ways(flight, resetting, tmp_path):
 
 
 def fly_packets(board, packets, steps):
-    """Of each step of 1 s what flight sends, if it gets the packets before the first one; by the library itself."""
-    with zipfile.ZipFile(board.path) as archive:
-        archive.extractall(board.folder)
-    library = ctypes.CDLL(str(next(board.folder.glob("binaries/*/*_leon3.so"))))
-    token = xml.parse(board.folder / "modelDescription.xml").getroot().attrib["instantiationToken"]
-    instantiate, n, f64 = library.fmi3InstantiateCoSimulation, ctypes.c_size_t, ctypes.c_double
-    instantiate.restype = ctypes.c_void_p
-    fmu = ctypes.c_void_p(instantiate(b"flight", token.encode(), f"{board.folder}/resources/".encode(), False, False,
-                                      False, False, None, n(0), None, None, None))
+    """Of each step of 1 s what flight sends, if it gets the packets before the first one."""
+    library, fmu, _ = instance(board)
     uplink, downlink = (ctypes.byref(ctypes.c_uint32(board.places[f"flight.{name}"].reference))
                         for name in ("uplink", "downlink"))
-    size, data = n(len(packets)), ctypes.c_char_p(packets)
-    flags, last = [ctypes.byref(ctypes.c_bool())] * 3, ctypes.byref(f64())
-    value = n(1), ctypes.byref(size), ctypes.byref(data), n(1)
-    assert library.fmi3EnterInitializationMode(fmu, False, f64(), f64(), False, f64()) == 0
-    assert library.fmi3ExitInitializationMode(fmu) == 0 and library.fmi3SetBinary(fmu, uplink, *value) == 0
+    size, data = SIZE(len(packets)), ctypes.c_char_p(packets)
+    flags, last = [ctypes.byref(ctypes.c_bool())] * 3, ctypes.byref(F64())
+    value = SIZE(1), ctypes.byref(size), ctypes.byref(data), SIZE(1)
+    assert start(library, fmu) == 0 and library.fmi3SetBinary(fmu, uplink, *value) == 0
     found = []
     for step in range(steps):
-        assert library.fmi3DoStep(fmu, f64(step), f64(1), True, *flags, last) == 0
+        assert library.fmi3DoStep(fmu, F64(step), F64(1), True, *flags, last) == 0
         assert library.fmi3GetBinary(fmu, downlink, *value) == 0
         found.append(ctypes.string_at(data, size.value))
     library.fmi3FreeInstance(fmu)
     return found
+
+
+def instance(board):
+    """(the library, an instance, the lines of its log), without the importer in C."""
+    with zipfile.ZipFile(board.path) as archive:
+        archive.extractall(board.folder)
+    library = ctypes.CDLL(str(next(board.folder.glob("binaries/*/*_leon3.so"))))
+    token = xml.parse(board.folder / "modelDescription.xml").getroot().attrib["instantiationToken"]
+    lines = []
+    library.log = LOG(lambda _, status, category, text: lines.append(f"{category.decode()}: {text.decode()}"))
+    library.fmi3InstantiateCoSimulation.restype = ctypes.c_void_p
+    fmu = library.fmi3InstantiateCoSimulation(b"flight", token.encode(), f"{board.folder}/resources/".encode(), False,
+                                              True, False, False, None, SIZE(0), None, library.log, None)
+    return library, ctypes.c_void_p(fmu), lines
+
+
+def start(library, fmu):
+    return (library.fmi3EnterInitializationMode(fmu, False, F64(), F64(), False, F64())
+            or library.fmi3ExitInitializationMode(fmu))
+
+
+def test_a_parameter_that_breaks_its_rule_is_refused(flight, tmp_path):
+    board = flight("nadir_spin", tmp_path)
+    library, fmu, lines = instance(board)
+    gain = ctypes.byref(ctypes.c_uint32(board.places["flight.control.K"].reference))
+    assert library.fmi3SetFloat64(fmu, gain, SIZE(1), ctypes.byref(F64(-2)), SIZE(1)) == 0
+    assert start(library, fmu) != 0
+    assert any(re.search(r"errors: flight\.control\.K must be .*> 0 N m; found -2$", line) for line in lines), lines
+    library.fmi3FreeInstance(fmu)
+
+
+@pytest.mark.parametrize("words, error", [
+    ((0, 0), "the processor is in its error mode, at 0x[0-9a-f]+ leon3_halt"),
+    ((0x10800000, 0x01000000), "the processor runs, at 0x[0-9a-f]+ mrp_feedback_update")])
+def test_a_program_that_fails_is_an_error_that_says_where(flight, tmp_path, words, error):
+    """By an instruction that is none, of which the program tells the console, and by a branch to itself."""
+    board = flight("nadir_spin", tmp_path)
+    changed = {**board.system.resources, "flight.elf": damaged(board.system.resources["flight.elf"], words)}
+    board.path = export(replace(board.system, resources=changed), tmp_path / "damaged.fmu")
+    library, fmu, lines = instance(board)
+    assert start(library, fmu) == 3
+    assert any(re.search(f"flight did not answer .*, in the tick at 0 s: {error}", line) for line in lines), lines
+    assert any(line.startswith("console: trap 0x00000002 at ") for line in lines) == (words == (0, 0))
+    library.fmi3FreeInstance(fmu)
+
+
+def damaged(program, words):
+    """The bytes of a program with other instructions at the beginning of the control law."""
+    def output(name, *options):
+        return subprocess.run([f"sparc64-linux-gnu-{name}", *options, program], check=True, capture_output=True,
+                              text=True).stdout
+
+    place = int(re.search(r"(\w+) T mrp_feedback_update", output("nm"))[1], 16)
+    sections = re.search(r"\.text +\w+ +(\w+) +\w+ +(\w+)", output("objdump", "-hw"))
+    at = place - int(sections[1], 16) + int(sections[2], 16)
+    content = program.read_bytes()
+    return content[:at] + struct.pack(">2I", *words) + content[at + 8:]
 
 
 def test_on_aarch64_the_same_bits(flight, tmp_path):
