@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 
 
 def board_fmu(mission: str, process: str | None = None, boards: Sequence[Path | str] = (),
-              folder: Path | str | None = None, roots: Sequence[Path] = (), **parameters: Any) -> System:
+              folder: Path | str | None = None, roots: Sequence[Path] = (), heads: bool = True,
+              **parameters: Any) -> System:
     """The system of a flight process that runs on the emulated LEON3.
 
     process: None: the only one. boards: files of boards that its messages pass; none: one that carries them whole.
-    folder: for what is built; default: runs/MISSION/fmu. parameters: of the mission, as fledge.load() takes them.
-    Raises SetupError, Failure.
+    folder: for what is built; default: runs/MISSION/fmu. heads: see variables.listed(). parameters: of the mission, as
+    fledge.load() takes them. Raises SetupError, Failure.
     """
     [target] = TARGETS.ready(["leon3"], "export fmu")
     job = Job(mission, folder=folder or Path("runs") / Path(mission).name / "fmu", duration=1.0, free=True,
@@ -38,7 +39,7 @@ def board_fmu(mission: str, process: str | None = None, boards: Sequence[Path | 
         raise Failure(f"{mission} has several flight processes; name one: {', '.join(p.process for p in job.parts)}")
     part = job.part(process) if process else job.parts[0]
     target.check(part)
-    variables = exported.layout(part.mission)
+    variables = exported.layout(part.mission, heads)
     packets = {name: text for name, text in part.files.items() if name.endswith(".json")}
     return System(exported.facts(part.mission, "leon3"), variables,
                   resources={"flight.elf": target.build(part), "board.toml": BOARD, **packets},

@@ -29,15 +29,15 @@ if TYPE_CHECKING:
 SYSTEM = [*FUNCTIONS, "fmi/fmu/mission.c", *COMMAND]
 
 
-def flight_fmu(sim: Any, process: str | None = None, roots: Sequence[Path] = ()) -> System:
-    """The system of a flight process of a simulation which has not run. roots: of projects whose modules it has. Raises
-    SetupError."""
+def flight_fmu(sim: Any, process: str | None = None, roots: Sequence[Path] = (), heads: bool = True) -> System:
+    """The system of a flight process of a simulation which has not run. roots: of projects whose modules it has; heads:
+    see variables.listed(). Raises SetupError."""
     mission = read(sim, process)
     mission.form = "fmu"
     refuse_scripts(mission)
     if (frames := dictionary(mission).frames) is not None and frames.secured:
         raise ExportError(f"{mission.title}: its link secures frames, and an FMU has no keys: export it without")
-    variables, roots = layout(mission), [*(root.resolve() for root in roots), ROOT]
+    variables, roots = layout(mission, heads), [*(root.resolve() for root in roots), ROOT]
     sources = [*module_sources(mission, roots), *math_sources(), *(ROOT / path for path in SYSTEM)]
     named = {next(path.relative_to(root).as_posix() for root in roots if path.is_relative_to(root)): path
              for path in sources}
@@ -54,7 +54,7 @@ def facts(mission: Mission, on: str = "") -> Facts:
     return Facts(name, identifier(name), mission.about, f"Fledge {__version__}", gcd(*times) / 1e9)
 
 
-def layout(mission: Mission) -> Layout:
+def layout(mission: Mission, heads: bool = True) -> Layout:
     """Its variables. Blocks of memory are those of the parameters, then the messages."""
     owners = [m for m in mission.modules if m.fields("par")]
     blocks = [Parameters(m.path, m.struct, i, -parameters(m.struct)[1], m.memory, left_out=UNWRITTEN.get(m.type, ()))
@@ -64,7 +64,7 @@ def layout(mission: Mission) -> Layout:
                 for i, m in enumerate((*mission.inputs, *mission.outputs), len(owners))]
     modes = [Process(mission.process, [mission.mode_titles[mode] for mode in mission.modes])] if mission.modes else []
     return listed(messages, blocks, modes, [Event(mission.process, e.title, e.when) for e in mission.events],
-                  {mission.process: dictionary(mission).room})
+                  {mission.process: dictionary(mission).room}, heads)
 
 
 def emit(mission: Mission, variables: Layout, token: str) -> dict[str, str]:

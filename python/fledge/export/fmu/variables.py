@@ -120,9 +120,10 @@ class Layout:
 
 
 def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), processes: Sequence[Process] = (),
-           events: Sequence[Event] = (), packets: Mapping[str, int] = {}) -> Layout:
+           events: Sequence[Event] = (), packets: Mapping[str, int] = {}, heads: bool = True) -> Layout:
     """The variables of all these, in this order. `spare` fields are left out. packets: process -> [bytes] of packets
-    that it takes at an instant, of those that exchange them with the ground."""
+    that it takes at an instant, of those that exchange them with the ground. heads: whether those of inputs are
+    variables, too; else the FMU makes them."""
     variables: list[Variable] = []
     placed: list[Message] = []
     messages, parameters = list(messages), list(parameters)
@@ -141,8 +142,9 @@ def listed(messages: Iterable[Message], parameters: Iterable[Parameters] = (), p
     for message in messages:
         first = len(variables)
         memory = message.start or bytes(message.struct.size)
-        add(_fields(message.struct.fields, message.path, memory, message.offset, role=message.role,
-                    block=message.block))
+        own = _fields(message.struct.fields, message.path, memory, message.offset, role=message.role,
+                      block=message.block)
+        add(v for v in own if heads or message.role != "input" or not v.name.startswith(f"{message.path}.head."))
         placed.append(replace(message, first=first, n=len(variables) - first))
     for each in parameters:
         add(_parameters(each))
