@@ -62,7 +62,7 @@ def add(command: Callable) -> None:
     sub.add_argument("--yamcs", action="store_true", help="xtce: also an instance of Yamcs, in DIR/yamcs")
     sub.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
     sub.add_argument("--fmi", choices=["3", "2"], help="fmu: the version of the standard, 3.0 or 2.0; default: 3")
-    sub.add_argument("--sources", action="store_true", help="fmu: with all its C, for importers on other systems")
+    sub.add_argument("--sources", action="store_true", help="fmu: with all its C and C++, for other systems")
     sub.add_argument("--platform", metavar="NAMES", help="fmu: of which machines to have the library, as in "
                      "x86_64,aarch64; default: this one's")
     sub.add_argument("--on", choices=["leon3"], help="fmu: flight on the emulated computer of this target")
@@ -184,7 +184,7 @@ def export_fmu(options: argparse.Namespace) -> int:
     else:
         from fledge.export.fmu.composition import simulation_fmu
 
-        system = simulation_fmu(sim, options.process)
+        system = simulation_fmu(sim, options.process, options.sources)
     path = Path(options.out or Path("runs") / sim.name / "fmu" / f"{system.facts.identifier}.fmu")
     if path.suffix != ".fmu":
         raise Failure(f"export fmu: --out is a file, NAME.fmu; found {path}")

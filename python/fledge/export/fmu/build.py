@@ -16,7 +16,7 @@ from pathlib import Path
 from fledge.disk import ROOT, build_folder, write_files
 from fledge.errors import Failure
 from fledge.export.fmu.archive import Content, content_of, write_archive
-from fledge.export.fmu.description import Facts, build_description, description, terminals
+from fledge.export.fmu.description import LANGUAGES, Facts, build_description, description, terminals
 from fledge.export.fmu.variables import Layout
 from fledge.export.read import INCLUDE
 from fledge.targets.build import program
@@ -26,7 +26,7 @@ PLATFORMS = ("x86_64", "aarch64")
 # The folders of their libraries, by FMI 2.0. It has no name for others than x86_64; they have those of FMI 3.0.
 FOLDERS2 = {"x86_64": "linux64"}
 # What an importer needs to get the same bits from the sources.
-OPTIONS = "-std=c99 -O2 -fPIC -ffp-contract=off -fno-math-errno"
+OPTIONS = "-O2 -DNDEBUG -fPIC -fvisibility=hidden -ffp-contract=off -fno-math-errno"
 # The functions of the standard.
 FUNCTIONS = [f"fmi/fmu/{name}.c" for name in ("fmi2", "fmi3", "fmu", "saved", "values")]
 
@@ -136,7 +136,7 @@ def closure(sources: Sequence[Path], code: Mapping[str, str], roots: Sequence[Pa
 
 
 def _compiled(whole: Mapping[str, Content]) -> list[str]:
-    return sorted(name for name in whole if name.endswith(".c"))
+    return sorted(name for name in whole if name.endswith(tuple(LANGUAGES)))
 
 
 def _token(system: System, sources: Mapping[str, Content], libraries: Mapping[str, Sequence[Path]]) -> str:

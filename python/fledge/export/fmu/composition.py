@@ -4,16 +4,17 @@ without Python. fmi/simulation/composition.h has what is no data, and so is refu
 from __future__ import annotations
 
 import json
-import platform as machine
+import re
+import subprocess
 from collections.abc import Sequence
 from math import gcd
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import __version__, objects
-from fledge.disk import build_folder
+from fledge.disk import ROOT, build_folder
 from fledge.errors import Failure, SetupError
-from fledge.export.fmu.build import System
+from fledge.export.fmu.build import System, closure, prebuilt
 from fledge.export.fmu.description import Facts
 from fledge.export.fmu.variables import Event, Layout, Message, Parameters, Process, listed
 from fledge.export.names import identifier
@@ -24,12 +25,17 @@ from fledge.objects import project
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
 
-LIBRARY = "libfledge_fmu_simulation.so"     # beside the extension; of another platform in build/PLATFORM/python
+LIBRARY = "libfledge_fmu_simulation.so"
+# What its sources need besides Fledge's.
+NEEDS = {"erfa": "ERFA 2.0 (liberfa-dev)",
+         "Eigen3": "Eigen 3.4, headers alone (libeigen3-dev): an include directory, as /usr/include/eigen3",
+         "nlohmann_json": "JSON for Modern C++ 3.11, headers alone (nlohmann-json3-dev)"}
 
 
-def simulation_fmu(sim: Simulation, process: str | None = None) -> System:
+def simulation_fmu(sim: Simulation, process: str | None = None, sources: bool = False) -> System:
     """The system of a process of a simulation which has not run, or of all of them, in one FMU. What other processes
-    give to that process comes from outside. Raises SetupError for what is no data, and for what a run would refuse."""
+    give to that process comes from outside. sources: with those of the kernel, from the build. Raises SetupError for
+    what is no data, and for what a run would refuse."""
     sim.check()
     inside = [p for p in sim.processes if process in (None, p.name)]
     for flight in inside:
@@ -40,6 +46,9 @@ def simulation_fmu(sim: Simulation, process: str | None = None) -> System:
     packets = {f"{sim.name}_packets.json": commanded.commands.dictionary.text()} if commanded else {}
     text, files = sim.composition(process)
     tables = _libraries(sim.processes)
+    if sources and tables:
+        raise Failure(f"export fmu: it has types of {', '.join(tables)}, of the project, whose sources Fledge does not "
+                      "list; leave out --sources")
     variables = layout(sim, process)
     composition = json.loads(text) | {
         "libraries": {name: path.name for name, path in tables.items()},
@@ -49,11 +58,11 @@ def simulation_fmu(sim: Simulation, process: str | None = None) -> System:
     times = [time for p in inside for task in p.tasks for time in (task.period, task.offset) if time]
     name = sim.name if process is None else f"{sim.name} {process}"
     facts = Facts(name, identifier(name.replace(" ", "_")), sim.mission.summaries()[""] if sim.mission else "",
-                  f"Fledge {__version__}", gcd(*times) / 1e9)
-    return System(facts, variables,
+                  f"Fledge {__version__}", gcd(*times) / 1e9, needs=NEEDS)
+    return System(facts, variables, sources=kernel_sources() if sources else {},
                   resources={"composition.json": json.dumps(composition, separators=(",", ":")),
                              **packets, **{name: Path(path) for path, name in files}},
-                  libraries=lambda platform: [_library(platform), *tables.values()])
+                  libraries=lambda platform: [prebuilt(LIBRARY, platform), *tables.values()])
 
 
 def layout(sim: Simulation, process: str | None = None) -> Layout:
@@ -102,7 +111,11 @@ def _libraries(processes: Sequence[Any]) -> dict[str, Path]:
     types = project.owners()
     found = {}
     for instance in (x for p in processes for x in p):
-        type_ = objects.struct(instance).name
+        struct = objects.struct(instance)
+        type_ = struct.name
+        if struct.header.endswith(".fmu"):
+            raise SetupError(f"{objects.path(instance)} is {Path(struct.header).name}, and an FMU has no other inside: "
+                             "export the processes without it, and connect all FMUs in the importer")
         if type_ not in types:
             raise SetupError(f"{objects.path(instance)} is of the type {type_}, which was made in Python: an FMU flies "
                              "types of headers alone")
@@ -111,10 +124,16 @@ def _libraries(processes: Sequence[Any]) -> dict[str, Path]:
     return found
 
 
-def _library(platform: str) -> Path:
-    native, build = platform == machine.machine(), build_folder()
-    path = (build if native else build.with_name(platform)) / "python" / LIBRARY
-    if not path.is_file():
-        how = "./fledge setup builds it" if native else f"cmake/{platform}.cmake says how to build it"
-        raise Failure(f"export fmu: {path} is not there; {how}")
-    return path
+def kernel_sources() -> dict[str, Path]:
+    """All files of which the build makes the library, by their names under the root or the build's folder."""
+    folder = build_folder()
+    if not (folder / "build.ninja").is_file():
+        raise Failure(f"export fmu: --sources lists what the build compiles, and {folder} is no folder of a build: "
+                      "export from a checkout of Fledge")
+    commands = subprocess.run(["ninja", "-C", folder, "-t", "commands", f"python/{LIBRARY}"], capture_output=True,
+                              text=True, check=True).stdout
+    found: list[Path] = []
+    for name in re.findall(r" -c (\S+)$", commands, re.MULTILINE):
+        together = re.findall(r'^#include "(/.*)"$', (folder / name).read_text("utf-8"), re.MULTILINE)
+        found += [Path(each) for each in together] or [folder / name]   # CMake compiles several C++ files as one
+    return closure(found, {}, [folder, ROOT])

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+import posixpath
+import re
 import shutil
+import zipfile
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
 import fledge
-from fledge import _core, prototype
-from fledge.errors import CompositionError, SetupError
+from fledge import _core, prototype, world
+from fledge.disk import ROOT
+from fledge.errors import CompositionError, Failure, SetupError
 from fledge.export.fmu.build import export
 from fledge.export.fmu.composition import layout, simulation_fmu
 from fledge.export.fmu.mission import flight_fmu
 from fledge.units import s
+from fmi.testing import oscillator
 from fmi.testing.flying import Failed, Plan, content, hashes, of, places
 
 MISSIONS = sorted(path.parent.name for path in Path(fledge.__file__).parents[2].glob("missions/*/scenarios.py"))
@@ -153,6 +159,45 @@ def test_what_is_no_data_is_refused_with_its_lines(tmp_path: Path) -> None:
                     enter=None, disarm=["close"])
     with pytest.raises(SetupError, match="world.close depends on flight.control, of another process"):
         simulation_fmu(sim, "world")
+
+
+@pytest.mark.parametrize("process", [None, "world"])
+def test_an_fmu_inside_is_refused(process: str | None, tmp_path: Path) -> None:
+    sim = fledge.load("nadir_spin")
+    sim.world.spring = world.Fmu(oscillator.make(tmp_path))
+    sim.world.task("spring", every=1 * s, run=[sim.world.spring])
+    with pytest.raises(SetupError, match="^world.spring is oscillator.fmu, .*: export the processes without it, .*$"):
+        simulation_fmu(sim, process)
+
+
+@pytest.mark.parametrize("version", ["3", "2"])
+def test_the_sources_are_whole(version: str, tmp_path: Path) -> None:
+    """All files to compile are there, each header that they include, and what defines the functions of a header."""
+    path = export(simulation_fmu(fledge.load("sun_safe"), "world", sources=True), tmp_path / "x.fmu", version,
+                  sources=True)
+    with zipfile.ZipFile(path) as archive:
+        files = {name.removeprefix("sources/"): archive.read(name).decode() for name in archive.namelist()
+                 if name.startswith("sources/")}
+        description = archive.read("modelDescription.xml").decode()
+    root = ElementTree.fromstring(description if version == "2" else files.pop("buildDescription.xml"))
+    listed = {element.attrib["name"] for element in root.iter("File" if version == "2" else "SourceFile")}
+    assert listed == {name for name in files if name.endswith((".c", ".cpp"))}
+    assert {"fmi/fmu/fmi3.c", "fmi/simulation/system.cpp", "sim/simulation.cpp", "world/world_models.cpp",
+            "introspect/world_tables.c"} <= listed
+    for name, text in files.items():
+        for other in re.findall(r'^\s*#\s*include\s*"([^"]+)"', text, re.MULTILINE):
+            assert posixpath.normpath(f"{posixpath.dirname(name)}/{other}") in files or other in files, (name, other)
+        code = [f"{name[:-2]}{suffix}" for suffix in (".c", ".cpp") if name.startswith(("sim/", "world/", "flight/"))]
+        assert all(other in listed for other in code if (ROOT / other).is_file()), code
+
+
+def test_sources_that_no_build_lists_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("fledge.export.fmu.composition.build_folder", lambda: tmp_path)
+    with pytest.raises(Failure, match=f"what the build compiles, and {tmp_path} is no folder of a build"):
+        simulation_fmu(fledge.load("sun_safe"), sources=True)
+    monkeypatch.setattr("fledge.export.fmu.composition._libraries", lambda processes: {"libSAT.so": tmp_path})
+    with pytest.raises(Failure, match="it has types of libSAT.so, of the project, .*; leave out --sources"):
+        simulation_fmu(fledge.load("sun_safe"), sources=True)
 
 
 @pytest.mark.parametrize("change, words", [

@@ -9,8 +9,8 @@ variables are those whose names begin with the path. An input that flight sees l
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field as with_default, replace
 from itertools import product
 from typing import Any
 from xml.etree import ElementTree
@@ -28,6 +28,7 @@ TAGS3 = {"f64": "Float64", "f32": "Float32", "char": "String", "enum": "Enumerat
             for bits in (8, 16, 32, 64)}}
 TAGS2 = {"f64": "Real", "f32": "Real", "u32": "Real", "i64": "Real", "u64": "Real", "char": "String",
          "enum": "Enumeration", **dict.fromkeys(("i8", "u8", "i16", "u16", "i32"), "Integer")}
+LANGUAGES = {".c": "C99", ".cpp": "C++20"}
 PACKETS = "application/vnd.ccsds.space-packet"
 CATEGORIES = {"modes": "modes that begin", "events": "events that fire", "commands": "commands that are refused",
               "console": "what a flight computer prints", "warnings": "what the importer should look at",
@@ -44,6 +45,8 @@ class Facts:
     step: float                 # [s]
     stop: float | None = None   # [s]
     sources: Sequence[str] = ()     # files to compile, from the folder sources on
+    #: libraries that the sources need and which are not among them: name -> what to do
+    needs: Mapping[str, str] = with_default(default_factory=dict)
 
 
 def description(facts: Facts, layout: Layout, version: str, token: str) -> str:
@@ -67,13 +70,20 @@ def terminals(layout: Layout) -> str:
 
 
 def build_description(facts: Facts, options: str) -> str:
-    """sources/buildDescription.xml of FMI 3.0. options: of a compiler of C99."""
+    """sources/buildDescription.xml of FMI 3.0. options: of the compilers, besides the language."""
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     build = ElementTree.SubElement(root, "BuildConfiguration", {"modelIdentifier": facts.identifier})
-    files = ElementTree.SubElement(build, "SourceFileSet", {"language": "C99", "compilerOptions": options})
-    for name in facts.sources:
-        ElementTree.SubElement(files, "SourceFile", {"name": name})
-    ElementTree.SubElement(files, "IncludeDirectory", {"name": "."})
+    for suffix, language in LANGUAGES.items():
+        names = [name for name in facts.sources if name.endswith(suffix)]
+        if not names:
+            continue
+        files = ElementTree.SubElement(build, "SourceFileSet", {
+            "language": language, "compilerOptions": f"-std={language.lower()} {options}"})
+        for name in names:
+            ElementTree.SubElement(files, "SourceFile", {"name": name})
+        ElementTree.SubElement(files, "IncludeDirectory", {"name": "."})
+    for name, about in facts.needs.items():
+        ElementTree.SubElement(build, "Library", {"name": name, "external": "true", "description": about})
     return _text(root)
 
 

@@ -100,7 +100,8 @@ def test_the_schemas_of_the_standard_hold(processes, tmp_path):
         texts = {"3.0/fmi3ModelDescription.xsd": description(about, variables, "3.0", "0"),
                  "2.0/fmi2ModelDescription.xsd": description(about, variables, "2.0", "0"),
                  "3.0/fmi3TerminalsAndIcons.xsd": terminals(variables),
-                 "3.0/fmi3BuildDescription.xsd": build_description(replace(about, sources=["a.c"]), "-O2")}
+                 "3.0/fmi3BuildDescription.xsd": build_description(
+                     replace(about, sources=["a.c", "b.cpp"], needs={"m": "of C"}), "-O2")}
         for schema, text in texts.items():
             (tmp_path / "file.xml").write_text(text, encoding="utf-8")
             subprocess.run(["xmllint", "--noout", "--schema", DATA / schema, tmp_path / "file.xml"], check=True)

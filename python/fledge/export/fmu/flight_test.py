@@ -24,9 +24,9 @@ VERSIONS = pytest.mark.parametrize("version", ["3", "2"])
 
 
 @functools.cache
-def exported(mission, version="3", platform=None, sources=False):
+def exported(mission, version="3", platform=None, sources=False, heads=True):
     """(layout, step [s], path) of a mission's flight as an FMU, which is built once."""
-    system = flight_fmu(fledge.load(mission))
+    system = flight_fmu(fledge.load(mission), heads=heads)
     path = Path(tempfile.mkdtemp(prefix="fmu-"), f"{mission}.fmu")
     return system.layout, system.facts.step, export(system, path, version, [platform] if platform else [], sources)
 
@@ -82,6 +82,13 @@ class Flight:
 def test_every_output_has_the_bytes_of_the_desktop(tmp_path, version):
     """In two instances, which also go back to states, and on by their bytes."""
     Flight("nadir_spin", tmp_path, version).fly(200, sets=2, states=30)
+
+
+def test_an_importer_that_cannot_give_heads_leaves_them_to_the_fmu(tmp_path):
+    """Flight takes its inputs for good and new, as those of the desktop are."""
+    flight = Flight("nadir_spin", tmp_path, heads=False)
+    assert not any(v.name.startswith("world.") and ".head." in v.name for v in flight.layout.variables)
+    flight.fly(100, sets=2, states=10)
 
 
 def test_a_reset_of_the_computer_begins_flight_anew(tmp_path):
@@ -158,7 +165,7 @@ def test_the_sources_compile_anywhere_and_fly_alike(tmp_path, compiler):
     library = next((tmp_path / "fmu/binaries").rglob("*.so"))
     library.unlink()
     strict = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
-    subprocess.run([compiler, *OPTIONS.split(), *strict, "-shared", "-I.", *sources, "-o", library],
+    subprocess.run([compiler, "-std=c99", *OPTIONS.split(), *strict, "-shared", "-I.", *sources, "-o", library],
                    cwd=tmp_path / "fmu/sources", check=True)
     files = {path.relative_to(tmp_path / "fmu").as_posix(): path for path in (tmp_path / "fmu").rglob("*")
              if path.is_file()}
