@@ -47,7 +47,18 @@ struct Watch {
 
 std::atomic<Ns> update_limit{0};
 
-thread_local Thread *own [[gnu::tls_model("initial-exec")]] = nullptr; ///< a handler may read it at any time
+// Where a handler may read at any time: a key, because thread_local memory that is there from the beginning
+// (initial-exec) is scarce in libraries that a program loads, as FMUs are.
+const pthread_key_t own_key = [] {
+    pthread_key_t key{};
+    pthread_key_create(&key, nullptr);
+    return key;
+}();
+
+Thread *own()
+{
+    return static_cast<Thread *>(pthread_getspecific(own_key));
+}
 
 void Watch::begin()
 {
@@ -56,8 +67,8 @@ void Watch::begin()
         watched = false;
         threads.clear();
     }
-    if (own && std::find(threads.begin(), threads.end(), own) == threads.end()) {
-        threads.push_back(own);
+    if (own() && std::find(threads.begin(), threads.end(), own()) == threads.end()) {
+        threads.push_back(own());
     }
 }
 
@@ -104,7 +115,7 @@ Thread::Thread()
         }
     }
     const std::lock_guard lock(watch().mutex);
-    own = this;
+    pthread_setspecific(own_key, this);
     watch().begin();
 }
 
@@ -113,7 +124,7 @@ Thread::~Thread()
     {
         const std::lock_guard lock(watch().mutex);
         std::erase(watch().threads, this);
-        own = nullptr;
+        pthread_setspecific(own_key, nullptr);
     }
     stack_t now{};
     if (stack != MAP_FAILED && sigaltstack(nullptr, &now) == 0) {
@@ -185,8 +196,8 @@ private:
 const char *name_of(int signal, const siginfo_t &about)
 {
     // A large frame leaps over the guard below the stack.
-    const auto below = own->lowest - reinterpret_cast<std::uintptr_t>(about.si_addr);
-    const bool beyond = own->lowest && below + (1 << 16) < (1 << 24);
+    const auto below = own()->lowest - reinterpret_cast<std::uintptr_t>(about.si_addr);
+    const bool beyond = own()->lowest && below + (1 << 16) < (1 << 24);
     switch (signal) {
     case SIGSEGV: return about.si_code > 0 && beyond ? "stack overflow" : "segmentation fault (SIGSEGV)";
     case SIGBUS: return "bus error (SIGBUS)";
@@ -201,7 +212,7 @@ const char *name_of(int signal, const siginfo_t &about)
 
 void report(int signal, const siginfo_t &about)
 {
-    const Running &now = own->running;
+    const Running &now = own()->running;
     const Instance *instance = now.instance;
     const Task *task = now.task;
     const char *const function = now.function;
@@ -248,7 +259,7 @@ void report(int signal, const siginfo_t &about)
 void handle(int signal, siginfo_t *about, void *)
 {
     const int error = errno;
-    if (own && (signal != SIGXCPU || own->late)) {
+    if (own() && (signal != SIGXCPU || own()->late)) {
         static std::atomic_flag reported;
         if (!reported.test_and_set()) {
             report(signal, *about);
