@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Options that a form has alone.
 OWN = {"cfs": ("app", "topic", "wakeup", "input", "keep", "beside", "simulated", "order"),
        "micropython": ("development",), "xtce": ("yamcs", "cosmos"),
-       "fmu": ("fmi", "sources", "platform", "on")}
+       "fmu": ("fmi", "sources", "no_heads", "platform", "on")}
 
 
 def add(command: Callable) -> None:
@@ -63,6 +63,8 @@ def add(command: Callable) -> None:
     sub.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
     sub.add_argument("--fmi", choices=["3", "2"], help="fmu: the version of the standard, 3.0 or 2.0; default: 3")
     sub.add_argument("--sources", action="store_true", help="fmu: with all its C and C++, for other systems")
+    sub.add_argument("--no-heads", action="store_true", help="fmu: the FMU gives inputs their heads, for "
+                     "importers that set every input, as Simulink does")
     sub.add_argument("--platform", metavar="NAMES", help="fmu: of which machines to have the library, as in "
                      "x86_64,aarch64; default: this one's")
     sub.add_argument("--on", choices=["leon3"], help="fmu: flight on the emulated computer of this target")
@@ -91,7 +93,7 @@ def export(options: argparse.Namespace) -> int:
     for form, names in OWN.items():
         for name in names:
             if options.form != form and getattr(options, name):
-                raise Failure(f"export {options.form}: --{name} is for `export {form}`")
+                raise Failure(f"export {options.form}: --{name.replace('_', '-')} is for `export {form}`")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
@@ -177,14 +179,15 @@ def export_fmu(options: argparse.Namespace) -> int:
     if options.on:
         from fledge.export.fmu.board import board_fmu
 
-        system = board_fmu(options.mission, options.process, options.board or (), **given_parameters(options))
+        system = board_fmu(options.mission, options.process, options.board or (), heads=not options.no_heads,
+                           **given_parameters(options))
     elif options.process in flights:
         ours = project.folder()
-        system = flight_fmu(sim, options.process, [ours] if ours else [])
+        system = flight_fmu(sim, options.process, [ours] if ours else [], not options.no_heads)
     else:
         from fledge.export.fmu.composition import simulation_fmu
 
-        system = simulation_fmu(sim, options.process, options.sources)
+        system = simulation_fmu(sim, options.process, options.sources, not options.no_heads)
     path = Path(options.out or Path("runs") / sim.name / "fmu" / f"{system.facts.identifier}.fmu")
     if path.suffix != ".fmu":
         raise Failure(f"export fmu: --out is a file, NAME.fmu; found {path}")

@@ -32,10 +32,10 @@ NEEDS = {"erfa": "ERFA 2.0 (liberfa-dev)",
          "nlohmann_json": "JSON for Modern C++ 3.11, headers alone (nlohmann-json3-dev)"}
 
 
-def simulation_fmu(sim: Simulation, process: str | None = None, sources: bool = False) -> System:
+def simulation_fmu(sim: Simulation, process: str | None = None, sources: bool = False, heads: bool = True) -> System:
     """The system of a process of a simulation which has not run, or of all of them, in one FMU. What other processes
-    give to that process comes from outside. sources: with those of the kernel, from the build. Raises SetupError for
-    what is no data, and for what a run would refuse."""
+    give to that process comes from outside. sources: with those of the kernel, from the build; heads: see
+    variables.listed(). Raises SetupError for what is no data, and for what a run would refuse."""
     sim.check()
     inside = [p for p in sim.processes if process in (None, p.name)]
     for flight in inside:
@@ -49,7 +49,7 @@ def simulation_fmu(sim: Simulation, process: str | None = None, sources: bool = 
     if sources and tables:
         raise Failure(f"export fmu: it has types of {', '.join(tables)}, of the project, whose sources Fledge does not "
                       "list; leave out --sources")
-    variables = layout(sim, process)
+    variables = layout(sim, process, heads)
     composition = json.loads(text) | {
         "libraries": {name: path.name for name, path in tables.items()},
         "fmu": variables.rows() | {"processes": [p.name for p in variables.processes],
@@ -65,7 +65,7 @@ def simulation_fmu(sim: Simulation, process: str | None = None, sources: bool = 
                   libraries=lambda platform: [prebuilt(LIBRARY, platform), *tables.values()])
 
 
-def layout(sim: Simulation, process: str | None = None) -> Layout:
+def layout(sim: Simulation, process: str | None = None, heads: bool = True) -> Layout:
     """Its variables: messages from outside, those of its modules and models, and their parameters. Blocks of memory are
     all instances, in the order of their processes."""
     blocks = {objects.path(instance): (i, instance) for i, instance in enumerate(x for p in sim.processes for x in p)}
@@ -98,7 +98,7 @@ def layout(sim: Simulation, process: str | None = None) -> Layout:
     events = [Event(p.name, event.name, event.text) for p in inside for event in p.events.values()]
     commanded = _commanded(sim, process)
     return listed(messages, parameters, modes, events,
-                  {commanded.name: commanded.commands.dictionary.room} if commanded else {})
+                  {commanded.name: commanded.commands.dictionary.room} if commanded else {}, heads)
 
 
 def _commanded(sim: Simulation, process: str | None) -> Flight | None:
