@@ -474,7 +474,7 @@ def test_a_library_of_other_models_is_refused(tmp_path):
         const struct { uint32_t version, n; const void *types; } fledge_models_old = {99, 0, 0};
         """)
     subprocess.run(["gcc", "-shared", "-fPIC", "-I", ROOT, "-o", tmp_path / "old.so", tmp_path / "old.c"], check=True)
-    with pytest.raises(SetupError, match="old was built for version 99 of the models, this is version 2"):
+    with pytest.raises(SetupError, match="old was built for version 99 of the models, this is version 3"):
         objects.load_library(str(tmp_path / "old.so"), "old")
 
 
