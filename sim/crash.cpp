@@ -49,15 +49,22 @@ std::atomic<Ns> update_limit{0};
 
 // Where a handler may read at any time: a key, because thread_local memory that is there from the beginning
 // (initial-exec) is scarce in libraries that a program loads, as FMUs are.
-const pthread_key_t own_key = [] {
-    pthread_key_t key{};
-    pthread_key_create(&key, nullptr);
-    return key;
-}();
+pthread_key_t own_key;
+
+/// Whether there is a handler or a watchdog, and the key. In an FMU there is none: its threads are the importer's, who may
+/// unload it.
+std::atomic<bool> observed{false};
+
+void observe_threads()
+{
+    static const int once = pthread_key_create(&own_key, nullptr);
+    (void)once;
+    observed = true;
+}
 
 Thread *own()
 {
-    return static_cast<Thread *>(pthread_getspecific(own_key));
+    return observed ? static_cast<Thread *>(pthread_getspecific(own_key)) : nullptr;
 }
 
 void Watch::begin()
@@ -259,7 +266,8 @@ void report(int signal, const siginfo_t &about)
 void handle(int signal, siginfo_t *about, void *)
 {
     const int error = errno;
-    if (own() && (signal != SIGXCPU || own()->late)) {
+    // Another library of Fledge in this program may have found out that a function of an FMU takes too long.
+    if (own() && (signal != SIGXCPU || own()->late || own()->running.function)) {
         static std::atomic_flag reported;
         if (!reported.test_and_set()) {
             report(signal, *about);
@@ -347,6 +355,10 @@ void begin_watching()
 
 Running &running()
 {
+    if (!observed.load(std::memory_order_relaxed)) {
+        thread_local Running unseen;
+        return unseen;
+    }
     thread_local Thread thread;
     return thread.running;
 }
@@ -400,6 +412,7 @@ void report_crashes(const std::string &given, const std::string &of_run)
     keep(given, command);
     keep(of_run, command_of_one);
     terminal = isatty(STDERR_FILENO);
+    observe_threads();
     for (const int signal : crashes) {
         install(signal);
     }
@@ -408,6 +421,9 @@ void report_crashes(const std::string &given, const std::string &of_run)
 void limit_updates(Ns limit)
 {
     update_limit = limit;
+    if (limit > 0) {
+        observe_threads();
+    }
 }
 
 } // namespace fledge::sim

@@ -25,7 +25,7 @@ struct Running {
     std::atomic<const char *> fmu{nullptr};          ///< its file
 };
 
-/// That of the calling thread, which gets a stack for signal handlers with it.
+/// That of the calling thread. Where somebody watches, the thread gets a stack for signal handlers with it.
 Running &running();
 
 /// In this block a function of the instance runs, or a simulation. After it, all is as it was before.
