@@ -102,7 +102,8 @@ def test_two_fly_in_turn(tmp_path):
 
 @VERSIONS
 @pytest.mark.parametrize("fault, says", [
-    ("segv DoStep", "exit code -11"), ("abort EnterInitializationMode", "exit code -6"),
+    pytest.param("segv DoStep", "exit code -11", marks=oscillator.CRASH),
+    pytest.param("abort EnterInitializationMode", "exit code -6", marks=oscillator.CRASH),
     ("error DoStep 0.45", "DoStep: Error"), ("nothing DoStep", "DoStep: it makes no progress"),
     ("nothing Instantiate", "it gives no instance"), ("version GetVersion", "GetVersion: is not"),
     ("error ExitInitializationMode", "ExitInitializationMode: Error")])

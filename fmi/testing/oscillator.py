@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import functools
+import os
 import subprocess
 import tempfile
 import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", f"-I{ROOT}"]
+
+# Of tests in which it crashes.
+CRASH = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan",
+                           reason="the sanitizers report crashes themselves")
 
 
 class Variable(NamedTuple):

@@ -274,12 +274,13 @@ def test_a_feed_leaves_other_inputs_at_their_starts(path):
 
 @VERSIONS
 @pytest.mark.parametrize(("fault", "says"), [
-    ("segv DoStep 0.5", "segmentation fault (SIGSEGV) in world.spring (Oscillator), task dynamics, in fmi{v}DoStep of "
-     "oscillator.fmu, at t = 0.6 s"),
+    pytest.param("segv DoStep 0.5", "segmentation fault (SIGSEGV) in world.spring (Oscillator), task dynamics, in "
+                 "fmi{v}DoStep of oscillator.fmu, at t = 0.6 s", marks=oscillator.CRASH),
     ("endless DoStep 0.5", "no end of the update in world.spring (Oscillator), task dynamics, in fmi{v}DoStep of "
      "oscillator.fmu, at t = 0.6 s: it has taken longer than 0.3 s"),
     ("endless Reset", "no end of the update in fmi{v}Reset of oscillator.fmu: it has taken longer than 0.3 s"),
-    ("abort Instantiate", "abort (SIGABRT) in fmi{v}Instantiate{c} of oscillator.fmu"),
+    pytest.param("abort Instantiate", "abort (SIGABRT) in fmi{v}Instantiate{c} of oscillator.fmu",
+                 marks=oscillator.CRASH),
     ("error DoStep 0.2", "world.spring (oscillator.fmu): fmi{v}DoStep answers with an error at t = 0.2 s of the FMU; "
      "the FMU says: this function fails on purpose"),
     ("fatal ExitInitializationMode", "fmi{v}ExitInitializationMode answers with a fatal error"),
