@@ -51,8 +51,8 @@ std::atomic<Ns> update_limit{0};
 // (initial-exec) is scarce in libraries that a program loads, as FMUs are.
 pthread_key_t own_key;
 
-/// Whether there is a handler or a watchdog, and the key. In an FMU there is none: its threads are the importer's, who may
-/// unload it.
+/// Whether there is a handler or a watchdog, and the key. In an FMU there is none: its threads are the importer's, and
+/// so it may be unloaded.
 std::atomic<bool> observed{false};
 
 void observe_threads()

@@ -48,7 +48,7 @@ _TYPES = ("float, int, bool, a type of numpy such as np.uint32, Vec3, Mat3, str 
           "fsw.NavAttitude, an IntEnum, or the name of a header's enumeration")
 _FUNCTIONS = {Kind.MODULE: {"update": "(self, t, dt)", "reset": "(self)"},
               Kind.MODEL: {"update": "(self, t, dt)", "reset": "(self, t)", "prepare": "(self)",
-                            "air_at": "(self, t, r_BN_N)"}}
+                           "air_at": "(self, t, r_BN_N)"}}
 DIMS_MAX = 4  # as sim/table.h
 
 
