@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstring>
 #include <dlfcn.h>
-#include <fstream>
 
 #include "emulator/board.h"
 #include "emulator/devices/apbuart.h"
@@ -16,10 +15,10 @@
 #include "emulator/error.h"
 #include "emulator/mission/link.h"
 #include "emulator/report.h"
-#include "flight/command/rules.h"
 #include "flight/exec/event.h"
 #include "flight/exec/order.h"
 #include "fmi/board/board.h"
+#include "fmi/fmu/flight.h"
 
 namespace {
 
@@ -34,14 +33,6 @@ std::string own_folder()
     return path.substr(0, path.find_last_of('/') + 1);
 }
 
-std::string text_of(const std::string &path)
-{
-    std::ifstream file(path);
-    std::string text;
-    std::getline(file, text);
-    return text;
-}
-
 class Flight {
 public:
     explicit Flight(const FmuHost &host)
@@ -50,9 +41,6 @@ public:
           program_(Program::read(resource("flight.elf"))), machine_(BoardDescription::read(resource("board.toml"))),
           link_(machine_, {board_, board_->host}), image_(board_->size), fired_(board_->layout->n_events)
     {
-        if (host.token != text_of(resource("token.txt"))) {
-            throw Error("the instantiation token is not that of this FMU");
-        }
         machine_.load(program_);
         address_ = mission_address(machine_, program_);
         if (auto *uart = machine_.device_of<Apbuart>()) {
@@ -77,18 +65,8 @@ public:
     /// Whether the parameters of a block keep its rules.
     bool check(std::uint32_t block)
     {
-        const CommandBlock &b = commands().blocks[block];
-        std::uint32_t element = 0;
-        const CommandRule *rule = command_check(b.rules, b.n_rules, memory(block), &element);
-        if (rule) {
-            const std::uint8_t *at = memory(block) + rule->offset + element * element_size(rule->number);
-            char found[64];
-            std::snprintf(found, sizeof found, "; found %.17g", element_read(rule->number, at));
-            log(FMU_ERROR, "errors",
-                std::string(board_->parameters[block].path) + "." + rule->name +
-                    (rule->n > 1 ? "[" + std::to_string(element + 1) + "]" : "") + " must be " + rule->text + found);
-        }
-        return !rule;
+        return flight_keeps_rules(&host_, &commands().blocks[block], board_->parameters[block].path, memory(block)) !=
+               0;
     }
 
     /// From the state behind the boot: the parameters of the image count, and flight is reset. Those that flight itself
@@ -130,9 +108,7 @@ public:
     std::int32_t mode() const { return commands().n_modes > 0 ? executive().mode(image_.data()) : -1; }
     bool enter(std::uint16_t mode)
     {
-        if (commands().may_enter && !commands().may_enter(image_.data(), mode)) {
-            log(FMU_WARNING, "modes",
-                std::string("the condition of the mode ") + executive().modes[mode] + " does not hold");
+        if (!flight_may_enter(&host_, &commands(), image_.data(), mode, executive().modes[mode])) {
             return false;
         }
         commands().enter(image_.data(), mode);
@@ -152,13 +128,12 @@ public:
         const CommandServices *services = commands().services;
         const bool framed = services && services->unwrap;
         while (!units.empty()) {
-            const std::size_t whole = units.size(),
-                              size = framed || whole < 7 ? whole : 7u + units[4] * 256u + units[5];
-            if (!link_.send(std::as_bytes(units.first(std::min(size, whole))))) {
+            const std::size_t size = flight_unit_size(units.data(), units.size(), framed);
+            if (!link_.send(std::as_bytes(units.first(size)))) {
                 log(FMU_WARNING, "commands", "there is no room for what shall go to flight, or it is too long");
                 return false;
             }
-            units = units.subspan(std::min(size, whole));
+            units = units.subspan(size);
         }
         return true;
     }

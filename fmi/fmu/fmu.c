@@ -152,6 +152,32 @@ static const char *copied(char **memory, const char *text, size_t n)
     return copy;
 }
 
+/* Whether the importer has the model description of this library. */
+static int check_token(Fmu *f, const char *function)
+{
+    char place[LINE], text[64];
+    const char *token = fmu_system.token;
+    if (token == NULL) {
+        FILE *file;
+        (void)snprintf(place, sizeof place, "%s/token.txt", f->host.resources);
+        file = fopen(place, "r");
+        token = file != NULL && fscanf(file, "%63s", text) == 1 ? text : NULL;
+        if (file != NULL) {
+            (void)fclose(file);
+        }
+        if (token == NULL) {
+            (void)fmu_refuse(f, FMU_FAILED, function, "%s is not there: unpack the FMU with its resources", place);
+            return 0;
+        }
+    }
+    if (strcmp(f->host.token, token) != 0) {
+        (void)fmu_refuse(f, FMU_FAILED, function, "the model description has the token \"%s\", this library \"%s\"",
+                         f->host.token, token);
+        return 0;
+    }
+    return 1;
+}
+
 Fmu *fmu_new(const FmuSetup *setup)
 {
     const char *name = setup->name != NULL ? setup->name : "";
@@ -178,10 +204,7 @@ Fmu *fmu_new(const FmuSetup *setup)
     f->categories = setup->logging ? UINT32_MAX : 1u << category_of("errors");
     if (name[strspn(name, " \t\r\n")] == '\0') {
         (void)fmu_refuse(f, FMU_FAILED, function, "the instance has no name");
-    } else if (fmu_system.token != NULL && strcmp(token, fmu_system.token) != 0) {
-        (void)fmu_refuse(f, FMU_FAILED, function, "the model description has the token \"%s\", this library \"%s\"",
-                         token, fmu_system.token);
-    } else if (make_system(f)) {
+    } else if (check_token(f, function) && make_system(f)) {
         if (make_moment(f)) {
             f->categories = setup->logging ? UINT32_MAX : 0u;
             return f;
@@ -302,7 +325,7 @@ static void give_heads(Fmu *f)
         if (f->inputs[i] == FMU_CHANGED) {
             uint8_t *place = (uint8_t *)fmu_system.memory(f->system, m->block) + m->offset;
             Head head = {0, QUALITY_NONE, 0u};
-            if (f->moment->phase != FMU_INITIALIZING) { /* there the instant 0 may run several times */
+            if (f->moment->phase > FMU_INITIALIZING) { /* until then the instant 0 may run several times */
                 memcpy(&head, place, sizeof head);
             }
             head = head_next(head, f->moment->now, QUALITY_GOOD);
@@ -326,17 +349,25 @@ static double magnitude(double x)
     return x < 0.0 ? -x : x;
 }
 
+int fmu_begin(Fmu *f, const char *function)
+{
+    if (!fmu_check_parameters(f)) {
+        (void)fmu_refuse(f, FMU_FAILED, function, "a parameter is out of its bounds");
+        return 0;
+    }
+    give_heads(f);
+    f->begun = 1;
+    if (fmu_system.begin(f->system) != 0) {
+        (void)fmu_refuse(f, FMU_FAILED, function, "the instant 0 cannot run");
+        return 0;
+    }
+    return 1;
+}
+
 int fmu_compute(Fmu *f, const char *function)
 {
     if (f->moment->phase == FMU_INITIALIZING && !f->moment->computed) {
-        if (!fmu_check_parameters(f)) {
-            (void)fmu_refuse(f, FMU_FAILED, function, "a parameter is out of its bounds");
-            return 0;
-        }
-        give_heads(f);
-        f->begun = 1;
-        if (fmu_system.begin(f->system) != 0) {
-            (void)fmu_refuse(f, FMU_FAILED, function, "the instant 0 cannot run");
+        if (!fmu_begin(f, function)) {
             return 0;
         }
         f->moment->computed = 1u;

@@ -110,6 +110,8 @@ FmuStatus fmu_set_packets(Fmu *f, const FmuCall *call, const size_t *sizes, cons
 void fmu_remember(Fmu *f, const FmuVariable *v);
 /** Check the parameters that were set since the last check; if a rule refuses them, all have their old values again. */
 int fmu_check_parameters(Fmu *f);
+/** Begin anew with all that was set, and run the instant 0. */
+int fmu_begin(Fmu *f, const char *function);
 /** In the phase of initialization: run the instant 0, if something was set since it ran. */
 int fmu_compute(Fmu *f, const char *function);
 

@@ -2,6 +2,7 @@
 #include "fmi/fmu/mission.h"
 
 #include "flight/msg/computer.h"
+#include "fmi/fmu/flight.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,7 +10,6 @@
 
 /* The head of the state. */
 typedef struct State {
-    int64_t t;        /* [ns] the time that advance() has reached */
     int64_t up;       /* [ns] when the computer begins anew after a reset; -1: it is up */
     uint32_t entered; /* how often a mode began */
     uint32_t resets;  /* the last count of the line */
@@ -152,29 +152,12 @@ static void *memory(void *self, uint32_t block)
                                             : m->messages[block - m->commands->n_blocks].offset);
 }
 
-/* Say which number of a block breaks which rule. */
-static void refuse(const System *s, uint32_t block, const CommandRule *rule, uint32_t element)
-{
-    const MissionParameters *p = &fmu_mission.parameters[block];
-    const uint8_t *at = s->mission + p->offset + rule->offset + (size_t)element * element_size(rule->number);
-    char index[16] = "", text[512];
-    if (rule->n > 1u) {
-        (void)snprintf(index, sizeof index, "[%lu]", (unsigned long)element + 1u);
-    }
-    (void)snprintf(text, sizeof text, "%s.%s%s must be %s; found %.17g", p->path, rule->name, index, rule->text,
-                   element_read(rule->number, at));
-    report(s, FMU_ERROR, "errors", text);
-}
-
 static int changed(void *self, uint32_t block)
 {
     System *s = self;
     const CommandBlock *b = &s->commands.blocks[block];
-    uint32_t element = 0u;
-    const CommandRule *rule =
-        command_check(b->rules, b->n_rules, s->mission + fmu_mission.parameters[block].offset, &element);
-    if (rule != NULL) {
-        refuse(s, block, rule, element);
+    const MissionParameters *p = &fmu_mission.parameters[block];
+    if (!flight_keeps_rules(s->host, b, p->path, s->mission + p->offset)) {
         return -1;
     }
     s->state->publish |= b->configuration;
@@ -197,13 +180,6 @@ static void publish_changed(System *s, int64_t t)
 static CommandContext context_of(System *s)
 {
     return (CommandContext){&s->state->commands, &s->commands, s->mission, s->t, 0u};
-}
-
-/* [bytes] of the unit at p, of which n are there: a space packet, or all of them where flight speaks frames. */
-static uint32_t unit_size(const System *s, const uint8_t *p, uint32_t n)
-{
-    const uint32_t size = n < 7u ? n : 7u + ((uint32_t)p[4] << 8u) + p[5];
-    return s->services.unwrap != NULL || size > n ? n : size;
 }
 
 static void begin_commands(System *s)
@@ -303,7 +279,7 @@ static void command(System *s)
     State *state = s->state;
     uint32_t at = 0u;
     while (at < state->uplink) {
-        const uint32_t n = unit_size(s, s->uplink + at, state->uplink - at);
+        const uint32_t n = (uint32_t)flight_unit_size(s->uplink + at, state->uplink - at, s->services.unwrap != NULL);
         (void)command_receive(&context, s->uplink + at, n, send_report, s);
         at += n;
     }
@@ -431,13 +407,11 @@ static int advance(void *self, int64_t until, int stop, int64_t *reached)
             break;
         }
         const int happened = instant(s, due);
-        state->t = due;
         if (happened && stop) {
             *reached = due;
             return 0;
         }
     }
-    state->t = until;
     *reached = until;
     return 0;
 }
@@ -453,10 +427,7 @@ static int enter(void *self, uint32_t process, int32_t wanted)
 {
     System *s = self;
     (void)process;
-    if (s->commands.may_enter != NULL && !s->commands.may_enter(s->mission, (uint16_t)wanted)) {
-        char text[160];
-        (void)snprintf(text, sizeof text, "the condition of the mode %.100s does not hold", fmu_mission.modes[wanted]);
-        report(s, FMU_ERROR, "modes", text);
+    if (!flight_may_enter(s->host, &s->commands, s->mission, (uint16_t)wanted, fmu_mission.modes[wanted])) {
         return -1;
     }
     s->commands.enter(s->mission, (uint16_t)wanted);

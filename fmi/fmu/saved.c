@@ -29,17 +29,7 @@ static uint64_t hash(const void *bytes, size_t n)
 /* The system has a state from its first begin() on. */
 static int begin(Fmu *f, const char *function)
 {
-    if (!fmu_may(f, function, FMU_ANY) || !fmu_compute(f, function)) {
-        return 0;
-    }
-    if (!f->begun) {
-        f->begun = 1;
-        if (!fmu_check_parameters(f) || fmu_system.begin(f->system) != 0) {
-            (void)fmu_refuse(f, FMU_FAILED, function, "the instant 0 cannot run");
-            return 0;
-        }
-    }
-    return 1;
+    return fmu_may(f, function, FMU_ANY) && fmu_compute(f, function) && (f->begun || fmu_begin(f, function));
 }
 
 /* Read the head of a state of this instance or of another of the same FMU; 0: it is none. */

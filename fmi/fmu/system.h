@@ -85,7 +85,7 @@ typedef struct FmuHost {
 /** All functions that can fail return 0, or -1 after they have said why to the log. No function keeps anything outside
  *  of `self`. */
 typedef struct FmuSystem {
-    const char *token; ///< of the model description (instantiationToken, guid); NULL: create() compares FmuHost::token
+    const char *token; ///< of the model description (instantiationToken, guid); NULL: token.txt of the resources has it
     /** A new system, with the parameters of the mission; NULL: it said why. The host outlives it. */
     void *(*create)(const FmuHost *host);
     void (*destroy)(void *self);

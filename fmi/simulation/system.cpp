@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A simulation as the system of an FMU: that of resources/composition.json, of which `fmu` has the variables and what
-// numbers processes and events; its token is in token.txt there:
+// numbers processes and events:
 //
 //     {"variables": [[reference, role, type, n, block, offset], ...],
 //      "messages": [[first, n, block, offset], ...], "processes": [name, ...], "events": [[process, name], ...],
 //      "commanded": the flight process that takes packets, or ""}
-#include "fmi/fmu/system.h"
+#include "fmi/fmu/flight.h"
 
-#include "flight/command/command.h"
 #include "flight/msg/head.h"
 #include "fmi/simulation/composition.h"
 
@@ -46,16 +45,6 @@ std::ifstream open(const FmuHost &host, const std::string &name)
         throw sim::SetupError(path + " is not there: unpack the FMU with its resources");
     }
     return file;
-}
-
-void check_token(const FmuHost &host)
-{
-    std::string token;
-    open(host, "token.txt") >> token;
-    if (token != host.token) {
-        throw sim::SetupError("the token of this FMU is " + token + "; the importer gave '" + host.token +
-                              "', of another one");
-    }
 }
 
 /// A simulation that an importer steps.
@@ -172,8 +161,7 @@ public:
             throw sim::SetupError("no flight process here takes packets");
         }
         while (!bytes.empty()) {
-            const std::size_t size = bytes.size() < 7 ? bytes.size() : std::size_t{7} + bytes[4] * 256u + bytes[5];
-            const auto unit = bytes.first(frames_ ? bytes.size() : std::min(size, bytes.size()));
+            const auto unit = bytes.first(flight_unit_size(bytes.data(), bytes.size(), frames_));
             commanded_->command({unit.begin(), unit.end()});
             bytes = bytes.subspan(unit.size());
         }
@@ -305,10 +293,8 @@ void *create(const FmuHost *host)
 {
     Flown *made = nullptr;
     const char *const name = "composition.json";
-    if (guarded(*host, "", [&] { check_token(*host); }) == 0) {
-        guarded(*host, std::string(host->resources) + "/" + name + ": ",
-                [&] { made = new Flown(*host, json::parse(open(*host, name))); });
-    }
+    guarded(*host, std::string(host->resources) + "/" + name + ": ",
+            [&] { made = new Flown(*host, json::parse(open(*host, name))); });
     return made;
 }
 
