@@ -57,6 +57,11 @@ void *Fmu::symbol(const char *function, bool needed) const
     return found;
 }
 
+void Fmu::no_instance(const char *function) const
+{
+    throw sim::SetupError(name_ + " (" + file_.file + "): " + function + " makes no instance" + logged());
+}
+
 void Fmu::check_version(const char *function, const char *found) const
 {
     if (!found || !std::string(found).starts_with(std::to_string(file_.version) + ".0")) {

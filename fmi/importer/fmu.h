@@ -123,7 +123,32 @@ protected:
         }
     }
 
+    /// save() and restore() by the functions of a version.
+    template <class Byte, class Get, class Size, class Serialize, class Free>
+    std::vector<std::byte> saved_by(void *instance, const Get &get, const Size &size, const Serialize &serialize,
+                                    const Free &free)
+    {
+        void *state = nullptr;
+        need(get, instance, &state);
+        std::size_t n = 0;
+        need(size, instance, state, &n);
+        std::vector<std::byte> bytes(n);
+        need(serialize, instance, state, reinterpret_cast<Byte *>(bytes.data()), n);
+        need(free, instance, &state);
+        return bytes;
+    }
+    template <class Byte, class Deserialize, class Set, class Free>
+    void restore_by(void *instance, std::span<const std::byte> bytes, const Deserialize &deserialize, const Set &set,
+                    const Free &free)
+    {
+        void *state = nullptr;
+        need(deserialize, instance, reinterpret_cast<const Byte *>(bytes.data()), bytes.size(), &state);
+        need(set, instance, state);
+        need(free, instance, &state);
+    }
+
     void *symbol(const char *function, bool needed) const; ///< throws SetupError
+    [[noreturn]] void no_instance(const char *function) const;
     void check_version(const char *function, const char *found) const;
     [[noreturn]] void fail(const char *function, const std::string &answer);
     [[noreturn]] void terminate(); ///< the FMU has ended the simulation

@@ -36,8 +36,7 @@ public:
         instance_ = instantiate_(name_.c_str(), fmi2CoSimulation, file_.token.c_str(), uri(file_.resources).c_str(),
                                  &callbacks_, fmi2False, fmi2True);
         if (!instance_) {
-            throw sim::SetupError(name_ + " (" + file_.file + "): " + instantiate_.name() + " makes no instance" +
-                                  logged());
+            no_instance(instantiate_.name());
         }
     }
     ~Fmu2() override
@@ -80,21 +79,11 @@ public:
 
     std::vector<std::byte> save() override
     {
-        fmi2FMUstate state = nullptr;
-        need(get_state_, instance_, &state);
-        std::size_t size = 0;
-        need(state_size_, instance_, state, &size);
-        std::vector<std::byte> bytes(size);
-        need(serialize_, instance_, state, reinterpret_cast<fmi2Byte *>(bytes.data()), size);
-        need(free_state_, instance_, &state);
-        return bytes;
+        return saved_by<fmi2Byte>(instance_, get_state_, state_size_, serialize_, free_state_);
     }
     void restore(std::span<const std::byte> bytes) override
     {
-        fmi2FMUstate state = nullptr;
-        need(deserialize_, instance_, reinterpret_cast<const fmi2Byte *>(bytes.data()), bytes.size(), &state);
-        need(set_state_, instance_, state);
-        need(free_state_, instance_, &state);
+        restore_by<fmi2Byte>(instance_, bytes, deserialize_, set_state_, free_state_);
     }
 
 private:

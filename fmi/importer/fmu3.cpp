@@ -20,8 +20,7 @@ public:
             instantiate_(name_.c_str(), file_.token.c_str(), (file_.resources + "/").c_str(), fmi3False, fmi3True,
                          file_.event_mode, fmi3True, nullptr, std::size_t{0}, this, log_line, nullptr);
         if (!instance_) {
-            throw sim::SetupError(name_ + " (" + file_.file + "): " + instantiate_.name() + " makes no instance" +
-                                  logged());
+            no_instance(instantiate_.name());
         }
     }
     ~Fmu3() override
@@ -102,21 +101,11 @@ public:
 
     std::vector<std::byte> save() override
     {
-        fmi3FMUState state = nullptr;
-        need(get_state_, instance_, &state);
-        std::size_t size = 0;
-        need(state_size_, instance_, state, &size);
-        std::vector<std::byte> bytes(size);
-        need(serialize_, instance_, state, reinterpret_cast<fmi3Byte *>(bytes.data()), size);
-        need(free_state_, instance_, &state);
-        return bytes;
+        return saved_by<fmi3Byte>(instance_, get_state_, state_size_, serialize_, free_state_);
     }
     void restore(std::span<const std::byte> bytes) override
     {
-        fmi3FMUState state = nullptr;
-        need(deserialize_, instance_, reinterpret_cast<const fmi3Byte *>(bytes.data()), bytes.size(), &state);
-        need(set_state_, instance_, state);
-        need(free_state_, instance_, &state);
+        restore_by<fmi3Byte>(instance_, bytes, deserialize_, set_state_, free_state_);
     }
 
 private:
