@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fledge import _core
+from fledge.elements import ELEMENTS, Element
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.fmi.archive import Archive
 from fledge.fmi.description import NUMBERS, Variable
@@ -28,9 +29,6 @@ DIMS_MAX = 4            # as sim/table.h
 KINDS = (*NUMBERS, "String", "Enumeration", "Boolean")      # as Kind of fmi/importer/fmu.h
 _TYPES = dict(zip(KINDS, (Type.F64, Type.F32, Type.I8, Type.U8, Type.I16, Type.U16, Type.I32, Type.U32, Type.I64,
                           Type.U64, Type.CHAR, Type.ENUM, Type.U8)))
-_C = {Type.F64: "double", Type.F32: "float", Type.CHAR: "char"}
-_WIDTHS = dict(zip(Type, (8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1, 4, 0)))
-_NUMPY = dict(zip(Type, ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "S", "i4")))
 _STEP = re.compile(r"(\w+)((?:\[\d+\])*)")
 
 Messages = Mapping[str, tuple[Any, Mapping[str, str]]]
@@ -284,11 +282,15 @@ class Interface:
                 else:
                     raw = [float(t) if v.type.startswith("Float") else _whole(t) for t in v.start]
                     values = raw if factor == 1.0 and shift == 0.0 else [factor * x + shift for x in raw]
-                    data = np.array(values).astype(_NUMPY[f.type]).tobytes()
+                    data = np.array(values).astype(_element(f.type).dtype).tobytes()
             except (ValueError, OverflowError):
                 raise SetupError(f"{self.description.where}: the start of {v.name} is no {v.type}: "
                                  f"{' '.join(v.start)[:60]}") from None
             self._image[offset:offset + len(data)] = data
+
+
+def _element(type_: Type) -> Element:
+    return ELEMENTS[type_.name.lower()]
 
 
 def _whole(text: str) -> int:
@@ -344,13 +346,12 @@ def _field(name: str, v: Variable) -> Field:
         enumeration = Enumeration(_identifier(f"{name}_type", set()), "", tuple(
             Enumerator(f"{prefix}_{_identifier(item, used).upper()}", value, about) for item, value, about in v.items),
             "")
-    ctype = enumeration.name if enumeration else _C.get(
-        type_, f"{'u' if type_.is_unsigned else ''}int{type_.name[1:]}_t")
+    ctype = enumeration.name if enumeration else _element(type_).ctype
     number = type_ is not Type.CHAR and type_ is not Type.ENUM
     words = [v.about or v.name, f"({v.name})" if v.about and v.name != name else "",
              "number of ticks" if v.type == "Clock" else "",
              f"in '{v.unit.name}'" if v.unit and (v.unit.dims is None or _raw(v)) else ""]
-    return Field(name, type_, ctype, shape, 0, _WIDTHS[type_] * math.prod(shape), 0, Group.NONE,
+    return Field(name, type_, ctype, shape, 0, _element(type_).size * math.prod(shape), 0, Group.NONE,
                  _unit(v) if number else None, doc=" ".join(word for word in words if word), enum=enumeration)
 
 
