@@ -2,6 +2,7 @@
 """Missions as data fly with the bits of the missions themselves."""
 from __future__ import annotations
 
+import ctypes
 import json
 import posixpath
 import re
@@ -108,6 +109,29 @@ def test_world_and_flight_in_turn_fly_with_the_bits_of_the_mission(mission: str,
         points.append(b"".join(content(sim, system.layout, "output", "local") for system in both))
     assert plan.fly(tmp_path, 100, 0.5).hashes == hashes(points)
     assert len(set(points)) > 90
+
+
+def test_an_importer_may_unload_the_library(tmp_path: Path) -> None:
+    """Nothing of it stays in the program: no thread has a handler or a destructor of it."""
+    with zipfile.ZipFile(export(simulation_fmu(fledge.load("nadir_spin")), tmp_path / "whole.fmu")) as archive:
+        archive.extractall(tmp_path)
+    token = ElementTree.parse(tmp_path / "modelDescription.xml").getroot().attrib["instantiationToken"]
+    [path] = (tmp_path / "binaries").glob("*/nadir_spin.so")
+    library, nothing = ctypes.CDLL(str(path)), ctypes.c_double()
+    library.fmi3InstantiateCoSimulation.restype = ctypes.c_void_p
+    fmu = ctypes.c_void_p(library.fmi3InstantiateCoSimulation(
+        b"whole", token.encode(), f"{tmp_path}/resources/".encode(), False, False, False, False, None,
+        ctypes.c_size_t(0), None, None, None))
+    flags, zero = [ctypes.byref(ctypes.c_bool()) for _ in range(3)], ctypes.c_double(0.0)
+    assert fmu and library.fmi3EnterInitializationMode(fmu, False, zero, zero, False, zero) == 0
+    assert library.fmi3ExitInitializationMode(fmu) == 0
+    assert library.fmi3DoStep(fmu, zero, ctypes.c_double(10.0), True, *flags, ctypes.byref(nothing)) == 0
+    library.fmi3FreeInstance(fmu)
+    assert str(path) in Path("/proc/self/maps").read_text()
+    close = ctypes.CDLL(None).dlclose
+    close.argtypes = [ctypes.c_void_p]
+    close(library._handle)
+    assert str(path) not in Path("/proc/self/maps").read_text()
 
 
 def test_parameters_count_as_on_the_desktop_and_bad_ones_do_not(tmp_path: Path) -> None:

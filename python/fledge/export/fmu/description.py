@@ -43,7 +43,6 @@ class Facts:
     about: str
     tool: str
     step: float                 # [s]
-    stop: float | None = None   # [s]
     sources: Sequence[str] = ()     # files to compile, from the folder sources on
     #: libraries that the sources need and which are not among them: name -> what to do
     needs: Mapping[str, str] = with_default(default_factory=dict)
@@ -165,8 +164,7 @@ class _Writer:
         return found
 
     def experiment(self) -> Element:
-        stop = {} if self.facts.stop is None else {"stopTime": _number(self.facts.stop)}
-        return Element("DefaultExperiment", {"startTime": "0", **stop, "stepSize": _number(self.facts.step)})
+        return Element("DefaultExperiment", {"startTime": "0", "stepSize": _number(self.facts.step)})
 
     def annotations(self) -> list[Element]:
         rows = Element("Messages")
