@@ -112,9 +112,8 @@ def fmu_node(path: str | PathLike[str], name: str, every: Any, *, reads: Mapping
     """A node with an FMU alone, which steps by `every`. Its messages are those of world.Fmu, as /NAME/fmu/outputs.
 
     reads: its inputs -> topics; without one, an input keeps its starts. None: of an FMU that Fledge made, its messages
-    by their own names. messages: name -> (type, field -> variable), as
-    of world.Fmu, the type by its name, or by the file of an FMU, whose outputs it is. latency: of what it reads.
-    Raises SetupError.
+    by their own names. messages: name -> (type, field -> variable), as of world.Fmu, the type by its name, or by the
+    file of an FMU, whose outputs it is. latency: of what it reads. Raises SetupError.
     """
     from fledge import world
     from fledge.mission.crossing import Crossing
