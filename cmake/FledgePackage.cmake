@@ -70,7 +70,8 @@ install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fled
 install(DIRECTORY registers introspect DESTINATION ${FLEDGE_HOME}/python
     FILES_MATCHING PATTERN "*.py" PATTERN "*_test.py" EXCLUDE PATTERN "testing" EXCLUDE PATTERN "boards" EXCLUDE)
 install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING
-    PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py" PATTERN "test_main.cpp")
+    PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py" PATTERN "test_main.cpp"
+    PATTERN "by_clang.sh" PATTERN "observed_*.c")
 install(FILES ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake DESTINATION ${FLEDGE_HOME}/cmake)
 install(FILES docs/conf.py DESTINATION ${FLEDGE_HOME}/docs)       # for `fledge docs` of a project
 install(FILES docs/static/fledge.css DESTINATION ${FLEDGE_HOME}/docs/static)
