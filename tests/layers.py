@@ -118,6 +118,7 @@ PARTS = [
     ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),
+    ("prove", "no run-time errors in flight C, and bounds of its loops, by Frama-C"),
     ("pool", "flights in many processes, of this machine or of a cluster"),
     ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
      "3-D"),
