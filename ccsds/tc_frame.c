@@ -12,10 +12,10 @@ CcsdsFault tc_frame_read(const TcChannel *channel, const uint8_t *bytes, size_t 
     }
     const uint32_t id = ccsds_get16(bytes), word = ccsds_get16(bytes + 2);
     const size_t size = (word & 0x3FFu) + 1u;
-    size_t at = TC_FRAME_HEADER, end = size;
     if (size > n) {
         return CCSDS_LENGTH;
     }
+    size_t at = TC_FRAME_HEADER, end = size;
     if (channel->check) {
         if (size < at + 2u || ccsds_crc16(bytes, size) != 0u) {
             return CCSDS_CRC;
