@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from fledge.mission.simulation import Simulation
     from fledge.requirements import Requirements
+    from fledge.verify.decisions import File
     from fledge.verify.evidence import Row
     from fledge.verify.flight import Flight, Flown
 
@@ -36,8 +37,9 @@ def add(command: Callable) -> None:
                      "be given again; default: all")
     sub.add_argument("--again", action="store_true", help="fly all; default: take the flights whose sources, target, "
                      "seed, scenario and requirements are those of the report before from there")
-    sub.add_argument("--coverage", action="store_true", help="also count the statements and branches of flight that "
-                     "ran on leon3")
+    sub.add_argument("--coverage", nargs="?", const="object", choices=["object", "mcdc"], default="",
+                     help="also count the statements and branches of flight that ran on leon3; mcdc: and which "
+                     "conditions of its C have decided on the desktop")
     sub.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
     add_seed(sub)
@@ -46,7 +48,8 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
                      f"records; default: {OUT}/MISSION")
     add_parameters(sub)
-    sub.set_defaults(needs=lambda options: TARGETS.known(_targets(options)))
+    sub.set_defaults(needs=lambda options: [*TARGETS.known(_targets(options)),
+                                            *["decisions", "build mcdc"] * (options.coverage == "mcdc")])
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -56,13 +59,20 @@ def verify(options: argparse.Namespace) -> int:
     from fledge.errors import Failure, did_you_mean
     from fledge.mission.scenario import lacking
     from fledge.requirements import Requirements
-    from fledge.verify import tables
+    from fledge.verify import decisions, tables
 
     targets = _targets(options)
     if not targets:
         raise Failure("verify: --on names no target; there are " + ", ".join(TARGETS))
     TARGETS.ready(targets, "verify")
-    if options.coverage and not any(TARGETS[name].takes_tools for name in targets):
+    if options.coverage == "mcdc":
+        if options.scheduler or "desktop" not in targets:
+            raise Failure("verify: --coverage mcdc counts in flights on the desktop of this machine; "
+                          + ("leave out --scheduler" if options.scheduler else "add it: --on desktop," + options.on))
+        if not decisions.objects():
+            raise Failure("verify: nothing that is loaded counts decisions: './fledge verify' of a checkout builds "
+                          "what does; an installed Fledge counts those of a project's own modules")
+    elif options.coverage and not any(TARGETS[name].takes_tools for name in targets):
         taking = [name for name, target in TARGETS.items() if target.takes_tools]
         raise Failure(f"verify: --coverage counts on {' and '.join(taking)}; add one, as in --on desktop,{taking[0]}")
     given = tables.read(Path(options.requirements)) if options.requirements else []
@@ -91,7 +101,7 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
     """Fly, judge, and write the report. given: the rows of --requirements"""
     from fledge.cli.console import counted, say
     from fledge.columns import columns
-    from fledge.verify import tables
+    from fledge.verify import decisions, tables
     from fledge.verify.flight import Flight
 
     assert sim.mission
@@ -100,7 +110,7 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
     _, rows = _rows(options, requirements, scenarios, given, [])
     wanted = {row.id for row in rows}
     chosen = [Flight(options.mission, name, target, options.seed, given_parameters(options),
-                     options.coverage and TARGETS[target].takes_tools, folder / "flights" / name / target)
+                     _counts(options.coverage, target), folder / "flights" / name / target)
               for name, ids in scenarios.items() if set(ids) & wanted for target in targets]
     say(f"{sim.name}: {counted(len(rows), 'requirement')}, {counted(len(chosen), 'flight')} on {', '.join(targets)}")
     flown = _fly(options, sim, chosen)
@@ -111,7 +121,10 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
         given, [row for row in own if row in rows], not options.only)} if given else None
     for id, what in csv["differences"] if csv else ():
         say(f"  differs  {id} {what}")
-    for path in _write(options, sim, rows, flown, scenarios, csv, folder):
+    decided = _decisions(options, chosen)
+    for line in decisions.lines(decided, each=False) if decided else ():
+        say(f"  {line}")
+    for path in _write(options, sim, rows, flown, decided, scenarios, csv, folder):
         say(f"  wrote    {path}")
     _refuse(options, sim, rows, flown)
     return 0
@@ -153,6 +166,24 @@ def _fly(options: argparse.Namespace, sim: Simulation, chosen: list[Flight]) -> 
     return flown
 
 
+def _decisions(options: argparse.Namespace, chosen: list[Flight]) -> dict[str, File]:
+    """Of the flight code that ran in these flights; {} without --coverage mcdc."""
+    from fledge import folders
+    from fledge.disk import ROOT
+    from fledge.errors import Failure
+    from fledge.verify import decisions
+
+    if options.coverage != decisions.KIND:
+        return {}
+    counts = [path for flight in chosen for path in sorted(flight.folder.glob(f"{decisions.COUNTS}*"))]
+    roots = [root for root in (folders.project(), ROOT) if root]
+    files = decisions.read(counts, decisions.objects(), roots) if counts else {}
+    if not files:
+        raise Failure("verify: no flight code in C has run, whose decisions --coverage mcdc counts: prototypes and "
+                      "scripts have none")
+    return files
+
+
 def _refuse(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown]) -> None:
     """Raise Failure if a requirement is violated, or a flight has failed; with --strict, also of what is not shown."""
     from fledge.errors import Failure
@@ -180,7 +211,7 @@ def _line(row: Row) -> tuple[str, str, str, str]:
     return row.id, row.verdict, margin_text(shown), f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
 
 
-def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown],
+def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown], decided: dict[str, File],
            scenarios: Mapping[str, Sequence[str]], csv: dict[str, Any] | None, folder: Path) -> list[Path]:
     """Write the files of the report; returns their paths."""
     import dataclasses
@@ -189,7 +220,7 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
 
     from fledge.disk import ROOT, write_files
     from fledge.mission.provenance import identity
-    from fledge.verify import coverage, evidence, page, tables
+    from fledge.verify import coverage, decisions, evidence, page, tables
     from fledge.verify.flight import dumps
 
     assert sim.mission
@@ -210,11 +241,12 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
         "identity": identity(sim.mission.folder), "requirements": [evidence.facts(row) for row in rows],
         "traces": evidence.traces(rows, scenarios),
         "coverage": {id: coverage._asdict() for id, coverage in page.per_requirement(rows).items()},
+        "decisions": decisions.facts(decided),
         "flights": [{**dataclasses.asdict(flight), "coverage": None,
                      "shown": [{**dataclasses.asdict(shown), "figure": None} for shown in flight.shown]}
                     for flight in flown]}
     files = {"report.html": page.page(
-        sim.mission, rows, flown, scenarios, command, seed=options.seed, made=time,
+        sim.mission, rows, flown, scenarios, command, decided=decided, seed=options.seed, made=time,
         about=sim.mission.summaries()[""], only="; ".join(
             [*(["--only " + " ".join(options.only)] if options.only else []),
              *(["--scenario " + " ".join(options.scenario)] if options.scenario else [])]),
@@ -227,6 +259,13 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
     if counts:
         files["coverage.info"] = coverage.lcov(counts, ROOT)
     return write_files(files, folder)
+
+
+def _counts(coverage: str, target: str) -> str:
+    """What is counted there; "" for nothing."""
+    if target == "desktop":
+        return "mcdc" if coverage == "mcdc" else ""
+    return "object" if coverage and TARGETS[target].takes_tools else ""
 
 
 def _targets(options: argparse.Namespace) -> list[str]:

@@ -127,7 +127,7 @@ def compile(context: Context, parts: Sequence[str], tests: bool = False, program
         need(context, "project")
         build = _of_project(context, project, package)
         context.project_build = folder = build.folder
-        build.make(context, ["all", *programs.split() * tests], tests)
+        build.make(context, ["all", *[context.observed] * bool(context.observed), *programs.split() * tests], tests)
     return folder
 
 

@@ -65,6 +65,8 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                  help="run the share I of N of the tests that are marked long, too")
     add_argument("--since", metavar="COMMIT",
                  help="of Python, run those tests only that what differs from it can reach")
+    add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
+                 "show to decide, and name the others; of Fledge itself, by its tests of flight in C++")
     add_argument("--fledge", action="store_true",
                  help="run the tests of Fledge itself, from any folder; they take long")
     _add_preset(parser)
@@ -168,6 +170,8 @@ def test(context: Context, options: argparse.Namespace) -> int:
         raise Failure("test: --changed is for Fledge, not for a project")
     need(context, "run")
     testing.need_tests(context)
+    if options.coverage:
+        testing.need_decisions(context)
     return testing.Tests(context, options).run()
 
 

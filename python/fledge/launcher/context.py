@@ -11,6 +11,7 @@ from fledge.disk import ROOT
 from fledge.launcher.tools import say
 
 PRESETS = ("release", "debug", "asan")      # and tsan, for some tests
+OBSERVED = ("mcdc",)        # kinds of a build whose flight code counts what it does: cmake/FledgeObserved.cmake
 
 
 class Context:
@@ -20,6 +21,7 @@ class Context:
         self.project = project
         self.installed = not (ROOT / "CMakeLists.txt").exists()     # `cmake --install` leaves out the build's files
         self.project_build: Path | None = None                      # where the project was built
+        self.observed = ""                                          # of OBSERVED: what the command uses, or none
 
     @property
     def build(self) -> Path:
@@ -51,13 +53,22 @@ class Context:
             variables["ASAN_OPTIONS"] = "detect_leaks=0"
         return variables
 
+    def observe(self, kind: str) -> None:
+        """Let the command use the build that counts so."""
+        if self.preset == "asan":
+            raise Failure(f"{self.command}: flight code counts what it does in the build release; leave out "
+                          "--preset asan")
+        self.observed = kind
+
     def names(self) -> dict[str, str]:
         """The variables that name the build and the project."""
         return {"FLEDGE_PRESET": self.preset, "FLEDGE_PROJECT": str(self.project or ""),
+                "FLEDGE_OBSERVED": self.observed,
                 **({"FLEDGE_PROJECT_BUILD": str(self.project_build)} if self.project_build else {})}
 
     def folders(self) -> list[str]:
-        return [str(ROOT / "python"), str(ROOT), str(self.build / "python")]
+        observed = [str(self.build / f"python_{self.observed}")] * bool(self.observed)
+        return [str(ROOT / "python"), str(ROOT), *observed, str(self.build / "python")]
 
     def enter(self) -> None:
         """Let this program be one that uses the build."""

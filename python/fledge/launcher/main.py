@@ -17,7 +17,7 @@ from fledge.errors import Failure, nearest, printable
 from fledge.disk import ROOT
 from fledge.launcher import build, packages
 from fledge.launcher.commands import become
-from fledge.launcher.context import Context, project_around, project_named, say_if_in_another_checkout
+from fledge.launcher.context import OBSERVED, Context, project_around, project_named, say_if_in_another_checkout
 from fledge.launcher.parser import leading_options, parsed
 from fledge.launcher.tools import say, set_stops, stop
 
@@ -92,6 +92,9 @@ def provide(context: Context, options: argparse.Namespace) -> None:
         purposes = packages.expanded(needs)
     except Failure:         # the command itself says what is wrong
         purposes = []
+    for kind in OBSERVED:
+        if f"build {kind}" in purposes:
+            context.observe(kind)
     rest = packages.provide(context, purposes, without=context.command == "fly")
     views = [part for part in rest if part.endswith("view")]
     parts = [part for part in rest if part not in views]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 from fledge.errors import Failure
-from fledge.disk import ROOT
+from fledge.disk import ROOT, write_files
 from fledge.launcher import build
 from fledge.launcher.context import Context
 from fledge.launcher.packages import expanded, need, provide
@@ -29,6 +31,12 @@ def need_tests(context: Context) -> None:
     need(context, "unit")
     if not context.project:
         provide(context, expanded(["test", *TARGETS]))
+
+
+def need_decisions(context: Context) -> None:
+    """Install what counts decisions, and let what is built count them."""
+    need(context, "decisions")
+    context.observe("mcdc")
 
 
 class Tests:
@@ -61,25 +69,62 @@ class Tests:
 
     def run(self) -> int:
         """Build and run them; prints the sum, and returns the exit code."""
-        context = self.context
-        self.folder = build.compile(context, ["all"], tests=True, programs=self.programs)
+        context, kind = self.context, self.context.observed
+        self.folder = build.compile(context, [kind] if kind else ["all"], tests=True,
+                                    programs=f"{kind}_tests" if kind else self.programs)
         if context.project:
             say(f"testing {context.project}")
         if not may_write(context.logs, self.folder):
             raise Failure(f"test: writes into {context.logs}, where this user may not", 1)
-        if not context.project:
+        if not context.project and not kind:
             # The commands that tests start prepare what they fly on; tests of the targets themselves expect it.
             if self.cases is None or any(map(_flies_on_targets, self.paths)):
                 build.prepare(context)
             build.need_node(context)
             build.view(context, if_possible=True)
         with alone(context.logs / f"{context.preset}-tests.lock", "runs these tests"):
+            if kind:
+                return self._observed()
             counts = [sum(column) for column in zip(*self._compiled(), self._python())]
+        return self._told(counts)
+
+    def _told(self, counts: list[int]) -> int:
+        """Print the sum; returns the exit code."""
         if not sum(counts):
             say(f"no test matches '{self.pattern}'")
             counts[1] = 1
         print("{} passed, {} failed, {} skipped".format(*counts), flush=True)
         return int(counts[1] != 0)
+
+    def _observed(self) -> int:
+        """Run those that count decisions; print which conditions are left, and write all into a file. What they count
+        goes into one file of each program, however often it is started."""
+        from fledge.verify import decisions
+
+        reports, project, kind = self._reports(), self.context.project, self.context.observed
+        counts = self.folder / "counts"
+        shutil.rmtree(counts, ignore_errors=True)
+        counts.mkdir()
+        variables = {"LLVM_PROFILE_FILE": f"{counts}/%m.profraw", "GTEST_OUTPUT": f"xml:{reports}/",
+                     "GTEST_FILTER": ":".join(f"*{name}*" for name in self.pattern.split("|"))}
+        programs = sorted((self.folder / f"tests_{kind}").glob("*_test"))
+        (counts / "programs").write_text("".join(f"{program}\n" for program in programs), encoding="utf-8")
+        log = self.context.logs / f"{kind}-{self.context.preset}.log"
+        status = run(log, ["xargs", "-a", counts / "programs", "-P", str(os.cpu_count()), "-n1", "env"],
+                     self.context.tree, {**os.environ, **variables})
+        if status:
+            print(log.read_text(encoding="utf-8", errors="replace"), flush=True)
+        sums = tally(reports, status)
+        if project:
+            sums = [sum(pair) for pair in zip(sums, self._python(variables))]
+            programs += sorted((self.folder / f"python_{kind}").glob("*.so"))
+        written = [path for path in sorted(counts.glob("*.profraw")) if path.stat().st_size]
+        if not programs or not written:
+            raise Failure("test: no flight code in C has run, whose decisions --coverage counts", 1)
+        files = decisions.read(written, programs, [self.context.tree], whole=True)
+        print("\n".join(decisions.lines(files)))
+        write_files({"decisions.json": json.dumps(decisions.facts(files), indent=1)}, self.context.logs)
+        return self._told(sums)
 
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of
@@ -105,7 +150,7 @@ class Tests:
                 print(line, flush=True)
         return tally(reports, status)
 
-    def _python(self) -> list[int]:
+    def _python(self, variables: Mapping[str, str] = {}) -> list[int]:
         reports, project = self._reports(), self.context.project
         command = [sys.executable, "-m", "pytest", "-q", "-rfEsR", f"--junit-xml={reports}/pytest.xml"]
         if not project:
@@ -122,7 +167,7 @@ class Tests:
             command += ["-k", self.pattern.replace("|", " or ")]
         # For tests of a project that import from missions.NAME. And the tests start Python many hundred times: its
         # bytecode is kept, in the build.
-        environment = self.context.environment(*[project] if project else [])
+        environment = {**self.context.environment(*[project] if project else []), **variables}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         environment["PYTHONPYCACHEPREFIX"] = str(self.context.logs / "pycache")
         status = pass_on([*command, *self.paths], self.context.tree, environment)

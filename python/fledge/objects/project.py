@@ -54,6 +54,8 @@ def _libraries() -> dict[str, tuple[Path, dict[str, Any]]]:
         return {}
     build = Path(os.environ.get("FLEDGE_PROJECT_BUILD")
                  or project / "build" / os.environ.get("FLEDGE_PRESET", "release"))
+    if observed := os.environ.get("FLEDGE_OBSERVED"):
+        build /= f"python_{observed}"
     try:
         lines = (build / "fledge-libraries.txt").read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:

@@ -8,6 +8,7 @@
     tables.py     the requirements as CSV, in and out; the verdicts as JUnit
     figure.py     the comparison that decided, with its limit
     coverage.py   the lines and branches of flight that ran on a board
+    decisions.py  the conditions of flight that have decided, as clang counts them
     page.py       the report on one HTML page
 
 Example:

@@ -26,14 +26,14 @@ SOURCES = {".py", ".c", ".h", ".cpp", ".S", ".ld", ".toml", ".txt"}
 
 @dataclass(frozen=True)
 class Flight:
-    """What is flown. mission: as the user names it; coverage: count the lines that run on the board; folder: for its
-    files."""
+    """What is flown. mission: as the user names it; coverage: "object", the lines and branches that run on the board,
+    "mcdc", what decides, or "", none; folder: for its files."""
     mission: str
     scenario: str
     target: str
     seed: int
     parameters: dict[str, Any]
-    coverage: bool
+    coverage: str
     folder: Path
 
     @property

@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from fledge.requirements.judge import UNKNOWN, Outcome, problem_of
+from fledge.verify import decisions
 from fledge.verify.flight import Flight, Flown, Shown
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ def judged(flight: Flight, hash: str) -> Flown:
     flown.wall = perf_counter() - start
     flown.record = record.name if record.exists() else ""
     flown.shown = _shown(watch, outcomes, flown.error)
+    if flight.coverage == decisions.KIND:
+        decisions.write(flight.folder)
     return flown
 
 
@@ -116,7 +119,7 @@ def _on_target(flight: Flight, result: Flown) -> tuple[Job, dict[str, Archive]]:
     from fledge.verify import coverage
 
     target, = TARGETS.ready([flight.target], "verify")
-    if flight.coverage and target.takes_tools:
+    if flight.coverage == "object":
         kind: Any = type(target)
         target = kind(["--coverage", COVERAGE])
     job = Job(flight.mission, flight.scenario, None, flight.seed, folder=flight.folder, parameters=flight.parameters)
@@ -126,7 +129,7 @@ def _on_target(flight: Flight, result: Flown) -> tuple[Job, dict[str, Archive]]:
     bits = [[digest(record, part.outputs, part.is_instant) for record in
              (records[part.process], Archive(desktop[part.process].record))] for part in job.parts]
     result.same = all(here == there for here, there in bits)
-    for part in job.parts if flight.coverage and target.takes_tools else ():
+    for part in job.parts if flight.coverage == "object" else ():
         coverage.add(result.coverage, coverage.read(part.folder / COVERAGE, part.roots, part.folder / "c"))
     return job, records
 

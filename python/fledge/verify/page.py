@@ -14,7 +14,7 @@ from fledge.report.numbers import number, unit
 from fledge.report.run import templates, versions
 from fledge.requirements.formula import shown_in
 from fledge.requirements.judge import HOLDS
-from fledge.verify import coverage, evidence
+from fledge.verify import coverage, decisions, evidence
 from fledge.verify.evidence import Row
 from fledge.verify.figure import with_ids
 from fledge.verify.flight import Flown, Shown
@@ -25,7 +25,7 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
     """The page as text. mission: a Mission; scenarios: name -> ids that it shows; command: repeats a flight.
 
     more: what the template takes as it is: seed, made, about, only, repeat; changed: differences to the report before,
-    or None, changed_since; csv: file and differences, or None.
+    or None, changed_since; csv: file and differences, or None; decided: name -> decisions of a source, or {}.
     """
     verdicts = [row.verdict for row in rows]
     ids = {row.id for row in rows}
@@ -48,9 +48,10 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
         margin=margin, figures={row.id: list(_figures(i, row)) for i, row in enumerate(rows)},
         traces=evidence.traces(rows, scenarios), boards=list(dict.fromkeys(flight.target for flight in covered)),
         covered=per_requirement(rows), coverage_share=coverage.share(whole),
+        branches_of={file: coverage.share({file: counts}) for file, counts in whole.items()},
         coverage=[(file, coverage.share({file: counts}), coverage.never(counts))
                   for file, counts in sorted(whole.items())],
-        versions=versions(mission), **more)
+        versions=versions(mission), total=decisions.total, **more)
 
 
 def per_requirement(rows: Sequence[Row]) -> dict[str, coverage.Share]:

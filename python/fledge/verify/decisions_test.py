@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+import subprocess
+
+import pytest
+
+from fledge.disk import ROOT
+from fledge.errors import Failure
+from fledge.verify import decisions
+
+HEADER = """
+static inline int both(int a, int b)
+{
+    return a > 0 && b > 0;
+}
+#define WITHIN(x) ((x) > 0 && (x) < 9)
+"""
+SOURCE = """
+#include "flight/shared.h"
+int other(int a, int b);
+int run(int a, int b)
+{
+    int n = 0;
+    if (a > 0 && (b > 0 || b < -5))
+        n += other(a, b);
+    if (a > 10) /* undecided: nothing is that large,
+                   here */
+        n++;
+    if (sizeof(int) == 4 && b > 0)
+        n++;
+    /* undecided: it has decided all the same */
+    if (b > 0)
+        n++;
+    if (WITHIN(a))
+        n += both(a, b);
+    switch (b) {
+    case 1:
+        n++;
+        break;
+    case 77:
+        n--;
+        break;
+    default:
+        break;
+    }
+    for (int i = 0; i < (a > 5 ? 1 : 2) && n < 4; i++)
+        n++;
+    return n;
+}
+"""
+OTHER = """
+#include "flight/shared.h"
+int other(int a, int b)
+{
+    return both(a, -b) + both(-a, b);
+}
+"""
+NO_PAIR = "true and false, and no two evaluations differ in it alone"
+SILENT = "int silent(int a) { return a > 0 ? 1 : 2; }\n"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """(folder, program): run(A, B) with each pair of its arguments; what it counts is to be read below the folder."""
+    try:
+        decisions.tool("llvm-cov")
+    except Failure as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("decisions")
+    (folder / "flight/testing").mkdir(parents=True)
+    for name, text in {"flight/shared.h": HEADER, "flight/run.c": SOURCE, "flight/other.c": OTHER,
+                       "flight/silent.c": SILENT, "flight/testing/main.c": """
+#include <stdlib.h>
+int run(int a, int b);
+int main(int n, char **words)
+{
+    for (int i = 1; i < n; i += 2)
+        run(atoi(words[i]), atoi(words[i + 1]));
+    return 0;
+}
+"""}.items():
+        (folder / name).write_text(text)
+    subprocess.run([ROOT / "cmake/by_clang.sh", "gcc", "-w", "-O1", "-fprofile-instr-generate", "-fcoverage-mapping",
+                    "-fcoverage-mcdc", "-I.", "-o", "program", *sorted((folder / "flight").rglob("*.c"))], cwd=folder,
+                   check=True)
+    return folder, folder / "program"
+
+
+def missing(built, *pairs, whole=False):
+    """File -> line -> condition -> what is missing, of runs of the program, one for each tuple of numbers."""
+    folder, program = built
+    counts = [folder / f"{i}.profraw" for i in range(len(pairs))]
+    for numbers, count in zip(pairs, counts):
+        subprocess.run([program, *map(str, numbers)], check=True, env={"LLVM_PROFILE_FILE": str(count)})
+    files = decisions.read(counts, [program], [folder], whole)
+    return files, {name: {(condition.line, condition.text): condition.missing for condition in file.conditions}
+                   for name, file in files.items()}
+
+
+def test_each_condition_that_nothing_has_shown_to_decide_is_named_with_what_is_missing(built):
+    files, of = missing(built, (3, 1))
+    run = of["flight/run.c"]
+    assert run[7, "a > 0"] == "never false" and run[7, "b < -5"] == "never evaluated"
+    assert run[20, "case 1"] == "" and run[23, "case 77"] == run[26, "default"] == "never taken"
+    assert run[9, "a > 10"] == "never true" and files["flight/run.c"].reasoned[0].reason == \
+        "nothing is that large, here"
+    assert (12, "sizeof(int) == 4") not in run and run[12, "b > 0"] == "never false"    # a constant decides nothing
+    assert "flight/silent.c" not in of and of["flight/shared.h"].keys() == {
+        (4, "a > 0"), (4, "b > 0"), (6, "(x) > 0"), (6, "(x) < 9")}
+    whole = missing(built, (3, 1), whole=True)[1]
+    assert whole["flight/silent.c"] == {(1, "a > 0"): "never evaluated"}
+
+
+def test_a_condition_decides_when_a_pair_shows_it_in_runs_together_and_not_before(built):
+    # b > 0 was true and false, but where it was false, the other condition made the same result.
+    first = missing(built, (3, 1, 3, -9))[1]["flight/run.c"]
+    assert first[7, "b > 0"] == NO_PAIR and first[7, "b < -5"] == "never false"
+    files, of = missing(built, (3, 1, 3, -9), (3, -2), (-1, -2, 12, 3, 30, 77))
+    assert [name for name, of_file in of.items() for text in of_file.values() if text] == []
+    file = files["flight/run.c"]
+    assert file.decided == len(file.conditions) == 12 and not file.open and not file.reasoned
+    assert [condition.line for condition in file.stale] == [9, 15]
+    assert any("line 15: b > 0: decides, and has a reason why not" in line for line in decisions.lines(files))
+
+
+def test_an_inline_function_counts_once_over_its_sources(built):
+    files, of = missing(built, (3, 1))
+    assert [(c.line, c.column) for c in files["flight/shared.h"].conditions].count((4, 12)) == 1
+    # other.c has a > 0 both ways, run.c true only; a pair must be of one source.
+    assert of["flight/shared.h"][4, "a > 0"] == NO_PAIR
+    assert missing(built, (3, 1, 3, -9))[1]["flight/shared.h"][4, "a > 0"] == ""
+
+
+def test_the_facts_are_those_of_the_files(built):
+    files, of = missing(built, (3, 1))
+    facts = decisions.facts(files)
+    assert list(facts) == sorted(of)
+    for name, fact in facts.items():
+        undecided = {(each["line"], each["text"]) for each in fact["undecided"]}
+        assert undecided == {place for place, text in of[name].items() if text}
+        assert fact["decided"] == fact["conditions"] - len(fact["undecided"])
+
+
+def test_without_llvm_the_failure_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(decisions.shutil, "which", lambda name: None)
+    with pytest.raises(Failure, match="there is no llvm-cov-19: apt-get install llvm-19 clang-19 libclang-rt-19-dev"):
+        decisions.tool("llvm-cov")
