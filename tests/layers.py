@@ -119,6 +119,7 @@ PARTS = [
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),
     ("prove", "no run-time errors in flight C, and bounds of its loops, by Frama-C"),
+    ("rules", "the rules of MISRA C:2012 that flight C keeps, and the reasons of deviations, by cppcheck"),
     ("pool", "flights in many processes, of this machine or of a cluster"),
     ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
      "3-D"),

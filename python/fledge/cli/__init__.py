@@ -60,8 +60,8 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
     """That of the commands here, and of those that other functions add, by the function that adds one. `needs` says
     what the launcher provides first, besides what all need (fledge.launcher.packages); None: it builds nothing."""
     from fledge.cli import (bench, check, compare, control_room, export, falsify, faults, flips, fly, ground, keys,
-                            load, montecarlo, new, node, packets, profile, prompt, prove, records, replay, rewind, run,
-                            show, up, verify, versions)
+                            load, montecarlo, new, node, packets, profile, prompt, prove, records, replay, rewind,
+                            rules, run, show, up, verify, versions)
 
     texts = summaries()
     top = Parser(prog="fledge", description="Fly flight software in closed loop.",
@@ -80,8 +80,8 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
         return sub
 
     for module in (run, check, node, montecarlo, falsify, faults, versions, export, fly, load, flips, profile, verify,
-                   prompt, prove, compare, replay, packets, keys, up, rewind, ground, control_room, show, new, records,
-                   bench):
+                   prompt, prove, rules, compare, replay, packets, keys, up, rewind, ground, control_room, show, new,
+                   records, bench):
         module.add(command)
     for add in more:
         add(command)
