@@ -306,7 +306,7 @@ static void sleep_while(volatile uint32_t *rings, uint32_t seen, int64_t ns)
     (void)syscall(SYS_futex, rings, FUTEX_WAIT, seen, &t, NULL, 0);
 #else
     const struct timespec t = {0, ns < 50000 ? (long)ns : 50000L};
-    (void)signals;
+    (void)rings;
     (void)seen;
     (void)nanosleep(&t, NULL);
 #endif
