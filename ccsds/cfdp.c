@@ -233,7 +233,8 @@ int cfdp_put(Cfdp *cfdp, const CfdpPut *put, CfdpId *id)
         return file;
     }
     memset(t, 0, sizeof *t);
-    *id = (CfdpId){cfdp->set.entity, cfdp->live.sequence++};
+    *id = (CfdpId){cfdp->set.entity, cfdp->live.sequence};
+    cfdp->live.sequence++;
     t->id = *id;
     t->peer = put->destination;
     t->state = CFDP_SENDING;

@@ -439,7 +439,7 @@ size_t cfdp_message_write(const CfdpMessage *message, uint8_t *bytes, size_t roo
             cfdp_put_number(p, message->entity_bytes, message->entity);
             p += message->entity_bytes;
             break;
-        default: p = put_text(p, *field == 't' ? &message->first : &message->second);
+        default: p = put_text(p, *field == 't' ? &message->first : &message->second); break;
         }
     }
     return cfdp_tlv_write(CFDP_TLV_MESSAGE, value, (size_t)(p - value), bytes, room);
@@ -449,9 +449,9 @@ size_t cfdp_message_write(const CfdpMessage *message, uint8_t *bytes, size_t roo
 
 uint32_t cfdp_checksum(uint8_t type, uint32_t sum, uint64_t offset, const uint8_t *bytes, size_t n)
 {
-    static const uint32_t nibbles[16] = {0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
-                                         0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
-                                         0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C};
+    static const uint32_t nibbles[16] = {0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u,
+                                         0x4DB26158u, 0x5005713Cu, 0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu,
+                                         0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
     size_t i = 0;
     if (type == (uint8_t)CFDP_CRC32) {
         sum = ~sum;

@@ -10,6 +10,8 @@
 
 #include "registers/board.h"
 
+#include <stddef.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -30,8 +32,8 @@ static inline RegisterWindow register_window(const RegisterBoard *board, volatil
     w.board = board;
     w.words = words;
     w.swap = (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) != (board->big_endian != 0u);
-    w.ring = 0;
-    w.user = 0;
+    w.ring = NULL;
+    w.user = NULL;
     return w;
 }
 

@@ -28,7 +28,7 @@ static const MissionPacket *packet_of(const MissionIo *io, uint32_t i)
     const MissionLane *row = &io->lanes[i];
     return i < io->n_lanes && !row->type
                ? kind_of(io->packets, row->board, row->lane, lane_of(io, row)->fields[row->field].tag)
-               : 0;
+               : NULL;
 }
 
 /* ---- numbers */

@@ -71,7 +71,7 @@ static CommandReason check_block(const CommandTable *table, uint32_t code, const
     case COMMAND_PUBLISH: return block->configuration != 0u ? COMMAND_OK : COMMAND_VALUE;
     case COMMAND_COMMIT: return COMMAND_OK;
     case COMMAND_READ: n = word(packet, COUNT); break;
-    default: n -= (uint32_t)COMMAND_DATA;
+    default: n -= (uint32_t)COMMAND_DATA; break;
     }
     return n > 0u && n <= (uint32_t)COMMAND_DATA_MAX && has_numbers(block, offset_of(packet), n) ? COMMAND_OK
                                                                                                  : COMMAND_PLACE;
