@@ -8,7 +8,7 @@ condition alone, as far as it was evaluated, and in the result (modified conditi
     report["flight/guidance/keep_out.c"].open   # the conditions that nothing has shown to decide
     {"line": 57, "column": 9, "text": "x > 0", "missing": "never false", "reason": ""}
 
-A condition that cannot decide has a comment at its line, or at the line before, as `/* undecided: reason */`.
+A condition that cannot decide has a comment behind it, or before its statement, as `/* undecided: reason */`.
 """
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class File:
 
     @property
     def stale(self) -> list[Condition]:
-        """Those that have decided all the same."""
+        """Those that have decided all the same: where a comment is about none that has not."""
         return [condition for condition in self.conditions if condition.reason and not condition.missing]
 
 
@@ -189,12 +189,16 @@ def decisions(functions: Sequence[Mapping[str, Any]], roots: Sequence[Path], who
             path = next(path for root in roots if (path := root / name).exists())
             texts[name] = path.read_text(encoding="utf-8").splitlines()
         text = _text(texts[name], place)
+        if re.search(r"\bswitch \($", texts[name][place[0] - 1][:place[1] - 1]):
+            text = f"default of {text}"     # a switch that has none: its value is no case
         files.setdefault(name, File()).conditions.append(Condition(
             place[0], place[1], text, _missing(text, true, false, pairs.get((name, place), True))))
     for name, file in files.items():
-        reasons = _reasons(texts[name])
-        for condition in file.conditions:
-            condition.reason = reasons.get(condition.line, "")
+        for reason, lines_ in _reasons(texts[name]):
+            covered = [condition for condition in file.conditions if condition.line in lines_]
+            # A comment is about those of its statement that do not decide; about all, if all decide.
+            for condition in [condition for condition in covered if condition.missing] or covered:
+                condition.reason = reason
     return files
 
 
@@ -225,14 +229,17 @@ def _text(lines: Sequence[str], place: Place) -> str:
     return " ".join(BLANK.sub(" ", "\n".join(part)).split())
 
 
-def _reasons(lines: Sequence[str]) -> dict[int, str]:
-    """Line -> reason: the lines of each such comment, and the line after it."""
+def _reasons(lines: Sequence[str]) -> list[tuple[str, range]]:
+    """(reason, lines that it is about) of each such comment: where it stands behind something, and the statement after
+    a comment that stands alone."""
     text = "\n".join(lines)
-    reasons: dict[int, str] = {}
+    reasons = []
     for match in UNDECIDED.finditer(text):
         first, last = (text.count("\n", 0, at) + 1 for at in match.span())
-        for line in range(first, last + 2):
-            reasons.setdefault(line, " ".join(match[1].split()))
+        if lines[first - 1].startswith("/*", len(lines[first - 1]) - len(lines[first - 1].lstrip())):
+            last = next((line for line in range(last + 1, len(lines)) if lines[line - 1].rstrip()[-1:] in (";", "{")),
+                        last + 1)
+        reasons.append((" ".join(match[1].split()), range(first, last + 1)))
     return reasons
 
 
