@@ -70,6 +70,7 @@ static inline double element_read(FledgeType type, const void *p)
 static inline int64_t element_whole(double x, double low, double high)
 {
     const double limited = x > low ? (x < high ? x : high) : low;
+    /* open: NaN is not above low, so it became low, which the analyser does not see */
     return (int64_t)(limited < 0.0 ? limited - 0.5 : limited + 0.5);
 }
 

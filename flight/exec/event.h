@@ -49,7 +49,9 @@ static inline int exec_fires(ExecEvent *event, int holds, int again, int64_t hol
     if (event->since < 0) {
         event->since = t;
     }
-    event->held += event->held < INT32_MAX;
+    if (event->held < INT32_MAX) {
+        event->held++;
+    }
     if (event->armed < 0 || t - event->since < hold || event->held < count) {
         return 0;
     }

@@ -33,6 +33,7 @@ typedef struct ExecTask {
 /** t + dt; INT64_MAX, which stands for never, if that is beyond. dt >= 0. */
 static inline int64_t exec_later(int64_t t, int64_t dt)
 {
+    /* open: dt is what is left of a period, a difference of which the analyser does not see that it is positive */
     return t > INT64_MAX - dt ? INT64_MAX : t + dt;
 }
 
