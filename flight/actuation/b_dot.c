@@ -75,6 +75,7 @@ void b_dot_update(BDot *m, Tick t)
     Quality quality = quality_min(quality_through(field), quality_through(m->in.rods.head));
     const int given = quality != QUALITY_NONE && seen;
     quality = quality_min(quality, speaks ? quality_through(gyro) : head_written(gyro) ? QUALITY_DEGRADED : quality);
+    /* undecided: a guard; the torque of a dipole that is not finite is not finite */
     const int computed = given && strong && (speaks || m->mem.known == 2u) && vec_finite(torque_B) && vec_finite(m_B);
     const int64_t of = speaks ? time_min(data_time(field, t.t), data_time(gyro, t.t)) : m->mem.measured;
     const Quality least = rank == 3 ? quality : quality_min(quality, QUALITY_DEGRADED);

@@ -20,6 +20,7 @@ void burn_schedule_update(BurnSchedule *m, Tick t)
     if (!head_written(times->head)) {
         m->mem.begun = t.t;
     }
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < m->par.n && k < BURNS_MAX; k++) {
         const uint32_t i = m->par.thruster[k] % THRUSTERS_MAX;
         const int64_t start = nanoseconds(m->par.start[k]);

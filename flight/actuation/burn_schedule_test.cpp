@@ -70,4 +70,14 @@ TEST(BurnSchedule, after_a_start_within_the_run_old_burns_are_not_given)
     EXPECT_EQ(loop.given, (std::vector<std::int64_t>{15 * s, 20 * s, 22 * s}));
 }
 
+TEST(BurnSchedule, a_burn_that_was_over_before_an_update_is_left_out)
+{
+    Loop loop;
+    burn_schedule_update(&loop.m, {0, 0});
+    burn_schedule_update(&loop.m, {12 * s, s}); // the first one was from 10 s to 10.1 s
+    EXPECT_EQ(loop.m.out.times.burns[2], 0u);
+    burn_schedule_update(&loop.m, {15 * s, s}); // the second one begins
+    EXPECT_EQ(loop.m.out.times.burns[1], 1u);
+}
+
 } // namespace burn_schedule_test

@@ -78,6 +78,7 @@ static void watch(PropulsionManager *m, int64_t t)
     }
     health->silent = m->par.silent_after > 0 && tick_since(t, m->mem.counted) >= m->par.silent_after;
     health->disarmed = m->par.armed != 0u && (card->armed == 0u || health->silent != 0u);
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t i = 0u; i < m->par.n && i < THRUSTERS_MAX; i++) {
         if (first) {
             m->mem.driven[i] = card->driven[i];

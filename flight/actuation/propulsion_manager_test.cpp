@@ -192,4 +192,14 @@ TEST(PropulsionManager, a_card_that_is_lost_or_disarmed_is_named)
     EXPECT_EQ(loop.m.out.command.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(PropulsionManager, without_a_limit_no_card_is_silent)
+{
+    Loop loop;
+    loop.m.par.silent_after = 0;
+    for (int i = 0; i < 20; i++) {
+        loop.update(0);
+        EXPECT_EQ(loop.m.out.health.silent, 0u);
+    }
+}
+
 } // namespace propulsion_manager_test

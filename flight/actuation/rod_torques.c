@@ -26,6 +26,7 @@ void rod_torques_update(RodTorques *m, Tick t)
     Quality quality = quality_min(quality_through(torque), quality_through(field));
     quality = quality_min(quality, quality_through(rods->head));
     const int given = quality != QUALITY_NONE && isfinite(B2);
+    /* undecided: a guard; the torque of a dipole that is not finite is not finite */
     const int computed = given && strong && vec_finite(torque_B) && vec_finite(m_B);
     if (rank < 3) {
         quality = quality_min(quality, QUALITY_DEGRADED);

@@ -86,6 +86,7 @@ void thruster_mapping_update(ThrusterMapping *m, Tick t)
     if (!exact) {
         quality = quality_min(quality, QUALITY_DEGRADED);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (exact < 0 || !vec_finite(torque_B) || !isfinite(all)) {
         quality = QUALITY_NONE;
     }

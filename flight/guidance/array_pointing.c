@@ -81,6 +81,7 @@ void array_pointing_update(ArrayPointing *m, Tick t)
     ArrayPointingState *state = &m->out.state;
     const Quality quality = quality_min(quality_through(m->in.sun.head), quality_through(m->in.drive.head));
     int finite = 1;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t i = 0; i < m->par.n && i < ARRAYS_MAX; i++) {
         double cosine, sine, along;
         across(m, i, &cosine, &sine, &along);
@@ -93,6 +94,7 @@ void array_pointing_update(ArrayPointing *m, Tick t)
     }
     const int first = !head_written(command->head);
     state->stuck = 0u;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t i = 0; i < m->par.n && i < ARRAYS_MAX; i++) {
         point(m, i, t.t, first);
     }

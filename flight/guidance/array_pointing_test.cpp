@@ -147,4 +147,18 @@ TEST(ArrayPointing, a_drive_that_does_not_come_nearer_is_stuck)
     }
 }
 
+TEST(ArrayPointing, a_turn_beyond_the_range_is_made_the_other_way_if_that_is_within)
+{
+    for (const double side : {1.0, -1.0}) {
+        for (const int range : {4000, 2000}) {
+            Loop loop;
+            loop.m.par.range = static_cast<std::uint32_t>(range);
+            loop.m.in.drive.position[0] = static_cast<std::int32_t>(side * std::min(3900, range));
+            const double angle = side * (range == 4000 ? -2.2 : -2.9); // nearer by a full turn, which is out of range
+            loop.sun({std::sin(angle), 0, std::cos(angle)});
+            EXPECT_EQ(loop.update(), range == 4000 ? side * -2200 : side * 2000);
+        }
+    }
+}
+
 } // namespace array_pointing_test

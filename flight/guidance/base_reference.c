@@ -37,6 +37,7 @@ void base_reference_update(BaseReference *m, Tick t)
     now.sigma_RN = mrp_compose(base.sigma_RN, mrp_turn(phi));
     now.omega_RN_N = vec_add(base.omega_RN_N, gained);
     now.domega_RN_N = base.domega_RN_N;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (head_written(base.head) && age <= m->par.hold && vec_finite(now.sigma_RN) && vec_finite(now.omega_RN_N) &&
         vec_finite(now.domega_RN_N)) {
         *out = now;

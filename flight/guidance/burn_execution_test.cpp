@@ -280,5 +280,14 @@ TEST(BurnExecution, a_command_of_no_length_is_none)
     }
 }
 
+TEST(BurnExecution, a_command_that_turns_otherwise_is_another_one)
+{
+    Craft craft;
+    craft.step();
+    craft.m.in.command.rate_N = vec3(0, 1e-3, 0);
+    craft.step();
+    EXPECT_EQ(craft.m.mem.taken.rate_N.v[1], 1e-3);
+}
+
 } // namespace burn_execution_test
 } // namespace flight::testing

@@ -158,5 +158,41 @@ TEST(BurnMemory, a_memory_that_is_silent_damaged_or_empty_is_not_waited_for)
     EXPECT_EQ(craft.m.out.kept.head.quality, QUALITY_GOOD);
 }
 
+TEST(BurnMemory, a_burn_that_is_aborted_is_reported_once_and_kept)
+{
+    Craft craft;
+    craft.burn(BURN_RUNS, 5);
+    craft.m.in.state.abort = BURN_BLIND;
+    craft.burn(BURN_ABORTED, 5);
+    EXPECT_EQ(craft.events, (Craft::Events{{BURN_MEMORY_BEGUN, 0}, {BURN_MEMORY_ABORTED, BURN_BLIND}}));
+    craft.reset_computer();
+    craft.burn(BURN_NONE, 5);
+    EXPECT_EQ(craft.m.out.kept.phase, BURN_ABORTED);
+    EXPECT_EQ(craft.m.out.kept.abort, BURN_BLIND);
+}
+
+TEST(BurnMemory, a_burn_that_completes_is_reported_once)
+{
+    Craft craft;
+    craft.burn(BURN_RUNS, 5);
+    craft.burn(BURN_COMPLETE, 5);
+    EXPECT_EQ(craft.events, (Craft::Events{{BURN_MEMORY_BEGUN, 0}, {BURN_MEMORY_ENDED, 5}}));
+}
+
+TEST(BurnMemory, what_the_memory_answers_late_or_refuses_changes_no_burn_that_runs)
+{
+    Craft before;
+    before.burn(BURN_RUNS, 20);
+    for (const bool refuses : {false, true}) {
+        Craft craft;
+        std::copy_n(before.slot, NVM_WORDS, craft.slot);
+        craft.delay = 5;
+        craft.reply.refused = refuses;
+        craft.burn(refuses ? BURN_NONE : BURN_RUNS, 8);
+        EXPECT_EQ(craft.m.out.kept.phase, refuses ? BURN_NONE : BURN_RUNS);
+        EXPECT_EQ(craft.m.out.kept.gained, refuses ? 0.0 : 8.0);
+    }
+}
+
 } // namespace burn_memory_test
 } // namespace flight::testing

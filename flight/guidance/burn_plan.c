@@ -20,6 +20,7 @@ void burn_plan_update(BurnPlan *m, Tick t)
 {
     const BurnState *state = &m->in.state, *kept = &m->in.kept;
     DeltaVCommand *command = &m->out.command;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     const uint32_t n = m->par.n < PLANNED_BURNS_MAX ? m->par.n : PLANNED_BURNS_MAX;
     if (quality_optional(kept->head) != QUALITY_GOOD && !head_written(command->head)) {
         return;

@@ -92,5 +92,13 @@ TEST(BurnPlan, holds_its_command_against_bad_numbers)
     }
 }
 
+TEST(BurnPlan, a_start_beyond_all_times_is_no_command)
+{
+    BurnPlan m = three();
+    m.par.start[0] = 1e9 + 1; // 31 years
+    burn_plan_update(&m, {0, 0});
+    EXPECT_FALSE(head_written(m.out.command.head));
+}
+
 } // namespace burn_plan_test
 } // namespace flight::testing

@@ -28,6 +28,7 @@ void burn_pointing_update(BurnPointing *m, Tick t)
     reference.omega_RN_N = command->rate_N;
     reference.domega_RN_N = vec3(0.0, 0.0, 0.0);
     const Quality quality = quality_through(command->head);
+    /* undecided: a guard; no inputs are known at which this alone is 0 or not finite */
     if (quality != QUALITY_NONE && vec_norm2(r1) > 0.0 && vec_norm2(r2) > 0.0 && vec_finite(reference.sigma_RN) &&
         vec_finite(reference.omega_RN_N)) {
         reference.head = head_next(out->head, t.t, quality);

@@ -29,6 +29,7 @@ void delta_v_accumulation_update(DeltaVAccumulation *m, Tick t)
         sum.dv_N = vec_add(sum.dv_N, vec_scale(0.5, vec_add(before_N, mat_transpose_vec(BN, added_B))));
         sum.path += vec_norm(added_B);
     }
+    /* undecided: a guard; no inputs are known at which a sum alone is not finite */
     if (quality != QUALITY_NONE && (first || now >= out->head.t) && isfinite(vec_norm(sum.a_N)) &&
         isfinite(vec_norm(m->in.force.dv_B)) && vec_finite(sum.dv_N) && isfinite(sum.path)) {
         sum.head = head_next(out->head, now, quality);

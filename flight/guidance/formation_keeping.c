@@ -97,6 +97,7 @@ void formation_keeping_update(FormationKeeping *m, Tick t)
     HillState state;
     const Vec3 force_N = keep(m, t.t, n, tick_seconds(tick_since(t.t, origin)), &state);
     const Vec3 force_B = mat_vec(mrp_to_dcm(m->in.attitude.sigma_BN), force_N);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     const int computed = quality != QUALITY_NONE && isfinite(n) && vec_finite(force_B) && vec_finite(state.rho_H) &&
                          vec_finite(state.drho_H) && vec_finite(state.rho_error_H) && vec_finite(state.drho_error_H);
     int64_t newest = data_time(orbit, t.t);

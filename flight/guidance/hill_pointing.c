@@ -29,6 +29,7 @@ static int hill_frame(Vec3 r, Vec3 v, AttReference *hill)
     hill->sigma_RN = dcm_to_mrp(mat_rows(i_r, vec_cross(i_h, i_r), i_h));
     hill->omega_RN_N = vec_scale(1.0 / r2, h);
     hill->domega_RN_N = vec_scale(-2.0 * vec_dot(r, v) / r2, hill->omega_RN_N);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return vec_finite(hill->sigma_RN) && vec_finite(hill->omega_RN_N) && vec_finite(hill->domega_RN_N);
 }
 

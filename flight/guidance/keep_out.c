@@ -332,6 +332,7 @@ static int lead_or_stay(KeepOut *m, Cones *cones)
         way->sigma_RN = m->mem.sigma_WN[m->mem.next];
         way->omega_RN_N = way->domega_RN_N = vec3(0.0, 0.0, 0.0);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return isfinite(status->clearance) && isfinite(status->length) && isfinite(status->direct) &&
            vec_finite(target->omega_RN_N) && vec_finite(target->domega_RN_N);
 }

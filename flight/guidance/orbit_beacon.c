@@ -21,6 +21,7 @@ void orbit_beacon_update(OrbitBeacon *m, Tick t)
     body.a_PN_N = orbit->a_BN_N;
     body.v_PN_N = vec_add(orbit->v_BN_N, vec_scale(lead, body.a_PN_N));
     body.r_PN_N = vec_add(orbit->r_BN_N, vec_scale(lead, vec_add(orbit->v_BN_N, vec_scale(0.5 * lead, body.a_PN_N))));
+    /* undecided: a guard; it is a copy of an input that has been found finite */
     if (quality != QUALITY_NONE && vec_finite(body.r_PN_N) && vec_finite(body.v_PN_N) && vec_finite(body.a_PN_N)) {
         *out = body;
     } else {

@@ -41,6 +41,7 @@ void sun_safe_update(SunSafe *m, Tick t)
         error.domega_RN_B = vec_cross(omega_BN, m->par.search_B); /* it rests in B */
     }
     error.omega_BR_B = vec_sub(omega_BN, error.omega_RN_B);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (quality != QUALITY_NONE && vec_finite(error.sigma_BR) && vec_finite(error.omega_BR_B) &&
         vec_finite(error.omega_RN_B) && vec_finite(error.domega_RN_B)) {
         m->mem.searched += !seen;

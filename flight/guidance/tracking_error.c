@@ -27,6 +27,7 @@ void tracking_error_update(TrackingError *m, Tick t)
     error.omega_BR_B = vec_sub(body->omega_BN_B, error.omega_RN_B);
     error.domega_RN_B = mat_vec(dcm_BN, reference->domega_RN_N);
     int lost = data_lost(t, data_time(body->head, t.t), m->par.hold);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (quality != QUALITY_NONE && !lost && vec_finite(error.sigma_BR) && vec_finite(error.omega_BR_B) &&
         vec_finite(error.omega_RN_B) && vec_finite(error.domega_RN_B)) {
         error.head = head_next(out->head, t.t, quality);

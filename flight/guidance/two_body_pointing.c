@@ -122,6 +122,7 @@ static int point(const TwoBodyPointing *m, AttReference *reference, TwoBodyStatu
         int apart = vec_norm2(normal.x) > limit;
         status->secondary = apart ? SECONDARY_TRACKED : SECONDARY_COLLINEAR;
         status->separation = fm_atan2(vec_norm(normal.x), vec_dot(R_1.x, R_2.x));
+        /* undecided: a guard; no inputs are known at which this alone is not finite */
         finite = isfinite(limit) && isfinite(status->separation);
     }
     *r1 = moving_unit(R_1);

@@ -34,6 +34,7 @@ static int velocity_frame(Vec3 r, Vec3 v, double mu, AttReference *frame)
     frame->sigma_RN = dcm_to_mrp(mat_rows(vec_cross(i_v, i_h), i_v, i_h));
     frame->omega_RN_N = vec_scale(bend / r2, h);
     frame->domega_RN_N = vec_scale((2.0 * bend - 3.0) * vec_dot(r, v) / r2, frame->omega_RN_N);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return vec_finite(frame->sigma_RN) && vec_finite(frame->omega_RN_N) && vec_finite(frame->domega_RN_N);
 }
 

@@ -74,6 +74,7 @@ FmAngle fm_reduce_far(double x)
 
     /* Four words from the first that is not zero hold at least 97 bits. */
     int top = 0;
+    /* undecided: a guard; no double is so near to a multiple of pi/2 that both words are 0 */
     while (top < 2 && f[top] == 0) {
         ++top;
     }

@@ -327,6 +327,7 @@ static inline int estimate_finite(const AttitudeEstimate *e)
     for (int i = 0; i < 36; i++) {
         sum += fm_abs(e->root[i / 6][i % 6]);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return isfinite(sum) && vec_finite(e->sigma_BN) && vec_finite(e->bias_B);
 }
 
@@ -361,6 +362,7 @@ static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *
         const int vague = attitude_variance(&there.at, kind) > VAGUE * VAGUE + 4.0 * measured;
         const int fits = measure(&there.at, kind, stars->sigma_BN, root, par->gate, &there.misfit);
         mem->misfit = isfinite(there.misfit) ? there.misfit : 0.0;
+        /* undecided: a guard; no inputs are known at which this alone is not finite */
         if (!vague && fits && estimate_finite(&there.at)) {
             *mem = there;
             mem->agree = 0u;
@@ -443,6 +445,7 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
         result.head = head_next(attitude->head, t.t, quality);
         is.head = head_next(state->head, t.t, quality);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     const int finite = vec_finite(result.sigma_BN) && vec_finite(result.omega_BN_B) && vec_finite(is.attitude_std) &&
                        vec_finite(is.bias_std) && estimate_finite(&next.at);
     if (finite) {

@@ -91,6 +91,7 @@ static inline void fix_write(StarAttitude *attitude, AttitudeFixState *state, co
 {
     const double std = fm_sqrt(P_B.m[0][0] + P_B.m[1][1] + P_B.m[2][2]);
     Quality quality = QUALITY_DEGRADED;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (finding == FIX_SOUND && !(vec_finite(sigma_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit))) {
         finding = FIX_INVALID;
     }

@@ -62,6 +62,7 @@ static double lit_part(Vec3 r, Vec3 sun, double R)
     if (apart <= a - b) {
         return 1.0 - b * b / (a * a);
     }
+    /* undecided: a guard of the root, against roundings */
     const double y = fm_sqrt(y2 > 0.0 ? y2 : 0.0);
     const double area = a * a * fm_atan2(y, x) + b * b * fm_atan2(y, apart - x) - apart * y;
     return 1.0 - area / (3.141592653589793 * a * a);
@@ -110,12 +111,14 @@ void eclipse_on_board_update(EclipseOnBoard *m, Tick t)
     const Vec3 r = vec_sub(craft.r, body.r), to_sun = vec_sub(sun.r, body.r);
     const ShadowPhase phase = phase_at(r, to_sun, R);
     const double seen = phase == SHADOW_PENUMBRA ? lit_part(r, to_sun, R) : phase == SHADOW_UMBRA ? 0.0 : 1.0;
+    /* undecided: a guard, against roundings */
     const double lit = seen < 0.0 ? 0.0 : seen > 1.0 ? 1.0 : seen;
 
     const double distance = vec_norm(r_N), a = 1.0 / (2.0 / distance - vec_norm2(v_N) / mu);
     const Ellipse ellipse = {craft, a, fm_sqrt(mu / a) / a, distance / a, vec_dot(r_N, v_N) / fm_sqrt(mu * a)};
     const int moving = vec_finite(craft.v) && vec_finite(sun.v) && vec_finite(body.v) && mu > 0.0 && a > 0.0;
     double change = moving ? next_change(&ellipse, sun, body, R, phase) : 0.0;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (!(change > 0.0 && isfinite(change))) {
         change = 0.0;
     }
@@ -125,6 +128,7 @@ void eclipse_on_board_update(EclipseOnBoard *m, Tick t)
     Quality quality = quality_min(quality_through(m->in.orbit.head), quality_through(m->in.sun.head));
     quality = quality_min(quality, quality_optional(other->head));
     ShadowState *shadow = &m->out.shadow;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (quality != QUALITY_NONE && outside && vec_finite(r) && vec_finite(to_sun) && isfinite(lit)) {
         *shadow = (ShadowState){head_next(shadow->head, t.t, quality), lit, change, phase, 0u};
     } else {

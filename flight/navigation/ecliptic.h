@@ -33,6 +33,7 @@ static inline void ecliptic_put(BodyState *body, EphemerisTime time, Tick t, con
     const double h = ECLIPTIC_STEP;
     const Vec3 ahead = vec_sub(places[2], places[1]), behind = vec_sub(places[1], places[0]);
     const Vec3 v = vec_scale(0.5 / h, vec_add(ahead, behind)), a = vec_scale(1.0 / (h * h), vec_sub(ahead, behind));
+    /* undecided: a guard; at each time that int64_t has, the places are finite */
     if (head_written(time.head) && vec_finite(places[1]) && vec_finite(v) && vec_finite(a)) {
         const Quality known = earth_known(earth_days(time.time)) ? QUALITY_GOOD : QUALITY_DEGRADED;
         const Quality quality = quality_min(quality_through(time.head), known);

@@ -21,6 +21,7 @@ static double eccentric_anomaly(double M, double e)
     fm_sincos(M, &s, &c);
     M = fm_atan2(s, c);
     double E = M + (s < 0.0 ? -0.85 : 0.85) * e;
+    /* undecided: the steps of the loop are bounded, and it converges before */
     for (int k = 0; k < 12; k++) {
         fm_sincos(E, &s, &c);
         const double f = E - e * s - M, df = 1.0 - e * c;
@@ -41,6 +42,7 @@ static void hyperbolic_anomaly(double M, double e, double *s, double *c)
 {
     const double size = fm_abs(M);
     double x = size / (e - 1.0), y = fm_sqrt(1.0 + x * x);
+    /* undecided: the steps of the loop are bounded, and it converges before */
     for (int k = 0; k < 60; k++) {
         const double next = (size + fm_log(x + y) - x / y) / (e - 1.0 / y);
         if (!(next < x)) {
@@ -96,6 +98,7 @@ void element_ephemeris_update(ElementEphemeris *m, Tick t)
         vec_add(vec_add(ddx, vec_scale(2.0, vec_cross(W, dx))), vec_add(vec_cross(W, carried), vec_cross(dW, x)));
     NavOrbit *orbit = &m->out.orbit;
     BodyState *body = &m->out.body;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (conic && vec_finite(x) && vec_finite(v) && vec_finite(acceleration)) {
         const Quality quality = quality_optional(m->in.time.head);
         *orbit = (NavOrbit){head_next(orbit->head, t.t, quality), x, v, acceleration};

@@ -116,6 +116,7 @@ static void begin(GroundPass *m, OrbitPoint orbit, Vec3 station, double mask, Ve
     double s, k;
     fm_sincos(rate * tick_seconds(tick_since(start, m->in.planet.head.t)), &s, &k);
     const Vec3 prime = vec_add(vec_scale(k, vec_cross(east, pole)), vec_scale(s, east));
+    /* undecided: a guard; the parameters are finite, and within bounds */
     if (!(skew < 1e-3) || !vec_finite(prime) || !vec_finite(station) || !isfinite(mask)) {
         return;
     }
@@ -172,6 +173,7 @@ void ground_pass_update(GroundPass *m, Tick t)
     next.mem.now = t.t;
 
     int ends = 0;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && step > 0 && !ends; k++) {
         const double ahead = tick_seconds(tick_since(next.mem.t, t.t)) + tick_seconds(step);
         const PassSearch is = next.mem.search;

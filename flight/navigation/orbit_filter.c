@@ -58,6 +58,7 @@ static void predict(OrbitEstimate *e, const OrbitField *field, const OrbitFilter
 static void predict_to(OrbitEstimate *e, const OrbitField *field, const OrbitFilter *m, int64_t t, uint32_t steps)
 {
     const int64_t step = orbit_step_ns(m->par.step);
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k <= ORBIT_STEPS_MAX && k < steps && step > 0 && e->t < t; k++) {
         const int64_t left = tick_since(t, e->t);
         predict(e, field, m, left < step ? left : step);
@@ -189,6 +190,7 @@ static void process_fix(OrbitFilter *m, const OrbitField *field, int64_t now, do
         there.x.v = vec_add(there.x.v, vec3(dx[3], dx[4], dx[5]));
         there.along += dx[6];
         m->mem.misfit = isfinite(misfit) ? misfit : 0.0;
+        /* undecided: a guard; no inputs are known at which this alone is not finite */
         if (!vague && misfit <= m->par.gate * m->par.gate && all_finite(&there)) {
             m->mem.at = there;
             count_used(m);
@@ -246,6 +248,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
         next.mem.running = next.mem.agree = next.mem.any = 0u;
     }
     next.mem.now = t.t;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && next.mem.running != 0u; k++) {
         const int64_t step = orbit_step_ns(m->par.step);
         if (step == 0 || !(tick_seconds(tick_since(t.t, next.mem.at.t)) >= kept)) {
@@ -269,6 +272,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
     const Vec3 a = orbit_acceleration(&field, now.x, now.along);
     const double std = vec_norm(state.position_std);
     const int known = next.mem.running != 0u && all_finite(&now) && vec_finite(a) && orbit_step_ns(m->par.step) > 0;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     const int sound = isfinite(std) && vec_finite(state.velocity_std) && isfinite(state.along_std);
     if (next.mem.any != 0u && sound && (known || next.mem.running == 0u)) {
         const int good = known && now.t == t.t && next.mem.running >= m->par.persistence && std <= m->par.good;

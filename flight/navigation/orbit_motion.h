@@ -105,6 +105,7 @@ static inline int64_t orbit_step_ns(double step)
 static inline OrbitPoint orbit_go(const OrbitField *f, OrbitPoint x, int64_t *at, int64_t t, int64_t step,
                                   uint32_t steps)
 {
+    /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < steps && *at < t && step > 0; k++) {
         const int64_t left = tick_since(t, *at), h = left < step ? left : step;
         x = orbit_step(f, x, 0.0, tick_seconds(h));

@@ -42,6 +42,7 @@ void orbit_on_board_update(OrbitOnBoard *m, Tick t)
         a = mat_transpose_vec(dcm_TN, orbit_gravity(&field, r));
         r = mat_transpose_vec(dcm_TN, r);
         v = mat_transpose_vec(dcm_TN, v);
+        /* undecided: a guard; no inputs are known at which this alone is not finite */
         if (!(vec_finite(r) && vec_finite(v) && vec_finite(a))) {
             code = ORBIT_ELEMENTS_UNSOUND;
         }

@@ -33,6 +33,7 @@ void orbit_propagator_update(OrbitPropagator *m, Tick t)
     const Vec3 a = orbit_gravity(&field, at.r);
 
     NavOrbit *orbit = &m->out.orbit;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (quality != QUALITY_NONE && step > 0 && vec_finite(at.r) && vec_finite(at.v) && vec_finite(a)) {
         const int fresh = now == t.t && tick_seconds(tick_since(t.t, fixed)) <= m->par.age_max;
         const Quality worst = quality_min(quality, fresh ? placed : QUALITY_DEGRADED);

@@ -322,6 +322,7 @@ static OrbitElementsCode integrate(Sgp4 *s, double t, double *angle, double *n)
         s->angle = s->angle0;
         s->motion = s->n;
     }
+    /* undecided: the steps of the loop are bounded by the time that is checked before */
     for (int k = 0; k <= SGP4_STEPS; k++) {
         const double left = t - s->time, rate = s->motion + s->dangle;
         double pull, slope;
@@ -473,5 +474,6 @@ OrbitElementsCode sgp4_state(Sgp4 *s, double t, Vec3 *r, Vec3 *v)
         }
     }
     const OrbitElementsCode code = osculate(a, surface_motion() / (a * fm_sqrt(a)), now, r, v);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return vec_finite(*r) && vec_finite(*v) ? code : ORBIT_ELEMENTS_UNSOUND;
 }

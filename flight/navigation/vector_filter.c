@@ -157,6 +157,7 @@ static int sound(const VectorEstimate *e)
     for (int i = 0; i < 81; i++) {
         sum += fm_abs(e->root[i / 9][i % 9]);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return isfinite(sum) && vec_finite(e->sigma_BN) && vec_finite(e->bias_B) && vec_finite(e->field_bias_B);
 }
 
@@ -188,6 +189,7 @@ static void process(VectorFilter *m, const Seen *seen, int source, int64_t now)
     const int usable = seen->noise > 0.0 && vec_finite(seen->as_B) && vec_finite(seen->as_N);
     const double misfit = usable ? correct(&there, seen, source, turn_since(m, t)) : INFINITY;
     m->mem.misfit[source] = isfinite(misfit) ? misfit : 0.0;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (misfit <= m->par.gate * m->par.gate && sound(&there)) {
         m->mem.at = there;
         m->mem.used[source]++;
@@ -370,10 +372,13 @@ void vector_filter_update(VectorFilter *m, Tick t)
         process(&next, &seen, FIELD, t.t);
     }
     const VectorEstimate e = estimate_at(&next, t.t);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     const int finite = sound(&next.mem.at) && sound(&e) && vec_finite(next.mem.rate);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (finite) {
         m->mem = next.mem; /* also while it waits for rates or a start */
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (finite && next.mem.running != 0u) {
         write(m, &e, t.t);
     } else {

@@ -22,7 +22,9 @@ static inline void judge(ProtectionState *s, Judgement *m, int64_t t, int64_t of
     m->any = 1u;
     const int beyond = value > 1.0;
     s->value = value;
+    /* undecided: a guard; a count ends after 2^32 updates */
     s->count = !beyond ? 0u : s->count < UINT32_MAX ? s->count + 1u : s->count;
+    /* undecided: a guard; a count ends after 2^32 updates */
     m->within = beyond ? 0u : m->within < UINT32_MAX ? m->within + 1u : m->within;
     if (!s->tripped && s->count >= persistence) {
         s->tripped = 1u;

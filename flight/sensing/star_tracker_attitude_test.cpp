@@ -146,4 +146,14 @@ TEST(StarTrackerAttitude, tags_wrap_around)
     EXPECT_EQ(unit.out().head.t, unit.t - 300 * ms);
 }
 
+TEST(StarTrackerAttitude, an_age_counts_where_there_is_a_limit)
+{
+    Unit unit;
+    for (const std::int64_t most : {std::int64_t{0}, 2 * s}) {
+        unit.m.par.age_max = most;
+        unit.measure(Quaterniond::Identity(), 3 * s);
+        EXPECT_EQ(unit.m.out.state.refused, most > 0 ? 1u : 0u);
+    }
+}
+
 } // namespace star_tracker_attitude_test

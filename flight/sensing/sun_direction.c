@@ -37,6 +37,7 @@ void sun_direction_update(SunDirection *m, Tick t)
     const Quality quality = quality_through(head);
     m->out.cosines = sun_cosines(&v, n, v.lit, head_next(m->out.cosines.head, t.t, quality));
     const SunFit f = sun_fit(&v, (1u << n) - 1u);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (f.rank > 0 && f.misfit <= m->par.differ && vec_finite(f.s_B)) {
         const Quality whole = f.rank == 3 ? QUALITY_GOOD : QUALITY_DEGRADED;
         m->out.heading = (SunHeading){head_next(m->out.heading.head, t.t, quality_min(quality, whole)), f.s_B};

@@ -20,6 +20,7 @@ static uint32_t sample(SunPyramids *m, SunView *v)
             v->axis[i] = vec_unit(m->par.axes_B[i]);
             v->weight[i] = m->par.weight[i] > 0.0 ? m->par.weight[i] : 1.0;
             v->cosine[i] = (m->par.offset[which] + m->par.scale[which] * in->counts[i - first]) / m->par.current[i];
+            /* undecided: a guard; counts are integers, and the parameters finite and not 0 */
             if (in->head.quality >= QUALITY_DEGRADED && isfinite(v->cosine[i])) {
                 used |= 1u << i & ~m->out.status.unused;
                 v->lit |= v->cosine[i] >= m->par.dark ? 1u << i : 0u;
@@ -151,6 +152,7 @@ void sun_pyramids_update(SunPyramids *m, Tick t)
     } else {
         m->out.cosines.head = head_held(m->out.cosines.head);
     }
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (used != 0u && f.rank >= 2 && f.misfit <= m->par.differ && vec_finite(f.s_B)) {
         quality = quality_min(quality, sound ? QUALITY_GOOD : QUALITY_DEGRADED);
         m->out.heading = (SunHeading){head_next(m->out.heading.head, t.t, quality), f.s_B};

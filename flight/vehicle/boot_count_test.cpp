@@ -93,4 +93,21 @@ TEST(BootCount, without_an_answer_nothing_is_stored)
     EXPECT_EQ(m.out.boot.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(BootCount, a_count_is_kept_when_the_memory_has_answered)
+{
+    Memory memory;
+    BootCount m{};
+    m.par.slot = 3;
+    boot_count_reset(&m);
+    for (int k = 0; k < 10; k++) {
+        m.in.reply = memory.reply; // it answers each third update
+        boot_count_update(&m, {k, 1});
+        EXPECT_EQ(m.out.boot.kept, memory.stores > 0 ? 1u : 0u);
+        if (k % 3 == 2) {
+            memory.answer(m.out.request);
+        }
+    }
+    EXPECT_EQ(m.out.boot.kept, 1u);
+}
+
 } // namespace boot_count_test

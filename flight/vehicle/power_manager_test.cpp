@@ -195,4 +195,17 @@ TEST(PowerManager, the_heart_beats_until_it_is_silenced)
     EXPECT_EQ(loop.resets, 1);
 }
 
+TEST(PowerManager, a_tripped_load_that_is_off_is_cleared_too)
+{
+    Loop loop;
+    loop.update();
+    loop.update();
+    loop.trip(5);
+    for (int k = 0; k < 8; k++) {
+        loop.update();
+    }
+    EXPECT_EQ(power_tripped(&loop.m.in.power), 0u);
+    EXPECT_EQ(loop.on(), 0b1011u);
+}
+
 } // namespace power_manager_test

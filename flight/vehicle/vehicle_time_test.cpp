@@ -113,4 +113,25 @@ TEST(VehicleTime, the_next_command_waits_for_the_last)
     EXPECT_EQ(none.out.command.head.quality, QUALITY_NONE);
 }
 
+TEST(VehicleTime, a_clock_that_loses_its_time_is_reported_and_one_without_pulses_is_not_judged)
+{
+    Loop loop(0.0, 0.0);
+    loop.second();
+    loop.second();
+    EXPECT_EQ(loop.m.out.event.id, static_cast<std::uint32_t>(VEHICLE_TIME_FOUND));
+    loop.offset = 1e9;
+    ClockReading &clock = loop.m.in.clock;
+    clock.busy = 1; // it can be set later
+    clock.tone = clock_time(clock_ns(clock.master) + s);
+    clock.pulses = 0; // it was reset
+    vehicle_time_update(&loop.m, {loop.t, s / 2});
+    EXPECT_EQ(loop.m.out.time.synchronized, 1u);
+    clock.pulses = 1;
+    vehicle_time_update(&loop.m, {loop.t, s / 2});
+    EXPECT_EQ(loop.m.out.time.synchronized, 0u);
+    EXPECT_EQ(loop.m.out.event.id, static_cast<std::uint32_t>(VEHICLE_TIME_LOST));
+    EXPECT_EQ(loop.m.out.event.severity, EVENT_LOW);
+    EXPECT_EQ(loop.m.out.time.head.quality, QUALITY_DEGRADED);
+}
+
 } // namespace vehicle_time_test
