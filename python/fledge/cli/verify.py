@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from fledge.mission.simulation import Simulation
     from fledge.requirements import Requirements
+    from fledge.verify.book import Part
     from fledge.verify.decisions import File
     from fledge.verify.evidence import Row
     from fledge.verify.flight import Flight, Flown
@@ -44,12 +45,16 @@ def add(command: Callable) -> None:
                      "parent, method")
     add_seed(sub)
     add_pool(sub)
-    sub.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
+    sub.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails; so "
+                     "does evidence that leaves something")
     sub.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
                      f"records; default: {OUT}/MISSION")
+    sub.add_argument("--evidence", metavar="DIR", help="as --out DIR, and add a book there: proofs, rules and "
+                     "decisions, and where all this answers clauses of ECSS-E-ST-40C and NPR 7150.2D")
     add_parameters(sub)
     sub.set_defaults(needs=lambda options: [*TARGETS.known(_targets(options)),
-                                            *["decisions", "build mcdc"] * (options.coverage == "mcdc")])
+                                            *["decisions", "build mcdc"] * (options.coverage == "mcdc"),
+                                            *["prove", "rules"] * bool(options.evidence)])
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -91,7 +96,9 @@ def verify(options: argparse.Namespace) -> int:
                       "(docs/verification.md)")
     for id in options.only or ():
         requirements.of(id)
-    folder = Path(options.out) if options.out else OUT / sim.name
+    if options.out and options.evidence:
+        raise Failure("verify: --out and --evidence both name the folder of the report; give one of them")
+    folder = Path(options.out or options.evidence or OUT / sim.name)
     with alone(folder):
         return _verify(options, targets, sim, requirements, given, folder)
 
@@ -126,7 +133,8 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
         say(f"  {line}")
     for path in _write(options, sim, rows, flown, decided, scenarios, csv, folder):
         say(f"  wrote    {path}")
-    _refuse(options, sim, rows, flown)
+    parts = _book(options, sim, rows, flown, decided, scenarios, folder) if options.evidence else []
+    _refuse(options, sim, rows, flown, parts)
     return 0
 
 
@@ -184,8 +192,26 @@ def _decisions(options: argparse.Namespace, chosen: list[Flight]) -> dict[str, F
     return files
 
 
-def _refuse(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown]) -> None:
-    """Raise Failure if a requirement is violated, or a flight has failed; with --strict, also of what is not shown."""
+def _book(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown], decided: dict[str, File],
+          scenarios: Mapping[str, Sequence[str]], folder: Path) -> list[Part]:
+    """Write the book of evidence; returns its parts."""
+    from fledge.cli.console import say
+    from fledge.columns import columns
+    from fledge.verify import book, evidence
+
+    paths, parts = book.write(sim, rows, flown, decided, evidence.traces(rows, scenarios), command_line(options),
+                              folder, options.jobs)
+    for line in columns([("evidence", "", "result"), *((part.title, part.state, part.what) for part in parts)]):
+        say(f"  {line}")
+    for path in paths:
+        say(f"  wrote    {path}")
+    return parts
+
+
+def _refuse(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown],
+            parts: list[Part]) -> None:
+    """Raise Failure if a requirement is violated, or a flight has failed; with --strict, also of what is not shown, and
+    of evidence that leaves something."""
     from fledge.errors import Failure
     from fledge.requirements.judge import UNKNOWN, VIOLATED
     from fledge.verify.evidence import NOT_SHOWN
@@ -195,7 +221,8 @@ def _refuse(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown
         return [f"{verdict}: {', '.join(ids)}"] if ids else []
 
     problems = [*of(VIOLATED), *(f"failed: {flight.title}" for flight in flown if flight.error),
-                *(text for verdict in (UNKNOWN, NOT_SHOWN) * options.strict for text in of(verdict))]
+                *(text for verdict in (UNKNOWN, NOT_SHOWN) * options.strict for text in of(verdict)),
+                *(f"left: {part.title}" for part in parts if options.strict and part.state == "left")]
     if problems:
         raise Failure(f"{sim.name}: {'; '.join(problems)}", 1)
 

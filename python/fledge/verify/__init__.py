@@ -10,6 +10,7 @@
     coverage.py   the lines and branches of flight that ran on a board
     decisions.py  the conditions of flight that have decided, as clang counts them
     page.py       the report on one HTML page
+    book.py       the book of evidence, with clauses of standards
 
 Example:
 
