@@ -165,8 +165,8 @@ def of_flights(rows: Sequence[Row], flown: Sequence[Flown], decided: Mapping[str
              f"cannot, with a reason, {len(all_.open)} are left", "results.json", "clang, llvm-cov")
         if decided else Part("decisions", "Decisions (MC/DC)", NOT_RUN, f"{verify} --coverage mcdc"),
         Part("target", "On the target", SHOWN if all(flight.same and not flight.error for flight in others) else LEFT,
-             f"flown on {', '.join(targets)}: {'' if all(flight.same for flight in others) else 'not all with '}the bits "
-             "of the desktop", "report.html")
+             f"flown on {', '.join(targets)}: {'' if all(flight.same for flight in others) else 'not all with '}"
+             "the bits of the desktop", "report.html")
         if others else Part("target", "On the target", NOT_RUN, f"{verify} --on desktop,leon3")]
 
 
