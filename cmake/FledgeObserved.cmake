@@ -7,7 +7,7 @@
 #   mcdc    which conditions have decided, as clang counts them (python/fledge/verify/decisions.py)
 
 set(FLEDGE_OBSERVED mcdc)
-set(FLEDGE_OBSERVED_mcdc_LAUNCHER ${CMAKE_CURRENT_LIST_DIR}/by_clang.sh)
+set(FLEDGE_OBSERVED_mcdc_LAUNCHER sh ${CMAKE_CURRENT_LIST_DIR}/by_clang.sh)     # an install leaves it no program
 set(FLEDGE_OBSERVED_mcdc_OPTIONS -O1 -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc)
 set(FLEDGE_OBSERVED_mcdc_LINK -fprofile-instr-generate)
 set(FLEDGE_OBSERVED_mcdc_SOURCES ${CMAKE_CURRENT_LIST_DIR}/observed_mcdc.c)
