@@ -4,7 +4,7 @@
     comment = "///<" [ "[" unit "]" ] [ clause { "," clause } ":" ] meaning
     clause  = "required" | "optional" | "assumed" | "initial" | "non-zero" | "inertia"
             | (">" | ">=" | "<" | "<=") number | "in [" number "," number "]" | "count" field
-            | "distinct" port
+            | "distinct" port | "range [" number "," number "]"
 
 What stands before the first colon is clauses if its first part is one; else all is meaning, so that
 `///< Ri: what the control frame shall follow` may be written. Continuation lines keep their `///<`.
@@ -24,7 +24,7 @@ from introspect.model import Bounds, Unit
 
 WORDS = ("required", "optional", "assumed", "initial", "non-zero", "inertia")
 SEVERITIES = ("info", "low", "medium", "high")     # EventSeverity of flight/msg/event.h, from 1
-CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD, distinct PORT"
+CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD, distinct PORT, range [a, b]"
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
@@ -36,6 +36,7 @@ class Comment:
     bounds: Bounds | None = None
     count: str | None = None
     distinct: str | None = None
+    range: Bounds | None = None
     meaning: str = ""
 
 
@@ -115,7 +116,7 @@ def parse(text: str) -> Comment:
 
 
 def _is_clause(part: str) -> bool:
-    return (part in WORDS or part.startswith((">", "<")) or bool(re.match(r"in\s*[\[(]", part))
+    return (part in WORDS or part.startswith((">", "<")) or bool(re.match(r"(in|range)\s*[\[(]", part))
             or bool(re.fullmatch(r"(count|distinct)\s+\w+", part)))
 
 
@@ -135,13 +136,17 @@ def _with_clause(comment: Comment, part: str) -> Comment:
         return replace(comment, count=counted[1])
     if other := re.fullmatch(r"distinct\s+(\w+)", part):
         return replace(comment, distinct=other[1])
+    if used := re.fullmatch(r"range\s*\[([^,\[\]]*),([^,\[\]]*)\]", part):
+        if comment.range:
+            raise Refusal("a range is given once", f"`{part}` after another", "leave one of them")
+        return replace(comment, range=_both(Bounds(), Bounds(_number(used[1], part), _number(used[2], part)), part))
     if compared := re.fullmatch(r"(>=|<=|>|<)(.*)", part):
         sign, value = compared[1], _number(compared[2], part)
         open_ = "=" not in sign
         new = Bounds(lo=value, lo_open=open_) if sign[0] == ">" else Bounds(hi=value, hi_open=open_)
     elif interval := re.fullmatch(r"in\s*\[([^,\[\]]*),([^,\[\]]*)\]", part):
         new = Bounds(_number(interval[1], part), _number(interval[2], part))
-    elif re.match(r"in\s*[\[(]", part):
+    elif re.match(r"(in|range)\s*[\[(]", part):
         raise _malformed(part)
     else:
         raise Refusal(f"a clause is one of: {CLAUSES}", f"`{part}` between other clauses",
@@ -169,5 +174,6 @@ def _number(text: str, part: str) -> float:
 
 
 def _malformed(part: str) -> Refusal:
-    return Refusal("a bound is `> x`, `>= x`, `< x`, `<= x` or `in [a, b]`, with numbers",
+    return Refusal("a range is `range [a, b]`, with numbers" if part.startswith("range") else
+                   "a bound is `> x`, `>= x`, `< x`, `<= x` or `in [a, b]`, with numbers",
                    f"`{part}`", "write numbers, also where C has a name for them")

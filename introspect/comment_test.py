@@ -71,11 +71,18 @@ def test_malformed_bounds_are_refused(clause):
     ("in [0, 1], < 3", "a bound is given once"),
     ("in [3, 1]", "bounds leave room for a value"),
     ("> 1, < 1", "bounds leave room for a value"),
+    ("range [3, 1]", "bounds leave room for a value"),
 ])
 def test_bounds_make_sense_together(clauses, rule):
     with pytest.raises(Refusal) as refusal:
         parse(f"[m] {clauses}: meaning")
     assert refusal.value.rule == rule
+
+
+def test_a_range_says_where_a_number_is_in_use():
+    parsed = comment.parse("[m] > 0, range [-1e13, 2]: from the Sun")
+    assert parsed.bounds == Bounds(0.0, lo_open=True) and parsed.range == Bounds(-1e13, 2.0)
+    assert parsed.meaning == "from the Sun" and comment.parse("[m] range of the radar: far").range is None
 
 
 def test_a_misspelt_clause_among_clauses_is_not_swallowed():

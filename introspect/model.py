@@ -131,6 +131,7 @@ class Field:
     doc: str = ""
     struct: Struct | None = None      # Type.STRUCT
     enum: Enumeration | None = None   # Type.ENUM
+    range: Bounds | None = None       # where the number is in use, both ends; nothing checks it
 
     @property
     def is_spare(self) -> bool:

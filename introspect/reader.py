@@ -289,7 +289,7 @@ class _Reader:
             self._refuse(member, refusal)
             return replace(field, unit=units.DIMENSIONLESS)  # one complaint is enough
         return replace(field, unit=parsed.unit, clauses=parsed.clauses, bounds=parsed.bounds,
-                       count=parsed.count, distinct=parsed.distinct, doc=parsed.meaning)
+                       count=parsed.count, distinct=parsed.distinct, doc=parsed.meaning, range=parsed.range)
 
     def _typed_field(self, member: Cursor, group: Group, start: int) -> Field:
         """The field without its comment. Raises Refusal."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from introspect import keywords
 from introspect.errors import Problem, Refusal
-from introspect.model import Field, Group, Kind, Struct, Type
+from introspect.model import Bounds, Field, Group, Kind, Struct, Type
 
 Finding = tuple[int, Refusal]
 
@@ -148,6 +148,18 @@ def bounds(struct: Struct) -> Iterator[Finding]:
         if f.bounds and not f.type.is_number:
             yield f.line, Refusal("only numbers have bounds", f"`{f.ctype} {f.name}`",
                                   "leave them out")
+        if f.range and (not f.type.is_number or f.group in (Group.IN, Group.OUT, Group.MEM)):
+            yield f.line, Refusal("numbers of messages, structs and `par` have a range", f"`{f.ctype} {f.path}`",
+                                  "leave it out")
+        elif f.range and f.bounds and not _meet(f.bounds, f.range):
+            yield f.line, Refusal("a range has values within the bounds", f"`{f.path}` has none", "correct one of them")
+
+
+def _meet(bounds: Bounds, other: Bounds) -> bool:
+    """Whether a number is within bounds, and within others that are closed."""
+    assert other.lo is not None and other.hi is not None
+    return not ((bounds.lo is not None and (other.hi < bounds.lo or (bounds.lo_open and other.hi == bounds.lo)))
+                or (bounds.hi is not None and (other.lo > bounds.hi or (bounds.hi_open and other.lo == bounds.hi))))
 
 
 def counts(struct: Struct) -> Iterator[Finding]:

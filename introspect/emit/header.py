@@ -64,6 +64,7 @@ def _declaration(f: Field) -> str:
 def comment(f: Field) -> str:
     """The words of its comment: introspect.comment.parse() gives the same parts again."""
     clauses = [word for word in WORDS if word in f.clauses] + (_bounds(f.bounds) if f.bounds else [])
+    clauses += ["range" + _bounds(f.range)[0].removeprefix("in")] if f.range else []
     clauses += ([f"count {f.count}"] if f.count else []) + ([f"distinct {f.distinct}"] if f.distinct else [])
     parts = [f"[{f.unit.text}]"] if f.unit else []
     parts += [", ".join(clauses) + ":"] if clauses else []

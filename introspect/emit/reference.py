@@ -110,6 +110,8 @@ def _condition(field: Field) -> str:
         words.append(f"the first `{field.count}` count")
     if field.distinct:
         words.append(f"another source than `{field.distinct}`")
+    if field.range:
+        words.append(f"in use from {field.range.lo:g} to {field.range.hi:g}")
     return ", ".join(words)
 
 

@@ -132,6 +132,7 @@ def _about(f: Field) -> str:
     words += sorted(f.clauses)
     words += [f"distinct from {f.distinct}"] if f.distinct else []
     words += _bounds(f.bounds) if f.bounds else []
+    words += [f"range [{f.range.lo:g}, {f.range.hi:g}]"] if f.range else []
     meaning = f.doc or (f.struct.doc.split("\n")[0] if f.struct else "")
     return ", ".join(words) + (f": {meaning}" if meaning else "")
 

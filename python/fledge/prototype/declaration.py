@@ -165,7 +165,8 @@ def _field(declaration: Declaration, types: dict[str, Any]) -> Field:
     for n in shape:
         size *= n
     return Field(declaration.name, type_, ctype, shape, 0, size, declaration.line, declaration.group, parsed.unit,
-                 parsed.clauses, parsed.bounds, parsed.count, parsed.distinct, parsed.meaning, struct, enumeration)
+                 parsed.clauses, parsed.bounds, parsed.count, parsed.distinct, parsed.meaning, struct, enumeration,
+                 parsed.range)
 
 
 def _typed(declaration: Declaration, types: dict[str, Any]) -> tuple[Type, str, tuple[int, ...], Any, Any, int]:

@@ -153,11 +153,10 @@ def prove(names: Sequence[str] = (), project: Path | None = None, jobs: int | No
     that are kept. machine: of Frama-C (-machdep), "ppc_32" is one of 32 bits whose bytes are in the other order.
     Raises Failure.
     """
-    tree = trees(project)
+    analyser, tree = eva.version(), trees(project)
     chosen = select(units(tree), names)
     if not chosen:
         raise Failure(f"prove: there is no module in {tree.roots[0] / 'flight'}", 1)
-    analyser = eva.version()
     work = functools.partial(_result, tree, analyser, again, machine)
     results = []
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
@@ -274,7 +273,7 @@ def _ranges(module: Struct) -> tuple[str, ...]:
         for f in struct.fields:
             if f.struct:
                 look(f.struct, f"{path}{f.name}.")
-            elif limits := getattr(f, "range", None):
+            elif limits := f.range:
                 texts[f"{path}{f.name} in [{limits.lo:g}, {limits.hi:g}]"] = None
 
     for port in module.fields:

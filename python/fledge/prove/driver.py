@@ -128,7 +128,7 @@ def _each(f: Field, place: str, value: str) -> Iterator[str]:
 def _floats(f: Field, parameter: bool) -> tuple[float, float]:
     most = COMPUTABLE if parameter else LARGEST
     lo, hi = -most, most
-    for b in (f.bounds, getattr(f, "range", None)):
+    for b in (f.bounds, f.range):
         if b and b.lo is not None:
             lo = max(lo, math.nextafter(b.lo, math.inf) if b.lo_open else b.lo)
         if b and b.hi is not None:
@@ -142,7 +142,7 @@ def _integers(f: Field, least: int, most: int, rows: int | None) -> tuple[int, i
     """rows: of the arrays that the field counts."""
     if rows is not None:
         most = min(most, rows)
-    for b in (f.bounds, getattr(f, "range", None)):
+    for b in (f.bounds, f.range):
         if b and b.lo is not None:
             least = max(least, math.floor(b.lo) + 1 if b.lo_open else math.ceil(b.lo))
         if b and b.hi is not None:

@@ -49,9 +49,9 @@ class Tree:
 
     def modules(self) -> dict[str, Struct]:
         """The modules of the first root, by name. Raises HeaderError."""
-        sources = [Source(root, "flight", Kind.MODULE, "own" if root == self.roots[0] else "fledge")
-                   for root in self.roots if (root / "flight").is_dir()]
-        model = read(sources, self.roots)
+        if not (self.roots[0] / "flight").is_dir():
+            return {}
+        model = read([Source(self.roots[0], "flight", Kind.MODULE, "own")], self.roots[1:])
         return {s.name: s for s in model.structs.values() if s.kind is Kind.MODULE and s.library == "own"}
 
     def proofs(self) -> Iterator[str]:
