@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import objects
+from fledge.analysis.bound import Program, known
 from fledge.columns import columns
 from fledge.errors import Failure, RunError, SetupError
 from fledge.mission.field_path import FieldPath
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 # The compiler would put a task into its only caller.
 APART = ["-fno-inline-functions-called-once", "-fno-inline-small-functions", "-fno-ipa-sra", "-fno-ipa-cp"]
 TICK = "all of an instant"      # from the tick to flight's answer
+BEAT = 0.1      # [s] from interrupt to interrupt of the timer: BEAT_US of targets/leon3/board.c
 STEP = 0.3      # of the deviation of the draws so far: how far a local change goes
 
 
@@ -65,6 +67,7 @@ class Longest:
     t: float
     draws: dict[str, float]
     inputs: dict[str, Any] = field(default_factory=dict)
+    bound: int | None = None        # [cycles] that no path exceeds; None: it was not computed, or is not known
 
     @property
     def share(self) -> float:
@@ -87,6 +90,7 @@ class Result:
     heap: int
     runs: int
     died: list[str] = field(default_factory=list)
+    unbounded: list[str] = field(default_factory=list)      # why a task has no bound
 
 
 @dataclass
@@ -184,6 +188,24 @@ class Search(Work[Run, Paths]):
         memory = Memory(board)
         low, high = map(board.address, ("leon3_stack", "leon3_stack_end"))
         return longest, memory.stack(), high - low, memory.heap()
+
+    def bound(self, result: Result) -> None:
+        """Set the bound of each task beside its longest path."""
+        project = None if self.folder.is_relative_to(build.ROOT) else self.folder
+        programs = [Program(program, known(project)) for program in self.programs]
+        cycles: dict[str, int] = {}
+        for task in self.parts[0].mission.tasks:
+            try:
+                cycles[task.title] = max(self._interrupted(program, program.longest(f"run_{task.name}"))
+                                         for program in programs)
+            except Failure as error:
+                result.unbounded.append(f"{task.title}: {error}")
+        for path in result.longest.values():
+            path.bound = cycles.get(path.task)
+
+    def _interrupted(self, program: Program, cycles: int) -> int:
+        """[cycles] With one interrupt of a tick, and those of the timer that ends any sleep."""
+        return cycles + (2 + int(cycles / self.clock / BEAT)) * program.interrupt()
 
     def search(self, runs: int, jobs: int | None = None, progress: Callable[[int], Any] = lambda done: None,
                scheduler: str | None = None) -> Result:
@@ -351,24 +373,34 @@ def _mode_place(part: Part) -> int:
 
 def text(result: Result) -> list[str]:
     """Lines: the margin of each task in each mode, the least first; then stack and heap."""
-    rows = [("task", "mode", "period", "longest", "margin", "run", "at", "scenario")]
+    shown = bool(result.unbounded) or any(path.bound for path in result.longest.values())
+    rows = [("task", "mode", "period", "longest", *(("bound", "ratio") if shown else ()), "margin", "run", "at",
+             "scenario")]
     rows += [(path.task, path.mode or "-", f"{1e3 * path.period:g} ms", f"{1e6 * path.time:,.1f} us",
-              f"{path.margin:.3f} %", str(path.run), f"{path.t:g} s", path.scenario)
+              *(_bounded(path) if shown else ()), f"{path.margin:.3f} %", str(path.run), f"{path.t:g} s", path.scenario)
              for path in sorted(result.longest.values(), key=lambda path: path.margin)]
-    return [*columns(rows, right={2, 3, 4, 5, 6}, indent="  "),
+    return [*columns(rows, right={*range(2, 7 + 2 * shown)}, indent="  "),
             f"  stack    {result.stack:,} of {result.stack_size:,} bytes were used, "
             f"{100 * (1 - result.stack / result.stack_size):.1f} % are left",
-            f"  heap     {result.heap:,} bytes", *(f"  died     {run}" for run in result.died)]
+            f"  heap     {result.heap:,} bytes", *(f"  died     {run}" for run in result.died),
+            *(f"  no bound {reason}" for reason in result.unbounded)]
+
+
+def _bounded(path: Longest) -> tuple[str, str]:
+    if path.bound is None:
+        return "-", "-"
+    return f"{1e6 * path.time * path.bound / path.cycles:,.1f} us", f"{path.bound / path.cycles:.2f}"
 
 
 def as_csv(result: Result) -> str:
     """A line for each task and mode."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["task", "mode", "period [s]", "longest [s]", "longest [cycles]", "margin [%]", "scenario", "seed",
-                     "run", "at [s]"])
+    writer.writerow(["task", "mode", "period [s]", "longest [s]", "longest [cycles]", "bound [cycles]", "margin [%]",
+                     "scenario", "seed", "run", "at [s]"])
     for path in result.longest.values():
-        writer.writerow([path.task, path.mode, path.period, repr(path.time), path.cycles, f"{path.margin:.6f}",
+        writer.writerow([path.task, path.mode, path.period, repr(path.time), path.cycles, path.bound,
+                         f"{path.margin:.6f}",
                          path.scenario, path.seed, path.run, path.t])
     return out.getvalue()
 
@@ -378,5 +410,6 @@ def as_json(result: Result) -> str:
     from dataclasses import asdict
 
     return json.dumps({"runs": result.runs, "stack": result.stack, "stack_size": result.stack_size, "heap": result.heap,
+                       "unbounded": result.unbounded,
                        "longest": [{**asdict(path), "margin": path.margin} for path in result.longest.values()]},
                       indent=1) + "\n"

@@ -32,6 +32,8 @@ def add(command: Callable) -> None:
     add_seed(sub)
     sub.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
                      "flights with the mission's dispersions; SCENARIO may be several, A,B")
+    sub.add_argument("--bound", action="store_true", help="with --longest: a bound of each task beside, from its "
+                     "object code")
     add_campaign(sub, "with --longest: ")
     add_pool(sub, "with --longest: ")
     sub.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
@@ -62,6 +64,8 @@ def profile(options: argparse.Namespace) -> int:
         raise Failure("profile: --free is without a scenario, and needs --for")
     name = Path(options.mission).name
     folder = Path(options.out) if options.out else Path("runs") / name / "profile"
+    if options.bound and options.longest is None:
+        raise Failure("profile: --bound stands beside the longest path that was seen; add --longest N")
     if options.longest is not None:
         return _longest(options, folder, duration)
     with alone(folder):
@@ -102,13 +106,15 @@ def _longest(options: argparse.Namespace, folder: Path, duration: float | None) 
         with Bar(Path(options.mission).name) as bar:
             spans = search.search(options.longest, options.jobs, lambda done: bar.at(
                 done / options.longest, f"{done} of {options.longest}"), options.scheduler)
+        if options.bound:
+            search.bound(spans)
         say(f"{search.jobs[0].title}, {', '.join(job.scenario for job in search.jobs)}: the longest paths in "
             f"{counted(spans.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
                                                   else ", which differ in their noise: there is no dispersions.py"))
         say("\n".join(timing.text(spans)))
         for path in write_files({"timing.csv": timing.as_csv(spans), "timing.json": timing.as_json(spans)}, folder):
             say(f"  figures  {path}")
-    return 1 if spans.died else 0
+    return 1 if spans.died or spans.unbounded else 0
 
 
 def _names(options: argparse.Namespace) -> list[str]:

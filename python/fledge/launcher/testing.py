@@ -86,9 +86,9 @@ class Tests:
             if kind:
                 return self._observed()
             counts = [sum(column) for column in zip(*self._compiled(), self._python())]
-        return self._told(counts)
+        return self._said(counts)
 
-    def _told(self, counts: list[int]) -> int:
+    def _said(self, counts: list[int]) -> int:
         """Print the sum; returns the exit code."""
         if not sum(counts):
             say(f"no test matches '{self.pattern}'")
@@ -124,7 +124,7 @@ class Tests:
         files = decisions.read(written, programs, [self.context.tree], whole=True)
         print("\n".join(decisions.lines(files)))
         write_files({"decisions.json": json.dumps(decisions.facts(files), indent=1)}, self.context.logs)
-        return self._told(sums)
+        return self._said(sums)
 
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of

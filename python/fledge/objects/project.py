@@ -46,6 +46,11 @@ def owners() -> dict[str, tuple[str, Path] | None]:
     return fledge | {name: (library, file) for library, (file, theirs) in _libraries().items() for name in theirs}
 
 
+def files() -> list[Path]:
+    """What is loaded: the extension, and the project's libraries."""
+    return [Path(str(_core.__file__)), *(file for file, _ in _libraries().values())]
+
+
 @cache
 def _libraries() -> dict[str, tuple[Path, dict[str, Any]]]:
     """Name -> (file, types by name) of the project's libraries."""

@@ -106,11 +106,9 @@ def lines(files: Mapping[str, File], each: bool = True) -> list[str]:
 
 def objects() -> list[Path]:
     """What this process has loaded that counts: the extension and the project's libraries."""
-    from fledge import _core
     from fledge.objects import project
 
-    found = [Path(str(_core.__file__)), *(pair[1] for pair in project.owners().values() if pair)]
-    return [path for path in dict.fromkeys(found) if hasattr(ctypes.CDLL(str(path)), "fledge_observed_write")]
+    return [path for path in project.files() if hasattr(ctypes.CDLL(str(path)), "fledge_observed_write")]
 
 
 def write(folder: Path) -> None:

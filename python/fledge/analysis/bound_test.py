@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bound of a function is the time of its costliest path: where all paths can be taken, that which the emulator
+counts for some input."""
+import random
+import subprocess
+
+import pytest
+
+from fledge.analysis import bound, timing
+from fledge.emulator import Board
+from fledge.errors import Failure
+from fledge.targets import TARGETS
+from fledge.targets.leon3 import board as boards
+
+pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+
+BITS = 6        # of the input, each of which decides one branch
+HEAD = """#include <string.h>
+#include "targets/bare/bare.h"
+#define APART __attribute__((noinline, noclone))
+volatile int sink;
+volatile double real;
+int from[64], to[64];
+"""
+QUIET = """__asm__ volatile("rd %%psr, %%g1; or %%g1, 0xf00, %%g1; wr %%g1, %%psr; nop; nop; nop" : : : "g1");"""
+
+
+def written(stream, bits, depth=0):
+    """Statements: each bit of x decides one branch, rounds of loops are constant."""
+    text = ""
+    for _ in range(stream.randint(1, 3)):
+        kind = stream.random()
+        if bits and kind < 0.5:
+            condition = f"x & {1 << bits.pop()}"
+            text += f"if ({condition}) {{ {written(stream, bits, depth + 1)} }}"
+            text += f" else {{ {written(stream, bits, depth + 1)} }}\n" if stream.random() < 0.5 else "\n"
+        elif depth < 3 and kind < 0.7:
+            name = f"i{depth}"
+            text += f"for (int {name} = 0; {name} < {stream.randint(2, 30)}; {name}++) {{ " \
+                    f"{written(stream, [], depth + 1)} }}\n"
+        else:
+            text += stream.choice(["sink += 3;", "sink *= 5;", "real = real / 3.0;", "sink = sink / 7;", "real += 1.0;",
+                                   "sink ^= 1;"])
+    return text
+
+
+def built(folder, body, flags=()):
+    source = folder / "program.c"
+    source.write_text(HEAD + body, encoding="utf-8")
+    return boards.program(folder / "built", "program", [source], [], flags)
+
+
+def seen(program, names, arguments):
+    """name -> [cycles] of its calls, in their order."""
+    board = Board(boards.BOARD, program)
+    times = {name: [] for name in names}
+    starts, running = {board.address(name): name for name in names}, {}
+    for place in starts:
+        board.breakpoint(place)
+
+    core = board.core
+    while board.run_until(60.0) == "breakpoint":
+        place = core.registers()["%pc"]
+        if place in running:
+            name, begun = running.pop(place)
+            times[name].append(core.cycles - begun)
+        if place in starts:
+            after = core.registers()["%o7"] + 8
+            board.breakpoint(after)
+            running[after] = starts[place], core.cycles
+    assert all(len(of) == arguments for of in times.values())
+    return times
+
+
+def test_all_paths_of_random_functions_cost_what_the_emulator_counts(tmp_path):
+    stream = random.Random(5)
+    names = [f"f{k}" for k in range(12)]
+    body = "".join(f"APART void {name}(unsigned x)\n{{\n(void)x;\n"
+                   f"{written(stream, stream.sample(range(BITS), BITS))}}}\n" for name in names)
+    calls = "".join(f"        {name}(x);\n" for name in names)
+    program = built(tmp_path, f"{body}int main(void)\n{{\n    {QUIET}\n"
+                              f"    for (unsigned x = 0; x < {1 << BITS}; x++) {{\n{calls}    }}\n    return 0;\n}}\n")
+    analysed = bound.Program(program)
+    for name, times in seen(program, names, 1 << BITS).items():
+        assert analysed.longest(name) == max(times), (name, max(times))
+
+
+def test_windows_calls_and_sizes_count(tmp_path):
+    program = built(tmp_path, f"""
+APART int depth(int x) {{ sink = x; return sink + 1; }}
+APART int deeper(int x) {{ return depth(x) + depth(x + 1); }}
+APART void copies(int n) {{ memcpy(to, from, sizeof to); memset(from, n, 37); memcpy((char *)to + 1, from, 21); }}
+int main(void) {{ {QUIET} for (int x = 0; x < 3; x++) {{ deeper(x); copies(x); }} return 0; }}
+""", ["-fno-ipa-cp", "-fno-ipa-sra", "-fno-optimize-sibling-calls"])
+    analysed = bound.Program(program)
+    for name, times in seen(program, ["deeper", "copies"], 3).items():
+        # The first call may find no free window, later ones do.
+        windows = analysed.cost(analysed.symbols[name]).windows
+        assert analysed.longest(name) == times[-1] + windows * analysed.overflow
+        assert times[-1] <= times[0] <= analysed.longest(name)
+
+
+def test_the_loop_of_a_number_from_outside_needs_a_comment(tmp_path):
+    body = """APART void f(int n) {{ for (int i = 0; i < n; i++) {{ sink += i; }}{comment}
+}}
+int main(void) {{ f(sink); return 0; }}
+"""
+    (tmp_path / "a").mkdir()
+    with pytest.raises(Failure, match=r"a loop of f, .*program.c:7 has no bound: count it by a constant, prove it"):
+        bound.Program(built(tmp_path / "a", body.format(comment=""))).longest("f")
+    longest = []
+    for rounds in (5, 6):
+        (folder := tmp_path / str(rounds)).mkdir()
+        program = built(folder, body.format(comment=f" /* at most {rounds}: it is a day of the week */"))
+        longest.append(bound.Program(program, bound.known()).longest("f"))
+    assert longest[1] - longest[0] in range(4, 12)
+
+
+@pytest.mark.parametrize("body, tools, wrong", [
+    ("APART int f(int n) { return n < 2 ? 1 : f(n - 1) * f(n - 2) + sink; }\nint main(void) { return f(sink); }", (),
+     r"f calls itself, by f; write it as a loop"),
+    ("typedef void (*Call)(int);\nvolatile Call call;\nAPART void f(int n) { call(n); sink = n; }\n"
+     "int main(void) { f(1); return 0; }", (), r"f, .*program.c:9 calls through a pointer; call the function by its"),
+    ("APART void f(int n) { (void)n; for (;;) { sink = 1; } }\nint main(void) { f(1); return 0; }", (),
+     r"f, .* never returns; it has no bound"),
+    ("int main(void) { return 0; }", (), "has no function f"),
+    ("APART void f(int n) { sink = n; }\nint main(void) { f(1); return 0; }", ("strip",),
+     "has no lines of its source; build it with -g")])
+def test_what_has_no_bound_is_named(tmp_path, body, tools, wrong):
+    program = built(tmp_path, body)
+    for tool in tools:
+        subprocess.run([bound.TOOLS + tool, "--strip-debug", program], check=True)
+    with pytest.raises(Failure, match=wrong):
+        bound.Program(program).longest("f")
+
+
+def test_the_longest_path_of_a_mission_is_within_its_bound(tmp_path):
+    search = timing.Search("nadir_spin", duration=4.0, folder=tmp_path)
+    found = search.search(2, jobs=1)
+    search.bound(found)
+    path = found.longest["gnc", ""]
+    assert found.unbounded or path.cycles <= path.bound < 4 * path.cycles
+    assert found.longest[timing.TICK, ""].bound is None

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a proof finds of faults that are planted into a small module of a project, and that it proves what has none."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from fledge import prove
+from fledge.errors import Failure
+from fledge.prove import loops
+
+HEADER = """\
+#ifndef FLIGHT_PROBE_H
+#define FLIGHT_PROBE_H
+
+#include "flight/msg/vehicle.h"
+
+/** Scale a torque. */
+typedef struct Probe {
+    struct {
+        BodyTorque torque;
+    } in;
+    struct {
+        BodyTorque scaled;
+    } out;
+    struct {
+        uint32_t n;      ///< [-] in [1, 4]: how many gains
+        uint32_t spare;
+        double gains[4]; ///< [-] count n: their product is the gain
+    } par;
+    struct {
+        uint32_t next;  ///< [-] of the gains
+        uint32_t calls; ///< [-] updates
+    } mem;
+} Probe;
+
+void probe_reset(Probe *m);
+void probe_update(Probe *m, Tick t);
+
+#endif
+"""
+
+SOURCE = """\
+#include "flight/probe.h"
+
+#include <string.h>
+
+static double gain(const Probe *m)
+{
+    double product = 1.0;
+    for (uint32_t i = 0u; i < m->par.n; i++) {
+        product *= m->par.gains[i];
+    }
+    return product;
+}
+
+void probe_reset(Probe *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void probe_update(Probe *m, Tick t)
+{
+    const BodyTorque *in = &m->in.torque;
+    const Vec3 torque_B = vec_scale(gain(m), in->torque_B);
+    m->mem.next = (m->mem.next + 1u) % m->par.n;
+    if (head_written(in->head) && vec_finite(torque_B)) {
+        m->out.scaled = (BodyTorque){head_next(m->out.scaled.head, t.t, quality_through(in->head)), torque_B};
+    } else {
+        m->out.scaled.head = head_held(m->out.scaled.head);
+    }
+}
+"""
+
+# What is planted: (text, text in its place); the kind of the alarm, and the line of the source.
+FAULTS = {
+    "an index off by one": ("i < m->par.n", "i <= m->par.n", "index out of range", "product *="),
+    "a division unguarded": ("(m->mem.next + 1u) % m->par.n", "100u / (4u - m->par.n)", "division by zero", "100u /"),
+    "a NaN let through": (" && vec_finite(torque_B)", "", "not finite while GOOD", "probe_update"),
+    "an infinity converted": ("(m->mem.next + 1u) % m->par.n", "(uint32_t)torque_B.v[0]",
+                              "conversion of a number that is not finite", "(uint32_t)torque_B"),
+    "a read before it is set": ("double product = 1.0",
+                                "double product;\n    if (m->par.n > 1u)\n        product = 1.0",
+                                "read before it is set", "product *="),
+    "a shift too far": ("(m->mem.next + 1u) % m->par.n", "1u << (m->par.n * 8u)", "shift out of range", "1u <<"),
+}
+
+
+def project(folder: Path, *changes: tuple[str, str], header: str = HEADER) -> Path:
+    """A project with the module, after changes of its source."""
+    source = SOURCE
+    for old, new in changes:
+        assert old in source
+        source = source.replace(old, new)
+    (folder / "flight").mkdir()
+    (folder / "flight/probe.h").write_text(header, encoding="utf-8")
+    (folder / "flight/probe.c").write_text(source, encoding="utf-8")
+    return folder
+
+
+def proved(folder: Path, **options: bool) -> prove.Result:
+    result, = prove.prove(["Probe"], folder, **options)
+    return result
+
+
+def test_a_module_is_proved_for_any_bits(tmp_path: Path) -> None:
+    """Its loops have bounds, by parameters within theirs; the result is kept until a source changes."""
+    folder = project(tmp_path)
+    result = proved(folder)
+    assert result.proved and result.inputs == "any bits" and not result.alarms
+    assert [(loop.function, loop.bound, loop.how) for loop in result.loops if loop.file == "flight/probe.c"] == \
+        [("gain", 4, "proved")]
+    assert (folder / "build/prove/Probe.json").is_file() and proved(folder) == result
+    source = folder / "flight/probe.c"
+    source.write_text(source.read_text().replace("1.0", "2.0"))
+    changed = proved(folder)
+    assert changed.proved and changed.sources != result.sources
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_planted_fault_is_found(fault: str, tmp_path: Path) -> None:
+    old, new, kind, place = FAULTS[fault]
+    folder = project(tmp_path, (old, new))
+    result = proved(folder)
+    lines = (folder / "flight/probe.c").read_text().splitlines()
+    assert not result.proved
+    assert kind in {alarm.kind for alarm in result.left}
+    assert all(alarm.file == "flight/probe.c" and place in lines[alarm.line - 1] for alarm in result.left)
+
+
+def test_a_fault_that_needs_more_than_the_header_allows_is_beyond(tmp_path: Path) -> None:
+    """The index is a number of the input, which the header bounds."""
+    header = HEADER.replace("typedef struct Probe {", "typedef struct Choice {\n    Head head;\n    uint32_t of;    "
+                            "///< [-] in [0, 3]: which gain\n    uint32_t spare;\n} Choice;\n\n/** Choose. */\n"
+                            "typedef struct Probe {").replace("torque;\n    } in;", "torque;\n        Choice choice;\n"
+                                                              "    } in;")
+    folder = project(tmp_path, ("return product", "return product * m->par.gains[m->in.choice.of]"), header=header)
+    result = proved(folder)
+    assert result.proved and result.inputs == "as declared"
+    assert [(alarm.kind, alarm.state) for alarm in result.alarms] == [("index out of range", "beyond")]
+
+
+def test_an_alarm_is_named_open_beside_it(tmp_path: Path) -> None:
+    folder = project(tmp_path, (FAULTS["a division unguarded"][0], "100u / (4u - m->par.n) /* open: n is never 4 */"))
+    result = proved(folder)
+    assert result.proved and [(a.state, a.reason) for a in result.alarms] == [("open", "n is never 4")]
+
+
+def test_a_loop_without_a_bound(tmp_path: Path) -> None:
+    """It is no proof; with a bound in a comment it is a bound that is stated."""
+    loop = "while (product < gain_of(product)) {\n        product += 1.0;\n    }\n    return product;"
+    folder = project(tmp_path, ("    return product;", "    " + loop), ("static double gain(", "static double gain_of("
+                                "double x)\n{\n    return x * 2.0;\n}\n\nstatic double gain("))
+    result = proved(folder)
+    assert not result.proved and [loop.function for loop in result.endless] == ["gain"]
+    source = folder / "flight/probe.c"
+    source.write_text(source.read_text().replace("    while", "    /* at most 1100: it doubles */\n    while"))
+    assert [(loop.bound, loop.how, loop.reason) for loop in proved(folder).loops if "it" in loop.reason] == \
+        [(1100, "stated", "it doubles")]
+
+
+def test_a_call_that_does_not_return_is_an_alarm(tmp_path: Path) -> None:
+    folder = project(tmp_path, ("    if (head_written", "    for (;;) {\n        m->mem.calls = 1u;\n    }\n"
+                                "    if (head_written"))
+    result = proved(folder)
+    assert "each call returns" in [alarm.text for alarm in result.left] and not result.proved
+
+
+def test_recursion_is_refused(tmp_path: Path) -> None:
+    folder = project(tmp_path, ("return product;", "return product > 2.0 ? product : gain(m);"))
+    with pytest.raises(Failure, match=r"Probe: .*gain calls itself; .*write a loop"):
+        proved(folder)
+
+
+def test_what_cannot_be_read_says_where(tmp_path: Path) -> None:
+    folder = project(tmp_path, ("double product = 1.0", "double product = missing(m)"))
+    with pytest.raises(Failure, match="Probe: no source of missing was found"):
+        proved(folder)
+    with pytest.raises(Failure, match="no module, folder or driver 'Prob'; did you mean 'Probe'"):
+        prove.prove(["Prob"], folder)
+
+
+def test_without_frama_c_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(Failure, match="Frama-C is not installed; as root, run: apt-get install frama-c-base"):
+        prove.prove(["MrpSteering"])
+
+
+@pytest.mark.parametrize("name", ["RateDamping", "VehicleConfig", "MrpFeedback"])
+def test_modules_of_fledge_are_proved(name: str) -> None:
+    result, = prove.prove([name])
+    assert result.proved and result.inputs == "any bits" and result.reached > 0.8 * result.statements
+
+
+@pytest.mark.long("some hundred analyses")
+def test_all_is_proved_or_named_open() -> None:
+    """All that is in the tree; an alarm that is left names its place."""
+    assert [(result.name, alarm) for result in prove.prove() for alarm in (*result.left, *result.endless)] == []
+
+
+LOOPS = """\
+/* for (;;) { } */
+void f(int n)
+{
+    for (int i = 0; i < n; i += 2) {
+        g("while (1) {");
+    }
+    while (n > 0) {
+        n--;
+    }
+    for (int i = 0; i < n; i++) {
+        i = h(i);
+    }
+    do {
+        n++;
+    } while (n < 3);
+    /*@ loop unroll 3; */
+    for (uint8_t k = 0; k < n; k++) {
+    }
+}
+"""
+
+
+def test_counters_are_those_of_loops_or_are_added() -> None:
+    """The lines stay, so that alarms name those of the source."""
+    text, found = loops.watched(LOOPS, "f.c", 7)
+    assert text.count("\n") == LOOPS.count("\n")
+    assert [(loop.id, loop.line, loop.function, loop.step) for loop in found] == [
+        ("L7_0", 4, "f", 2), ("L7_1", 7, "f", 1), ("L7_2", 10, "f", 1), ("L7_3", 13, "f", 1), ("L7_4", 17, "f", 1)]
+    lines = [line.strip() for line in text.splitlines()]
+    assert lines[3] == "for (int i = 0; i < n; i += 2) { Frama_C_show_each_L7_0(i);"
+    assert lines[6] == "for (unsigned prove_L7_1 = 0u; n > 0; prove_L7_1++) { Frama_C_show_each_L7_1(prove_L7_1);"
+    assert lines[9].endswith("for (int i = 0; i < n; i++) { Frama_C_show_each_L7_2(prove_L7_2); prove_L7_2++;")
+    assert lines[15].endswith("/*@ loop unroll 3; */") and "prove_L7_4_once" in lines[15]   # what is before it stays
+
+
+def test_a_bound_is_by_the_values_of_the_counter() -> None:
+    loop = loops.Loop("L0_0", "f.c", 1, "f", 2, None)
+    assert loop.bound([(0, 6), (10, 10)]) == 6 and loop.bound([(0, 2**32 - 1)]) is None
+    assert dataclasses.replace(loop, step=1).bound([(3, 3)]) == 1
