@@ -86,9 +86,9 @@ class Tests:
             if kind:
                 return self._observed()
             counts = [sum(column) for column in zip(*self._compiled(), self._python())]
-        return self._said(counts)
+        return self._sum(counts)
 
-    def _said(self, counts: list[int]) -> int:
+    def _sum(self, counts: list[int]) -> int:
         """Print the sum; returns the exit code."""
         if not sum(counts):
             say(f"no test matches '{self.pattern}'")
@@ -124,7 +124,7 @@ class Tests:
         files = decisions.read(written, programs, [self.context.tree], whole=True)
         print("\n".join(decisions.lines(files)))
         write_files({"decisions.json": json.dumps(decisions.facts(files), indent=1)}, self.context.logs)
-        return self._said(sums)
+        return self._sum(sums)
 
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of

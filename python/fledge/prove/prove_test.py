@@ -151,8 +151,8 @@ def test_an_alarm_is_named_open_beside_it(tmp_path: Path) -> None:
 def test_a_loop_without_a_bound(tmp_path: Path) -> None:
     """It is no proof; with a bound in a comment it is a bound that is stated."""
     loop = "while (product < gain_of(product)) {\n        product += 1.0;\n    }\n    return product;"
-    folder = project(tmp_path, ("    return product;", "    " + loop), ("static double gain(", "static double gain_of("
-                                "double x)\n{\n    return x * 2.0;\n}\n\nstatic double gain("))
+    other = "static double gain_of(double x)\n{\n    return x * 2.0;\n}\n\nstatic double gain("
+    folder = project(tmp_path, ("    return product;", "    " + loop), ("static double gain(", other))
     result = proved(folder)
     assert not result.proved and [loop.function for loop in result.endless] == ["gain"]
     source = folder / "flight/probe.c"
