@@ -112,8 +112,8 @@ def _refuse(program: Program, output: str, status: int) -> None:
     if recursive := re.search(r"[Rr]ecursive call[^\n]*?\b(?:to|of|function)\b[^\n]*", output):
         at = re.search(r"^\[[\w:.-]+\] ([^\s:]+:\d+): (?:Warning: )?\s*[^\n]*recursive", output, re.M)
         names = re.findall(r"function (\w+)", output[recursive.start():recursive.start() + 300])
-        who = names[0] if names else "a function"
-        raise Failure(f"{program.name}: {at[1] + ': ' if at else ''}{who} calls itself; "
+        name = names[0] if names else "a function"
+        raise Failure(f"{program.name}: {at[1] + ': ' if at else ''}{name} calls itself; "
                       "flight code has a stack of known size: write a loop", 1)
     if unknown := re.search(r"Neither code nor specification for function (\w+)", output):
         raise Failure(f"{program.name}: no source of {unknown[1]} was found; it stands in the .c beside the .h that "
