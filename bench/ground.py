@@ -41,7 +41,8 @@ def sizes() -> dict[str, tuple[int, int]]:
     code, frames, homes = {}, {}, {}
     calls: dict[str, set[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for source in [*sorted((ROOT / "ccsds").glob("*.c")), ROOT / "flight/services/space_link.c"]:
+        own = [path for path in sorted((ROOT / "ccsds").glob("*.c")) if not path.stem.endswith("_proof")]
+        for source in [*own, ROOT / "flight/services/space_link.c"]:
             file = str(source.relative_to(ROOT))
             made = Path(folder) / f"{file.replace('/', '_')}.o"
             subprocess.run([toolchain.COMPILER, *toolchain.MACHINE, *toolchain.headers(), "-std=c99", "-Os", "-I", ROOT,

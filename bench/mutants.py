@@ -113,7 +113,7 @@ class Test(NamedTuple):
 # --- drawing ---------------------------------------------------------------------------------------
 
 def is_product(path: PurePath) -> bool:
-    return (path.suffix in ENDINGS and not path.stem.endswith(("_test", "_fuzz"))
+    return (path.suffix in ENDINGS and not path.stem.endswith(("_test", "_fuzz", "_proof"))
             and not NOT_PRODUCT.intersection(path.parts))
 
 

@@ -283,8 +283,7 @@ def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, m
     archive = library(machine, development)
     name = "fledge_micropython"
     write_files({"frozen.c": freeze(scripts or {}, archive)}, folder)
-    sources = [PORT / "interpreter/main.c", folder / "frozen.c", *sorted((ROOT / "flight/exec").glob("*.c")),
-               *(ROOT / path for path in COMMAND), *math_sources()]
+    sources = [PORT / "interpreter/main.c", folder / "frozen.c", *(ROOT / path for path in COMMAND), *math_sources()]
     flags = [*archive.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
     if machine == "leon3":
         return board.program(folder / machine, name, sources, [ROOT], flags, archives=[archive.archive])

@@ -97,7 +97,8 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     import hashlib
 
     known = {ROOT / path: path for folder in SHARED for path in sorted(
-        path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
+        path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c")
+        if "testing" not in path.parts and not path.stem.endswith("_proof"))}
     objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
     if not objects:
         return {}

@@ -76,7 +76,8 @@ def candidates(files: Iterable[str], roots: Sequence[Path]) -> dict[str, set[str
         for root in roots:
             for file in sorted((root / folder).glob("*.c")):
                 path = (folder / file.name).as_posix()
-                if path not in result and folder.parts[:1] not in (("registers",), ("targets",), ("record",)):
+                if path not in result and not path.endswith("_proof.c") and folder.parts[:1] not in (
+                        ("registers",), ("targets",), ("record",)):
                     names = external(file.read_text(encoding="utf-8"))
                     if "main" not in names:
                         result[path] = names
