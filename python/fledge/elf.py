@@ -23,7 +23,8 @@ _SEGMENT = {32: ("IIIIIIII", (0, 1, 2, 3, 4, 5)), 64: ("IIQQQQQQ", (0, 2, 3, 4, 
 @dataclass
 class Segment:
     """What a program fills of memory: `stored` bytes, which are in the file, from `load` on before it starts; `size`
-    bytes from `begin` on while it runs."""
+    bytes from `begin` on while it runs. place: of its bytes in the file."""
+    place: int
     load: int
     stored: int
     begin: int
@@ -85,7 +86,7 @@ def _read(path: Path, data: bytes) -> Elf:
         if which == _LOAD and wide:
             if offset + stored > len(data):
                 raise Failure(f"{path} is cut off: it ends within its segments; build or copy it again")
-            elf.segments.append(Segment(load, stored, begin, wide))
+            elf.segments.append(Segment(offset, load, stored, begin, wide))
     # The note of the linker, wherever its script has put it.
     length = re.search(re.escape(struct.pack(order + "I", 4)) + b"(....)"
                        + re.escape(struct.pack(order + "I", _BUILD_ID)) + b"GNU\0", data, re.DOTALL)
