@@ -32,9 +32,9 @@ from pathlib import Path
 from shutil import which
 from typing import Any, NamedTuple
 
-from fledge.disk import ROOT, write_files
+from fledge.disk import write_files
 from fledge.errors import Failure, did_you_mean, listed
-from fledge.prove.sources import INCLUDED, Tree
+from fledge.prove.sources import Tree
 
 DEVIATIONS = "flight/deviations.toml"
 FOLDERS = ("flight", "ccsds", "record", "registers", "targets")
@@ -197,25 +197,12 @@ def _below(root: Path, folder: Path) -> Iterator[str]:
             yield inside.as_posix()
 
 
-def _texts(tree: Tree, source: str) -> dict[str, str]:
-    """A source and all that it includes of the tree."""
-    texts: dict[str, str] = {}
-    left = [source]
-    while left:
-        name = left.pop()
-        if name not in texts and (path := tree.find(name)):
-            texts[name] = path.read_text(encoding="utf-8", errors="replace")
-            beside = Path(name).parent.as_posix()
-            left += [near for word in INCLUDED.findall(texts[name]) for near in (word, f"{beside}/{word}")]
-    return dict(sorted(texts.items()))
-
-
 # --- The check -------------------------------------------------------------------------------------
 
 def check(tree: Tree | None = None, paths: Sequence[str] = (), jobs: int | None = None,
           ended: Callable[[int, int], None] = lambda done, of: None) -> Check:
     """Check the sources of a tree, of Fledge without one. ended: is called as sources are checked. Raises Failure."""
-    tree = tree or Tree((ROOT,))
+    tree = tree or Tree.of(None)
     found_version, addon = version(), _addon()
     names = sources(tree, paths)
     if not names:
@@ -241,7 +228,7 @@ def check(tree: Tree | None = None, paths: Sequence[str] = (), jobs: int | None 
 
 def _unit(tree: Tree, scratch: Path, addon: Path, found_version: str, name: str) -> dict[str, Any]:
     """What is found in a source and its headers, and what the addon compares with other sources; kept, or new."""
-    texts = _texts(tree, name)
+    texts = tree.closure(name, with_c=False)
     root = tree.roots[0]
     digest = hashlib.sha256("\0".join([found_version, Path(__file__).read_text(encoding="utf-8"), str(root),
                                        *(word for item in texts.items() for word in item)]).encode()).hexdigest()
@@ -358,7 +345,7 @@ def judge(of: Check, given: Sequence[Reason] | None = None) -> list[Row]:
     """All rules that are checked. given: reasons, the nearest counts; default: those of the tree.
     Raises Failure, of a reason of the tree itself that no finding needs any more."""
     if given is None:
-        given = reasons(Tree((of.root, ROOT) if of.root != ROOT else (ROOT,)))
+        given = reasons(Tree.of(of.root))
     given = sorted(given, key=lambda reason: (not reason.own, -len(reason.where)))
     rows = {rule: Row(rule) for rule in sorted({*of.checked, *(f.rule for f in of.findings)}, key=order)}
     counts: dict[Reason, int] = {}

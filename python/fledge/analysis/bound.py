@@ -8,27 +8,26 @@ The paths of a function are those of its control-flow graph. An integer programm
 one: what enters a block leaves it, and a loop goes round at most as often as its bound says. Functions are bounded from
 the leaves up, once for each set of small numbers that a caller passes, so that memcpy costs what its size does.
 
-A loop's bound is read from its object code where a counter goes by a constant step from a known number to another. Else
-it is that of `fledge prove`, or of a comment `at most N: reason` at the loop, found by the line of the loop's last
-branch.
+A loop's bound is read from its object code where a counter goes by a constant step from a known number to another. A
+comment `at most N: reason` at the loop, or else `fledge prove`, gives another one, found by the line of the loop's last
+branch. The least counts.
 """
 from __future__ import annotations
 
 import bisect
 import functools
 import itertools
-import json
-import re
 import struct
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fledge import elf
+from fledge import elf, prove
 from fledge.analysis.sparc import ANNULLED, ICC, RESTORE_LINK, TRAP, Instruction, State, Value, holds, number
 from fledge.disk import ROOT
 from fledge.errors import Failure
+from fledge.prove.loops import STATED
 
 TOOLS = "sparc64-linux-gnu-"
 WINDOWS = 8         # of registers; one is always free
@@ -36,7 +35,6 @@ SMALL = 1 << 16     # numbers below are passed into functions; addresses are not
 ALIGNED = "aligned"     # of a symbol: an address that is a multiple of 8
 STACK = 14          # %sp
 MOST = 1 << 20      # rounds that are counted
-STATED = re.compile(r"/\*\s*at most (\d+):.*?\*/", re.S)
 # Functions that are walked for each size, since all their branches follow from it and from how their pointers are
 # aligned: name -> registers of the pointers. The size is in %o2.
 WALKED = {"memcpy": (8, 9), "memset": (8,), "memmove": (8, 9)}
@@ -98,7 +96,7 @@ class Program:
         if file.machine != "SPARC" or file.bits != 32:
             raise Failure(f"{path} is for {file.processor}; build it for the LEON3")
         data = self.path.read_bytes()
-        self._memory = [(segment.load, data[at:at + segment.stored]) for segment, at in _segments(data)]
+        self._memory = [(part.load, data[part.place:part.place + part.stored]) for part in file.segments]
         rows = [line.split() for line in _run("nm", "-n", str(path)).splitlines()]
         symbols = [(int(row[0], 16), row[2]) for row in rows if len(row) == 3 and row[1] in "tTwW"]
         self._starts, self._names = [start for start, _ in symbols], [name for _, name in symbols]
@@ -511,14 +509,13 @@ def stated(file: str) -> dict[int, int]:
 
 
 def proofs(project: Path | None = None) -> dict[tuple[str, int], int]:
-    """(file, line) -> the most rounds of a loop in any module that `fledge prove` has analysed; without those that some
-    module has no bound of. Files as `flight/math/vec.h`."""
+    """(file, line) -> the most rounds of a loop in any module of which `fledge prove` has kept a result that still
+    holds, of the project or Fledge; without those that some module has no bound of. Files as `flight/math/vec.h`."""
     found: dict[tuple[str, int], int | None] = {}
-    for path in sorted(((project or ROOT) / "build/prove").glob("*.json")):
-        for loop in json.loads(path.read_text(encoding="utf-8"))["loops"]:
-            key = loop["file"], loop["line"]
-            before = found.get(key, 0)
-            found[key] = None if before is None or loop["bound"] is None else max(before, loop["bound"])
+    for result in [result for own in dict.fromkeys((project, None)) for result in prove.kept(own)]:
+        for loop in result.loops:
+            before = found.get((loop.file, loop.line), 0)
+            found[loop.file, loop.line] = None if before is None or loop.bound is None else max(before, loop.bound)
     return {key: rounds for key, rounds in found.items() if rounds is not None}
 
 
@@ -642,15 +639,6 @@ def _cyclic(nodes: Mapping[int, object], edges: Sequence[tuple[int, int]]) -> bo
             if not count[b]:
                 ready.append(b)
     return len(ready) < len(count)
-
-
-def _segments(data: bytes) -> Iterator[tuple[elf.Segment, int]]:
-    """The segments of a program of 32 bits with the places of their bytes in the file."""
-    at, _, _, _, size, n = struct.unpack_from(">IIIHHH", data, 28)
-    for i in range(n):
-        kind, offset, _, load, stored, wide = struct.unpack_from(">IIIIII", data, at + i * size)
-        if kind == 1:
-            yield elf.Segment(load, stored, load, wide), offset
 
 
 def _run(tool: str, *words: str) -> str:

@@ -34,7 +34,6 @@ def rules(options: argparse.Namespace) -> int:
     from fledge import rules as checks
     from fledge.cli.console import say
     from fledge.columns import columns
-    from fledge.disk import ROOT
     from fledge.errors import Failure
     from fledge.folders import project
     from fledge.progress import Bar
@@ -42,8 +41,7 @@ def rules(options: argparse.Namespace) -> int:
 
     if options.tree and not Path(options.tree).is_dir():
         raise Failure(f"rules: --tree: there is no folder {options.tree}")
-    own = Path(options.tree).resolve() if options.tree else project()
-    tree = Tree((own, ROOT) if own and own != ROOT else (ROOT,))
+    tree = Tree.of(Path(options.tree).resolve() if options.tree else project())
     given = checks.reasons(tree)
     with Bar("rules") as bar:
         check = checks.check(tree, options.paths, options.jobs,

@@ -27,7 +27,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from fledge.disk import ROOT, write_files
+from fledge.disk import write_files
 from fledge.errors import Failure, did_you_mean, listed
 from fledge.prove import driver, eva
 from fledge.prove.sources import Tree, named
@@ -117,11 +117,6 @@ class Unit:
         return [self.name, self.file, path, path.removeprefix("flight/")]
 
 
-def trees(project: Path | None) -> Tree:
-    """The project's sources, or Fledge's."""
-    return Tree((project, ROOT) if project else (ROOT,))
-
-
 def units(tree: Tree) -> list[Unit]:
     """All that can be proved in a tree. Raises Failure for a header that breaks the rules."""
     try:
@@ -153,7 +148,7 @@ def prove(names: Sequence[str] = (), project: Path | None = None, jobs: int | No
     that are kept. machine: of Frama-C (-machdep), "ppc_32" is one of 32 bits whose bytes are in the other order.
     Raises Failure.
     """
-    analyser, tree = eva.version(), trees(project)
+    analyser, tree = eva.version(), Tree.of(project)
     chosen = select(units(tree), names)
     if not chosen:
         raise Failure(f"prove: there is no module in {tree.roots[0] / 'flight'}", 1)
@@ -172,30 +167,58 @@ def prove(names: Sequence[str] = (), project: Path | None = None, jobs: int | No
     return results
 
 
+def kept(project: Path | None = None) -> list[Result]:
+    """The kept results that still hold, of the project, else of Fledge: its sources and the analyser are the same."""
+    try:
+        analyser, tree = eva.version(), Tree.of(project)
+    except Failure:
+        return []
+    results = []
+    for unit in units(tree):
+        if (path := _place(tree, unit, eva.MACHINE)).is_file():
+            digest = _digest(analyser, eva.MACHINE, _programs(tree, unit))
+            results += [result] if (result := _kept(path, digest)) else []
+    return results
+
+
 def _result(tree: Tree, analyser: str, again: bool, machine: str, unit: Unit) -> Result:
     """The kept result, or a new one."""
-    programs = [_program(tree, unit, declared) for declared in ([False, True] if unit.module else [True])]
-    digest = hashlib.sha256("\0".join([
-        analyser, machine, _own(), *(f"{name}\0{text}" for p in programs for name, text in p.texts.items())]).encode())
-    place = "build/prove" if machine == eva.MACHINE else f"build/prove/{machine}"
-    kept = tree.roots[0] / place / f"{unit.name.replace('/', '-')}.json"
-    if not again and (result := _kept(kept, digest.hexdigest())):
+    programs = _programs(tree, unit)
+    digest, path = _digest(analyser, machine, programs), _place(tree, unit, machine)
+    if not again and (result := _kept(path, digest)):
         return result
     first = eva.analyse(programs[0], machine)
-    result = _explained(tree, unit, first, digest.hexdigest(), "any bits" if unit.module else "by hand")
+    result = _explained(tree, unit, first, digest, "any bits" if unit.module else "by hand")
     if unit.module and result.left:
         inner = eva.analyse(programs[1], machine)
-        declared = _explained(tree, unit, inner, digest.hexdigest(), "as declared")
+        declared = _explained(tree, unit, inner, digest, "as declared")
         within = {(a.file, a.line, a.kind, a.text) for a in declared.alarms}
         beyond = [dataclasses.replace(a, state="beyond") for a in result.left
                   if (a.file, a.line, a.kind, a.text) not in within]
         result = dataclasses.replace(declared, seconds=result.seconds + declared.seconds, loops=result.loops,
                                      alarms=(*declared.alarms, *beyond), ranges=_ranges(unit.module))
     try:
-        write_files({kept.name: json.dumps(result.facts(), indent=1) + "\n"}, kept.parent)
+        write_files({path.name: json.dumps(result.facts(), indent=1) + "\n"}, path.parent)
     except OSError:
         pass    # a tree that this user may only read
     return result
+
+
+def _programs(tree: Tree, unit: Unit) -> list[eva.Program]:
+    return [_program(tree, unit, declared) for declared in ([False, True] if unit.module else [True])]
+
+
+def _digest(analyser: str, machine: str, programs: Sequence[eva.Program]) -> str:
+    """Of all that decides a result."""
+    return hashlib.sha256("\0".join([
+        analyser, machine, _own(), *(f"{name}\0{text}" for p in programs for name, text in p.texts.items())]).encode()
+    ).hexdigest()
+
+
+def _place(tree: Tree, unit: Unit, machine: str) -> Path:
+    """Where a result is kept."""
+    folder = "build/prove" if machine == eva.MACHINE else f"build/prove/{machine}"
+    return tree.roots[0] / folder / f"{unit.name.replace('/', '-')}.json"
 
 
 def _kept(path: Path, digest: str) -> Result | None:

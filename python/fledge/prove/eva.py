@@ -76,8 +76,6 @@ def version() -> str:
 
 def analyse(program: Program, machine: str = MACHINE) -> Analysis:
     """Analyse a program from its main(). Raises Failure, of code that Frama-C cannot analyse."""
-    if not which("frama-c"):
-        raise Failure(MISSING)
     begun = time.monotonic()
     included = {name for text in program.texts.values() for name in INCLUDED.findall(text)}
     with tempfile.TemporaryDirectory(prefix="fledge-prove-") as folder:

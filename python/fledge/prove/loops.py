@@ -11,7 +11,7 @@ import re
 from bisect import bisect_right
 from dataclasses import dataclass
 
-STATED = re.compile(r"/\*\s*at most (\d+)\b:?\s*(.*?)\s*\*/", re.S)
+STATED = re.compile(r"/\*\s*at most (\d+):\s*(.*?)\s*\*/", re.S)
 _NOT_CODE = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*',
                        re.S | re.M)
 _LOOP = re.compile(r"\b(for|while|do)\b")

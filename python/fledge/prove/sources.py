@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fledge.disk import ROOT
 from introspect.model import Kind, Struct
 from introspect.reader import read
 from introspect.sources import Source
@@ -24,12 +25,17 @@ class Tree:
     """roots: what #include is relative to; the first is the project's or checkout's, whose code is proved."""
     roots: tuple[Path, ...]
 
+    @classmethod
+    def of(cls, project: Path | None) -> Tree:
+        """That of a project, else of Fledge."""
+        return cls((project, ROOT) if project and project != ROOT else (ROOT,))
+
     def find(self, name: str) -> Path | None:
         """The file that `#include "NAME"` means."""
         return next((root / name for root in self.roots if (root / name).is_file()), None)
 
-    def closure(self, *names: str) -> dict[str, str]:
-        """The texts of these files and of all that they include, with the C of each header, by name."""
+    def closure(self, *names: str, with_c: bool = True) -> dict[str, str]:
+        """The texts of these files and of all that they include, by name; with_c: with the C of each header."""
         texts: dict[str, str] = {}
         left = list(names)
         while left:
@@ -38,8 +44,9 @@ class Tree:
                 continue
             texts[name] = path.read_text(encoding="utf-8", errors="replace")
             left += [near for included in INCLUDED.findall(texts[name]) for near in self._near(included, name)]
-            left += [name.removesuffix(".h") + ".c"] * name.endswith(".h")
-            left += MATH if name.startswith("flight/math/") else ()
+            if with_c:
+                left += [name.removesuffix(".h") + ".c"] * name.endswith(".h")
+                left += MATH if name.startswith("flight/math/") else ()
         return dict(sorted(texts.items()))
 
     def _near(self, included: str, name: str) -> list[str]:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The book of evidence: what has been proved, decided, ruled, bounded and flown of a mission, on one HTML page, and
-where it answers clauses of ECSS-E-ST-40C and NPR 7150.2D. What was not run stands there as such, with the command
+"""The book of evidence: proofs, decisions, rules, longest times and flights of a mission on one HTML page, and where
+they answer clauses of ECSS-E-ST-40C and NPR 7150.2D. What was not run stands there as such, with the command
 that runs it.
 
     DIR/evidence.html, evidence.json        the page, and the same for programs, with the SHA-256 of every file of DIR
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fledge import prove, rules
-from fledge.disk import ROOT, write_files
+from fledge.disk import write_files
 from fledge.errors import Failure, listed
 from fledge.folders import project
 from fledge.mission.wiring import Wiring
@@ -113,7 +113,7 @@ def proof(sim: Any, jobs: int | None = None) -> tuple[Part, list[prove.Result]]:
     try:
         version = eva.version()
         for own in dict.fromkeys((project(), None)):
-            if names := [unit.name for unit in prove.units(prove.trees(own)) if unit.module and unit.name in used]:
+            if names := [unit.name for unit in prove.units(Tree.of(own)) if unit.module and unit.name in used]:
                 results += prove.prove(names, own, jobs)
     except Failure as failure:
         return Part("proof", "No run-time errors", NOT_RUN, f"{failure}; then: {command}"), results
@@ -130,9 +130,8 @@ def proof(sim: Any, jobs: int | None = None) -> tuple[Part, list[prove.Result]]:
 
 def of_rules(jobs: int | None = None) -> tuple[Part, rules.Check | None, list[rules.Row]]:
     """Of all flight C of the project, or of Fledge."""
-    own = project()
     try:
-        tree = Tree((own, ROOT) if own and own != ROOT else (ROOT,))
+        tree = Tree.of(project())
         check = rules.check(tree, jobs=jobs)
         rows = rules.judge(check, rules.reasons(tree))
     except Failure as failure:
