@@ -36,12 +36,13 @@ YAMCS = 0.738       # million parameters/s that its performance test sends, at h
 def sizes() -> dict[str, tuple[int, int]]:
     """[bytes] of code and constants of each file, and of the deepest stack of its functions with what they call in the
     other files, for a LEON3. What a function of the caller's takes is not in it, so the cipher is not."""
+    from fledge.targets.build import flight_sources
     from fledge.targets.leon3 import toolchain
 
     code, frames, homes = {}, {}, {}
     calls: dict[str, set[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        own = [path for path in sorted((ROOT / "ccsds").glob("*.c")) if not path.stem.endswith("_proof")]
+        own = [path for path in flight_sources() if path.parent == ROOT / "ccsds"]
         for source in [*own, ROOT / "flight/services/space_link.c"]:
             file = str(source.relative_to(ROOT))
             made = Path(folder) / f"{file.replace('/', '_')}.o"

@@ -15,9 +15,8 @@ INPUTS = 1000       # of each module: SETS * ROUNDS of module_hash.c
 
 def sources():
     """All that flies, and the tables of it."""
-    own = [path for folder in ("flight/*", "ccsds", "ccsds/store") for path in sorted(build.ROOT.glob(f"{folder}/*.c"))
-           if path.name not in ("elementary_hash.c", "posix_store.c") and not path.stem.endswith("_proof")]
-    return [build.ROOT / "tests/module_hash.c", build.build_folder() / "introspect/flight_tables.c", *own]
+    return [build.ROOT / "tests/module_hash.c", build.build_folder() / "introspect/flight_tables.c",
+            *build.flight_sources()]
 
 
 def hashes(printed):

@@ -33,7 +33,18 @@ TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"] 
 
 def math_sources() -> list[Path]:
     """The sources of flight/math, which modules call."""
-    return sorted(path for path in (ROOT / "flight/math").glob("*.c") if path.name != "elementary_hash.c")
+    return _flying("flight/math/*.c")
+
+
+def flight_sources() -> list[Path]:
+    """All C that flies, of every module, with the protocols and the store of files in memory."""
+    return [*_flying("flight/*/*.c"), *_flying("ccsds/*.c"), ROOT / "ccsds/store/memory_store.c"]
+
+
+def _flying(pattern: str) -> list[Path]:
+    """Without the program of the hashes and the drivers of proofs."""
+    return sorted(path for path in ROOT.glob(pattern)
+                  if path.name != "elementary_hash.c" and not path.stem.endswith("_proof"))
 
 
 def module_sources(mission: Mission, roots: Sequence[Path]) -> list[Path]:
@@ -97,8 +108,7 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     import hashlib
 
     known = {ROOT / path: path for folder in SHARED for path in sorted(
-        path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c")
-        if "testing" not in path.parts and not path.stem.endswith("_proof"))}
+        path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
     objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
     if not objects:
         return {}

@@ -26,10 +26,7 @@ def fly(compiler, optimise):
     """An archive of all flight code, compiled once."""
     folder = tempfile.TemporaryDirectory()
     alive.append(folder)
-    sources = [path for path in [*(ROOT / "flight").rglob("*.c"), *(ROOT / "ccsds").glob("*.c"),
-                                 ROOT / "ccsds/store/memory_store.c"]
-               if "tools" not in path.parts and path.name != "elementary_hash.c" and not path.stem.endswith("_proof")]
-    objects = build.shared_objects(Path(folder.name), sources, compiler, [*STRICT, optimise, "-fPIC"])
+    objects = build.shared_objects(Path(folder.name), build.flight_sources(), compiler, [*STRICT, optimise, "-fPIC"])
     archive = Path(folder.name, "flight.a")
     subprocess.run(["ar", "rc", archive, *objects.values()], check=True)
     return archive
