@@ -129,11 +129,11 @@ void cfdp_take(Cfdp *cfdp, const uint8_t *bytes, size_t n)
     }
 }
 
-/* The remote entity of a transaction, if the PDU may be for it, and it can be reached. */
-static CfdpRemote *reachable(const Cfdp *cfdp, uint64_t peer, const CfdpRemote *wanted)
+/* Whether the PDU may be for this remote entity, which is known, and it can be reached. */
+static int is_reachable(const Cfdp *cfdp, uint64_t peer, const CfdpRemote *wanted)
 {
-    CfdpRemote *remote = cfdp_remote(cfdp, peer);
-    return remote != NULL && remote->frozen == 0u && (wanted == NULL || wanted == remote) ? remote : NULL;
+    const CfdpRemote *remote = cfdp_remote(cfdp, peer);
+    return remote->frozen == 0u && (wanted == NULL || wanted == remote);
 }
 
 /* The first acknowledgement that may go. */
@@ -142,7 +142,7 @@ static size_t write_answer(Cfdp *cfdp, const CfdpRemote *wanted, uint8_t *bytes,
     CfdpLive *live = &cfdp->live;
     for (uint32_t i = 0u; i < live->answers_n; i++) {
         const CfdpAnswer answer = live->answers[i];
-        if (reachable(cfdp, answer.peer, wanted) == NULL) {
+        if (!is_reachable(cfdp, answer.peer, wanted)) {
             continue;
         }
         const int eof = answer.acknowledged == (uint8_t)CFDP_EOF;
@@ -174,7 +174,7 @@ static CfdpTransaction *choose(const Cfdp *cfdp, const CfdpRemote *wanted)
         const int data = t->state == (uint8_t)CFDP_SENDING ? t->progress < t->size || t->ranges != 0u
                                                            : !cfdp_receives(t) && t->ranges != 0u;
         if (t->state != (uint8_t)CFDP_FREE && t->suspended == 0u && (t->due != 0u || data) &&
-            (best == NULL || t->priority > best->priority) && reachable(cfdp, t->peer, wanted) != NULL) {
+            (best == NULL || t->priority > best->priority) && is_reachable(cfdp, t->peer, wanted)) {
             best = t;
         }
     }
@@ -187,6 +187,7 @@ size_t cfdp_next(Cfdp *cfdp, const CfdpRemote *wanted, uint8_t *bytes, size_t ro
         return 0;
     }
     size_t n = write_answer(cfdp, wanted, bytes, room);
+    /* undecided: a guard; a transaction fails to write once, and is then free, suspended, or has an EOF to send */
     for (uint32_t tries = 0u; n == 0 && tries <= cfdp->set.transactions_n; tries++) { /* a file may not be readable */
         CfdpTransaction *t = choose(cfdp, wanted);
         if (t == NULL) {

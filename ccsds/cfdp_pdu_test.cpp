@@ -403,6 +403,8 @@ TEST(CfdpPdu, what_contradicts_itself_is_refused)
     EXPECT_EQ(fault("20 000A 01 01 0203 04  07 00 00000000 00 00 00 01"), CCSDS_LENGTH);  // a TLV without its byte
     EXPECT_EQ(fault("30 0003 01 01 0203 04  000000"), CCSDS_LENGTH);
     EXPECT_EQ(fault("30 0006 09 01 0203 04  02 00 00000000"), CCSDS_LENGTH); // the context is longer than the PDU
+    EXPECT_EQ(fault("30 0000 09 01 0203 04"), CCSDS_LENGTH);                 // there is no context
+    EXPECT_EQ(fault("30 0002 09 01 0203 04  05 00"), CCSDS_LENGTH);          // a part of it
     CfdpFilestore store{};
     CfdpMessage message{};
     for (const auto &[digits, expected] : std::initializer_list<std::pair<const char *, CcsdsFault>>{
@@ -416,7 +418,9 @@ TEST(CfdpPdu, what_contradicts_itself_is_refused)
              {"02 06 63666470 07 00", CCSDS_OK},  //
              {"02 07 63666470 07 00 00", CCSDS_LENGTH},
              {"02 08 63666470 0A 11 05 06", CCSDS_LENGTH},
-             {"02 0A 63666470 00 00 01 61 01 62", CCSDS_LENGTH}, // an entity without bytes
+             {"02 05 63666470 0A", CCSDS_LENGTH},                             // no transaction
+             {"02 0A 63666470 00 00 01 61 01 62", CCSDS_LENGTH},              // an entity without bytes
+             {"02 11 63666470 00 09 010203040506070809 00 00", CCSDS_LENGTH}, // one of 9
          }) {
         const Bytes bytes = hex(digits);
         const std::uint8_t *at = bytes.data();
@@ -426,6 +430,33 @@ TEST(CfdpPdu, what_contradicts_itself_is_refused)
         EXPECT_EQ(bytes[0] == 2 ? cfdp_message_read(&message, &tlv) : cfdp_filestore_read(&store, &tlv), expected)
             << digits;
     }
+}
+
+TEST(CfdpPdu, what_does_not_fit_is_not_written)
+{
+    Bytes bytes(100000), data(CFDP_PDU_MAX + 1);
+    const auto size = [&](CfdpKind kind, std::size_t n, std::size_t context = 0) {
+        CfdpPdu pdu = pdu_of(kind);
+        pdu.data = data.data();
+        pdu.n = n;
+        pdu.has_context = kind == CFDP_FILE_DATA;
+        pdu.from = {data.data(), static_cast<std::uint8_t>(context)};
+        return cfdp_pdu_write(&pdu, bytes.data(), bytes.size());
+    };
+    EXPECT_EQ(size(CFDP_FILE_DATA, 65530), 8u + 65535u); // a length of 16 bits: with an offset and a context of 1 byte
+    EXPECT_EQ(size(CFDP_FILE_DATA, 65531), 0u);
+    EXPECT_EQ(size(CFDP_FILE_DATA, data.size()), 0u);
+    EXPECT_EQ(size(CFDP_FILE_DATA, 5, CFDP_CONTEXT_MAX), 8u + 4u + 64u + 5u);
+    EXPECT_EQ(size(CFDP_FILE_DATA, 5, CFDP_CONTEXT_MAX + 1), 0u);
+    EXPECT_EQ(cfdp_tlv_write(1, data.data(), 256, bytes.data(), bytes.size()), 0u);
+    EXPECT_EQ(cfdp_tlv_write(1, data.data(), 3, bytes.data(), 4), 0u);
+    EXPECT_EQ(cfdp_tlv_write(1, nullptr, 0, bytes.data(), 2), 2u);
+    bytes[2] = 7;
+    EXPECT_EQ(cfdp_tlv_write(9, &bytes[2], 1, bytes.data(), 3), 3u); // the value stands there already
+    EXPECT_EQ(Bytes(bytes.begin(), bytes.begin() + 3), (Bytes{9, 1, 7}));
+    CfdpMessage none{};
+    none.type = 0x7F;
+    EXPECT_EQ(cfdp_message_write(&none, bytes.data(), bytes.size()), 0u);
 }
 
 /// The sanitizers watch. FLEDGE_PDUS sets how many.

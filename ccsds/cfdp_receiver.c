@@ -36,6 +36,7 @@ static void deliver(Cfdp *cfdp, CfdpTransaction *t)
     const uint8_t *at = t->options;
     int failed = 0;
     for (size_t n = t->options_n; cfdp_tlv_next(&tlv, &at, &n);) {
+        /* undecided: Metadata with a request that cannot be read was refused */
         if (tlv.type == (uint8_t)CFDP_TLV_REQUEST && cfdp_filestore_read(&request, &tlv) == CCSDS_OK) {
             const uint8_t status = failed ? (uint8_t)CFDP_NOT_PERFORMED : cfdp_perform(cfdp, t, &request);
             t->results[t->results_n++] = status;
@@ -353,7 +354,7 @@ static size_t write_nak(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote
             t->requested = gap.end;
         }
     }
-    if (i > t->ranges || (i == t->ranges && (t->progress >= last || t->requested >= last))) {
+    if (i > t->ranges || (i == t->ranges && t->progress >= last)) {
         t->requested = last;
         t->due = (uint8_t)(t->due & ~(uint32_t)DUE_NAK);
         if (t->expires == INT64_MAX && cfdp_misses_parts(t)) {
@@ -374,8 +375,10 @@ static size_t write_finished(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *r
     uint32_t i = 0u;
     pdu.incomplete = t->incomplete;
     pdu.file_status = t->file_status;
+    /* undecided: the requests that have results are among the options */
     for (size_t n = t->options_n; i < t->results_n && cfdp_tlv_next(&tlv, &at, &n);) {
         CfdpFilestore response;
+        /* undecided: a request that has a result was read before */
         if (tlv.type == (uint8_t)CFDP_TLV_REQUEST && cfdp_filestore_read(&response, &tlv) == CCSDS_OK) {
             response.response = 1u;
             response.status = t->results[i++];
@@ -431,13 +434,12 @@ void cfdp_receiver_expire(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remo
         if (t->tries >= remote->ack_limit) {
             cfdp_declare_fault(cfdp, t, CFDP_ACK_LIMIT);
         }
-    } else if (t->state == (uint8_t)CFDP_RECEIVING && t->class1 != 0u) {
+    } else if (t->class1 != 0u) { /* CFDP_RECEIVING: in CFDP_CHECKING it does not run */
         t->expires = cfdp_deadline(cfdp, remote->check_timer);
         if (++t->tries >= remote->check_limit) {
             cfdp_declare_fault(cfdp, t, CFDP_CHECK_LIMIT);
         }
-    } else if (t->state == (uint8_t)CFDP_RECEIVING && cfdp_misses_parts(t) &&
-               (t->eof != 0u || remote->immediate != 0u || cfdp_ranges_full(cfdp, t))) {
+    } else if (cfdp_misses_parts(t) && (t->eof != 0u || remote->immediate != 0u || cfdp_ranges_full(cfdp, t))) {
         t->requested = 0;
         t->due |= DUE_NAK;
         if (t->eof != 0u && t->tries++ >= remote->nak_limit) {

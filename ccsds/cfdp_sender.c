@@ -112,9 +112,11 @@ void cfdp_sender_take(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote, 
     switch (pdu->kind) {
     case CFDP_FINISHED: take_finished(cfdp, t, pdu); break;
     case CFDP_ACK:
-        if (t->condition != 0u && t->state == (uint8_t)CFDP_SENT && (t->due & DUE_EOF) == 0u) {
-            cfdp_end_transaction(cfdp, t, CFDP_EVENT_ENDED);
-        } else if (t->condition == 0u && t->state == (uint8_t)CFDP_SENT) {
+        if (t->condition != 0u) { /* CFDP_SENT, or its EOF is to be sent */
+            if ((t->due & DUE_EOF) == 0u) {
+                cfdp_end_transaction(cfdp, t, CFDP_EVENT_ENDED);
+            }
+        } else if (t->state == (uint8_t)CFDP_SENT) {
             t->state = CFDP_WAITING;
             t->expires = INT64_MAX;
             t->due = (uint8_t)(t->due & ~(uint32_t)DUE_EOF);
@@ -138,7 +140,7 @@ void cfdp_sender_expire(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote
         if (t->tries >= remote->ack_limit) {
             cfdp_declare_fault(cfdp, t, CFDP_ACK_LIMIT);
         }
-    } else if (t->state == (uint8_t)CFDP_WAITING) { /* class 1 with closure */
+    } else { /* CFDP_WAITING, in class 1 with closure */
         t->expires = cfdp_deadline(cfdp, remote->check_timer);
         if (++t->tries >= remote->check_limit) {
             cfdp_declare_fault(cfdp, t, CFDP_CHECK_LIMIT);

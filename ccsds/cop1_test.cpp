@@ -441,6 +441,61 @@ TEST(Fop, a_link_that_is_busy_or_refuses)
     EXPECT_EQ(fop.state, FOP_INITIAL);
 }
 
+TEST(Fop, takes_no_data_that_it_cannot_keep)
+{
+    Sender sender(255);
+    EXPECT_EQ(sender.fop.window, 255);
+    fop_directive(&sender.fop, 1, FOP_INITIATE, 0);
+    sender.forget();
+    const Bytes data(70000);
+    for (const std::size_t n : {std::size_t{0}, Sender::room + std::size_t{1}, data.size()}) {
+        sender.fop.room = n == data.size() ? 1u << 17 : Sender::room;
+        fop_transfer(&sender.fop, static_cast<std::uint32_t>(n), data.data(), n);
+    }
+    fop_bypass(&sender.fop, 5, data.data(), 0);
+    EXPECT_EQ(sender.tags(FOP_REJECTED), (std::vector<std::uint32_t>{0, Sender::room + 1, 70000, 5}));
+    EXPECT_TRUE(sender.sent.empty());
+    sender.fop.room = Sender::room;
+    fop_time(&sender.fop, INT64_MAX - 5); // a timer that would end behind the end of time does not run
+    sender.transfer(9);
+    EXPECT_EQ(sender.sent.size(), 1u);
+    EXPECT_EQ(sender.fop.expires, INT64_MAX);
+}
+
+TEST(Fop, a_control_frame_waits_for_the_link)
+{
+    Sender sender;
+    bring(sender, 6, 3);
+    sender.takes = 0; // busy after each frame
+    fop_directive(&sender.fop, 77, FOP_INITIATE_UNLOCK, 0);
+    EXPECT_EQ(sender.sent.size(), 1u);
+    fop_time(&sender.fop, 1000); // it would be sent again
+    EXPECT_EQ(sender.sent.size(), 1u);
+    fop_ready(&sender.fop, TC_BC, 1);
+    EXPECT_EQ(sender.sent.size(), 2u);
+    fop_directive(&sender.fop, 2, FOP_TERMINATE, 0);
+    sender.forget();
+    fop_directive(&sender.fop, 3, FOP_INITIATE_UNLOCK, 0); // the link is still busy with the last
+    fop_directive(&sender.fop, 4, FOP_INITIATE_SET, 0);
+    EXPECT_EQ(sender.tags(FOP_REJECTED), (std::vector<std::uint32_t>{3, 4}));
+}
+
+TEST(Fop, a_suspended_service_that_is_terminated_fails_what_it_had)
+{
+    for (const int state : {1, 4}) {
+        Sender sender;
+        bring(sender, state, 1);
+        fop_directive(&sender.fop, 1, FOP_SET_TIMEOUT, 1);
+        fop_time(&sender.fop, 1000);
+        ASSERT_EQ(sender.fop.suspended, state);
+        fop_directive(&sender.fop, 2, FOP_TERMINATE, 0);
+        EXPECT_EQ(sender.tags(FOP_FAILED),
+                  state == 4 ? std::vector<std::uint32_t>{77} : (std::vector<std::uint32_t>{110, 111, 112, 113}));
+        EXPECT_EQ(sender.tags(FOP_ALERT), std::vector<std::uint32_t>{FOP_ALERT_TERM});
+        EXPECT_EQ(sender.fop.suspended, 0);
+    }
+}
+
 // ---- both ends
 
 /// Frame security of one end, for commands.

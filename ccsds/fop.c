@@ -380,6 +380,7 @@ void fop_directive(Fop *fop, uint32_t tag, FopDirective directive, uint32_t valu
         return;
     }
     fop->notify(fop->user, FOP_ACCEPTED, tag, 0u);
+    /* undecided: is_possible() refuses others */
     switch (directive) {
     case FOP_INITIATE:
         initialise(fop);

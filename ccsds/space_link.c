@@ -216,8 +216,7 @@ void space_link_craft_flush(SpaceLinkCraft *craft, const SpaceLinkSetup *setup, 
     farm_room(&craft->farm);
     begin_sending(&sending, craft, setup, security, sink, user);
     const int answers = setup->telemetry.control != 0u || security != NULL;
-    const int news =
-        answers && (craft->received != 0u || sending.sender.control != craft->reported || craft->frames == 0u);
+    const int news = answers && (craft->received != 0u || sending.sender.control != craft->reported); /* none: 0 */
     if (craft->filled != 0u) {
         tm_flush(&sending.sender, &sending.vc);
     } else if (idle || news) {
@@ -337,15 +336,13 @@ static int takes_segment(const SpaceLinkGround *ground)
 {
     const Fop *fop = &ground->fop;
     return has_number(ground) &&
-           (ground->setup.cop1 == 0u ||
-            (fop->state <= (uint8_t)FOP_RETRANSMIT && fop->waiting == 0u && fop->sent < fop->window && !ground->moves));
+           (ground->setup.cop1 == 0u || (fop->state <= (uint8_t)FOP_RETRANSMIT && fop->sent < fop->window));
 }
 
 /* Whether a command waits for a frame of telemetry: for a number, or a CLCW with which the service may start. */
 static int is_mute(const SpaceLinkGround *ground)
 {
-    return ground->n != 0 &&
-           (!has_number(ground) || (ground->setup.cop1 != 0u && ground->fop.state == (uint8_t)FOP_INITIAL));
+    return ground->n != 0 && (!has_number(ground) || ground->fop.state == (uint8_t)FOP_INITIAL);
 }
 
 /* After anything that happened: go on. */
@@ -363,7 +360,7 @@ static void settle(SpaceLinkGround *ground)
     while (ground->n != 0 && takes_segment(ground)) {
         send_segment(ground);
     }
-    if (fop->state <= (uint8_t)FOP_RETRANSMIT_WAIT && ground->moves == 0u) {
+    if (fop->state <= (uint8_t)FOP_RETRANSMIT_WAIT) {
         ground->known = 1u;
         ground->next = fop->number;
     }

@@ -459,6 +459,149 @@ TEST(SpaceLink, a_stream_is_found_again_behind_damage)
     }
 }
 
+TEST(SpaceLink, a_whole_packet_ends_one_that_lacks_its_last_segment)
+{
+    SpaceLinkSetup setup = full;
+    setup.cop1 = 0;
+    Craft craft(setup, false);
+    Ground ground(setup, false);
+    EXPECT_FALSE(ground.send(1, {}));
+    EXPECT_FALSE(ground.send(1, Bytes(SPACE_LINK_PACKET + 1)));
+    EXPECT_TRUE(ground.send(1, packet_of(1, 1500)));
+    EXPECT_TRUE(ground.send(2, packet_of(2)));
+    ASSERT_EQ(ground.up.size(), 3u);
+    EXPECT_EQ(ground.answers, (std::vector{std::pair{SPACE_LINK_SENT, 1u}, {SPACE_LINK_SENT, 2u}}));
+    craft.take(ground.up[0]);
+    craft.take(ground.up[2]);
+    EXPECT_EQ(craft.packets, std::vector<Bytes>{packet_of(2)});
+    EXPECT_EQ(craft.craft.faults[CCSDS_GAP], 1u);
+    // The CLCW is kept, though there is no service that needs it.
+    exchange(ground, craft);
+    EXPECT_EQ(ground.ground->clcws, 1u);
+    EXPECT_EQ(ground.ground->fop.state, FOP_INITIAL);
+    EXPECT_EQ(space_link_ground_due(ground.ground.get()), INT64_MAX);
+}
+
+TEST(SpaceLink, a_command_fails_as_one_whose_first_segments_went_out)
+{
+    SpaceLinkSetup setup = full;
+    setup.window = 2; // of one frame
+    Craft craft(setup, false);
+    Ground ground(setup, false, 2);
+    exchange(ground, craft);
+    EXPECT_TRUE(ground.send(1, packet_of(1, 3000)));
+    EXPECT_FALSE(space_link_ground_is_ready(ground.ground.get()));
+    for (int i = 0; i < 3; i++) {
+        space_link_ground_time(ground.ground.get(), ground.t += 1000);
+    }
+    EXPECT_EQ(ground.answers, (std::vector{std::pair{SPACE_LINK_FAILED, 1u}}));
+    EXPECT_TRUE(space_link_ground_is_ready(ground.ground.get()));
+    EXPECT_EQ(ground.ground->alert, FOP_ALERT_T1);
+
+    Ground secured(full, true); // as one that its association does not protect
+    Craft other(full, true);
+    exchange(secured, other);
+    sdls_stop(&secured.keys->associations[0]);
+    EXPECT_TRUE(secured.send(1, packet_of(1)));
+    EXPECT_EQ(secured.answers, (std::vector{std::pair{SPACE_LINK_FAILED, 1u}}));
+    EXPECT_TRUE(space_link_ground_is_ready(secured.ground.get()));
+}
+
+TEST(SpaceLink, the_service_starts_by_telemetry_alone)
+{
+    Craft craft(full, false);
+    Ground ground(full, false);
+    craft.craft.farm.next = 200;
+    craft.craft.farm.retransmit = 1; // of what somebody else sent: it is unlocked first
+    exchange(ground, craft, true);
+    EXPECT_EQ(ground.ground->fop.state, FOP_CONTROLLING);
+    exchange(ground, craft, true);
+    EXPECT_EQ(ground.ground->fop.state, FOP_ACTIVE);
+    // Locked, though nothing was lost: it goes on where it was.
+    craft.craft.farm.state = FARM_LOCKOUT;
+    for (int i = 0; i < 3; i++) {
+        exchange(ground, craft, true);
+    }
+    EXPECT_EQ(ground.ground->alert, FOP_ALERT_LOCKOUT);
+    EXPECT_TRUE(ground.send(1, packet_of(1)));
+    exchange(ground, craft);
+    EXPECT_EQ(ground.answers, (std::vector{std::pair{SPACE_LINK_CONFIRMED, 1u}}));
+    EXPECT_EQ(craft.craft.farm.next, 201);
+}
+
+TEST(SpaceLink, a_command_waits_until_it_may_ask_again)
+{
+    Ground ground(full, false);
+    EXPECT_TRUE(ground.send(1, packet_of(1)));
+    EXPECT_EQ(space_link_ground_due(ground.ground.get()), 1000); // of the timer
+    space_link_ground_time(ground.ground.get(), 999);
+    EXPECT_EQ(ground.up.size(), 1u);
+    space_link_ground_time(ground.ground.get(), 1000);
+    EXPECT_EQ(ground.up.size(), 2u);
+}
+
+TEST(SpaceLink, telemetry_of_others_and_words_that_are_no_clcw)
+{
+    SpaceLinkSetup setup = plain;
+    setup.telemetry.control = 1;
+    SpaceLinkSetup other = setup;
+    other.virtual_channel = 2;
+    Craft craft(setup, false), elsewhere(other, false);
+    Ground ground(setup, false);
+    exchange(ground, elsewhere, true);
+    EXPECT_EQ(ground.ground->faults[CCSDS_CHANNEL], 1u);
+    const auto take = [&](std::uint32_t word) {
+        craft.flush(true);
+        Bytes frame = craft.down.front();
+        craft.down.clear();
+        ccsds_put32(&frame[frame.size() - 6], ccsds_get32(&frame[frame.size() - 6]) ^ word);
+        ccsds_put16(&frame[frame.size() - 2], ccsds_crc16(frame.data(), frame.size() - 2));
+        ground.take(frame);
+    };
+    take(1u << 31); // another type of word
+    EXPECT_EQ(ground.ground->faults[CCSDS_TYPE], 1u);
+    take(1u << 18); // of another virtual channel
+    EXPECT_EQ(ground.ground->clcws, 0u);
+    take(0);
+    EXPECT_EQ(ground.ground->clcws, 1u);
+    EXPECT_EQ(ground.ground->receiver.missing, 0u);
+}
+
+TEST(SpaceLink, random_telemetry_without_a_marker)
+{
+    SpaceLinkSetup setup = plain;
+    setup.tm_random = 1;
+    Craft craft(setup, false);
+    Ground ground(setup, false);
+    for (std::uint32_t i = 0; i < 10; i++) {
+        craft.send(packet_of(i, 200, false));
+        craft.flush();
+        craft.down.front()[500] ^= i == 4; // a damaged frame is passed over
+        ground.take(craft.down.front());
+        craft.down.clear();
+    }
+    EXPECT_EQ(ground.packets.size(), 9u);
+    EXPECT_EQ(ground.ground->faults[CCSDS_CRC], 1u);
+    EXPECT_EQ(ground.ground->skipped, setup.telemetry.size);
+}
+
+TEST(SpaceLink, commands_have_numbers_behind_the_newest_telemetry)
+{
+    Craft craft(full, true);
+    Ground ground(full, true);
+    std::vector<SdlsAssociation> associations(ground.keys->associations, ground.keys->associations + 2);
+    associations.push_back(associations[1]); // an older one of telemetry
+    associations[2].spi = 9;
+    associations[2].next = 3;
+    ground.keys->sdls.associations = associations.data();
+    ground.keys->sdls.n = 3;
+    craft.keys->associations[1].next = 50;
+    exchange(ground, craft, true);
+    EXPECT_EQ(associations[1].next, 51u);
+    EXPECT_EQ(associations[0].next, 51u);
+    EXPECT_EQ(associations[2].next, 3u);
+}
+
 TEST(SpaceLink, an_impossible_link_is_refused)
 {
     EXPECT_TRUE(space_link_is_possible(&full, 1));

@@ -55,6 +55,9 @@ TEST(SpacePacket, what_is_no_packet_is_refused)
     Bytes bytes(16);
     space_packet_idle(bytes.data(), bytes.size());
     SpacePacket read{};
+    std::uint32_t size = 1;
+    EXPECT_EQ(packet_size(bytes.data(), 0, &size), CCSDS_SHORT);
+    EXPECT_EQ(size, 0u);
     EXPECT_EQ(space_packet_read(&read, bytes.data(), 5), CCSDS_SHORT);
     EXPECT_EQ(space_packet_read(&read, bytes.data(), 15), CCSDS_LENGTH);
     EXPECT_EQ(space_packet_read(&read, bytes.data(), 16), CCSDS_OK);

@@ -92,8 +92,10 @@ TEST(TcFrame, what_is_no_frame_of_the_channel_is_refused)
     EXPECT_EQ(tc_frame_read(&channel, empty.data(), 8, &read), CCSDS_LENGTH);
     const Bytes large(TC_FRAME_MAX);
     frame.data = large.data();
-    frame.n = tc_room(&channel) + 1;
-    EXPECT_EQ(tc_frame_write(&channel, &frame, empty.data()), 0u);
+    for (const std::size_t n : {std::size_t{0}, tc_room(&channel) + 1}) {
+        frame.n = n;
+        EXPECT_EQ(tc_frame_write(&channel, &frame, empty.data()), 0u);
+    }
 }
 
 TEST(TcFrame, any_bytes_are_read_or_refused)

@@ -116,6 +116,8 @@ TEST(TmFrame, what_is_no_frame_of_the_channel_is_refused)
     const Bytes good = frames[0];
     EXPECT_EQ(read(good, channel), CCSDS_OK);
     EXPECT_EQ(read(Bytes(good.begin(), good.end() - 1), channel), CCSDS_LENGTH);
+    EXPECT_EQ(read(Bytes(12), {0, 12, 0, 0}), CCSDS_LENGTH); // a header and what may be behind it, without data
+    EXPECT_EQ(aos_frame_read(good.data(), good.size(), 0, 0, 0, &frame), CCSDS_VERSION);
     EXPECT_EQ(read(good, {0x2A4, 64, 0, 1}), CCSDS_SPACECRAFT);
     Bytes bad = good;
     bad[0] |= 0x40;
@@ -254,6 +256,10 @@ TEST(PacketZone, packets_that_are_too_long_or_end_elsewhere_are_counted)
     packet_zone_take(&zone, all.data() + 60, 50, 30);
     EXPECT_EQ(found, std::vector<Bytes>{small});
     EXPECT_EQ(zone.faults[CCSDS_ROOM], 1u);
+    found.clear();
+    packet_zone_take(&zone, all.data(), 60, 0); // its rest and the packet behind it, where no packet should begin
+    packet_zone_take(&zone, all.data() + 60, 50, PACKET_ZONE_NONE);
+    EXPECT_EQ(found, std::vector<Bytes>{small});
     found.clear();
     packet_zone_take(&zone, small.data(), 10, 0);
     packet_zone_take(&zone, all.data() + 90, 20, 0); // the pointer says that the packet before has ended

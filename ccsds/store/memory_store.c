@@ -480,9 +480,11 @@ static void enter(MemoryStore *m, uint32_t entry)
     char name[CFDP_NAME];
     memcpy(name, at(m, entry) + NAME, CFDP_NAME);
     for (size_t i = 0; name[i] != '\0'; i++) {
-        const int32_t there = name[i] == '/' ? find(m, name, i) : 0;
-        if (name[i] == '/' &&
-            ((there < 0 && make(m, KIND_DIRECTORY, name, i) < 0) || (there >= 0 && !is_directory(m, there)))) {
+        if (name[i] != '/') {
+            continue;
+        }
+        const int32_t there = find(m, name, i);
+        if (there < 0 ? make(m, KIND_DIRECTORY, name, i) < 0 : !is_directory(m, there)) {
             drop(m, entry);
             m->lost++;
             return;

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -425,6 +426,121 @@ TEST(MemoryStore, RefusesNamesThatAreTooLongAndUseBeforeItIsMounted)
     EXPECT_EQ(files.make_directory(files.user, "a"), CFDP_BROKEN);
     EXPECT_EQ(files.remove_directory(files.user, "a"), CFDP_BROKEN);
     EXPECT_EQ(files.list(files.user, "", note, nullptr), CFDP_BROKEN);
+}
+
+/// A page of an entry: its fields begin at these bytes.
+constexpr std::size_t NEXT = 4, CHANGED = 12, SIZE = 16, NAME = 24;
+
+/// Its check is right again.
+void seal(std::uint8_t *page)
+{
+    ccsds_put32(page, cfdp_checksum(CFDP_CRC32, 0, 0, page + NEXT, MEMORY_PAGE - NEXT));
+}
+
+TEST(MemoryStore, ChainsThatAreWrongAreNotFollowed)
+{
+    const Bytes bytes(400, 3); // pages 1 and 2, behind the entry
+    for (const int what : {0, 1, 2}) {
+        Disk disk(8);
+        const CfdpStore files = disk.files();
+        ASSERT_EQ(put(files, "a", bytes), 0);
+        if (what == 0) { // the first names none
+            ccsds_put32(disk.page(1) + NEXT, ccsds_get32(disk.page(1) + NEXT) | 0xFFFFFF);
+        } else if (what == 1) { // the second is damaged
+            disk.page(2)[100] ^= 1;
+        } else { // the second names itself
+            ccsds_put32(disk.page(2) + NEXT, (ccsds_get32(disk.page(2) + NEXT) & 0xFF000000) | 2);
+            seal(disk.page(2));
+        }
+        const int file = files.open(files.user, "a", CFDP_OPEN_WRITE);
+        if (what < 2) {
+            EXPECT_EQ(files.write(files.user, file, 400, bytes.data(), 300), CFDP_BROKEN);
+            EXPECT_EQ(disk.store()->free, 5u);
+        } else {
+            EXPECT_EQ(files.remove(files.user, "a"), 0);
+            EXPECT_EQ(disk.store()->free, 8u);
+        }
+    }
+}
+
+TEST(MemoryStore, RefusesToRenameOrListWhatIsOfTheOtherKind)
+{
+    Disk disk(8);
+    const CfdpStore files = disk.files();
+    ASSERT_EQ(files.make_directory(files.user, "d"), 0);
+    ASSERT_EQ(put(files, "a", {1}), 0);
+    ASSERT_EQ(put(files, "b", {1}), 0);
+    EXPECT_EQ(files.rename(files.user, "d", "e"), CFDP_REFUSED);
+    EXPECT_EQ(files.list(files.user, "a", note, nullptr), CFDP_REFUSED);
+    EXPECT_EQ(files.list(files.user, "none", note, nullptr), CFDP_ABSENT);
+    int names = 0;
+    const auto stop = [](void *to, const char *) { return --*static_cast<int *>(to); };
+    EXPECT_LT(files.list(files.user, "", stop, &names), 0);
+    EXPECT_EQ(names, -1); // no more than one
+    const int file = files.open(files.user, "a", CFDP_OPEN_READ);
+    memory_store_begin(disk.store(), disk.block.size() * 8);
+    EXPECT_EQ(files.size(files.user, file), CFDP_BROKEN); // it is not mounted
+}
+
+TEST(MemoryStore, MountsEntriesThatCanBeAlone)
+{
+    const auto rename = [](std::uint8_t *entry, const char *name) {
+        std::memset(entry + NAME, 0, CFDP_NAME);
+        std::strcpy(reinterpret_cast<char *>(entry + NAME), name);
+        seal(entry);
+    };
+    using Change = std::function<void(Disk &)>; // of the entry a in page 0, with its data in page 1, and of b in page 2
+    const struct {
+        std::uint32_t pages;
+        Change change;
+        std::uint32_t lost;
+        Content left;
+    } cases[] = {
+        {4, [](Disk &) {}, 0, {{"a", {1}}, {"b", {}}}},
+        {4, [&](Disk &disk) { rename(disk.page(0), ".."); }, 1, {{"b", {}}}},
+        {4,
+         [](Disk &disk) {
+             ccsds_put32(disk.page(0) + SIZE, 5 * MEMORY_DATA);
+             seal(disk.page(0));
+         },
+         1,
+         {{"b", {}}}},
+        {4, // one file under two names, as an interrupted change leaves it: the later
+         [&](Disk &disk) {
+             std::memcpy(disk.page(3), disk.page(0), MEMORY_PAGE);
+             ccsds_put32(disk.page(3) + CHANGED, 99);
+             rename(disk.page(3), "c");
+         },
+         0,
+         {{"c", {1}}, {"b", {}}}},
+        {4, [&](Disk &disk) { rename(disk.page(2), "d/b"); }, 0, {{"a", {1}}, {"d/", {}}, {"d/b", {}}}},
+        {3, [&](Disk &disk) { rename(disk.page(2), "d/b"); }, 1, {{"a", {1}}}}, // no page for its directory
+        {4, [&](Disk &disk) { rename(disk.page(2), "a/b"); }, 1, {{"a", {1}}}}, // which is a file
+    };
+    for (const auto &[pages, change, lost, left] : cases) {
+        Disk disk(pages);
+        ASSERT_EQ(put(disk.files(), "a", {1}), 0);
+        ASSERT_EQ(put(disk.files(), "b", {}), 0);
+        change(disk);
+        memory_store_mount(disk.store());
+        EXPECT_EQ(disk.store()->lost, lost);
+        EXPECT_EQ(content(disk.files()), left);
+    }
+}
+
+TEST(MemoryStore, APageIsMovedWhereThereIsRoom)
+{
+    Disk disk(2);
+    ASSERT_EQ(put(disk.files(), "a", {1}), 0);
+    EXPECT_EQ(memory_store_move(disk.store(), 1), 0);
+    EXPECT_EQ(get(disk.files(), "a"), Bytes{1});
+    std::uint32_t dirty = 0;
+    memory_store_dirty(disk.store(), &dirty);
+    EXPECT_EQ(dirty, 1u); // but for that page
+    std::vector<std::uint64_t> block(MEMORY_STORE_BYTES(MEMORY_PAGES_MAX + 1) / 8);
+    auto *large = reinterpret_cast<MemoryStore *>(block.data());
+    memory_store_begin(large, block.size() * 8);
+    EXPECT_EQ(large->pages, MEMORY_PAGES_MAX);
 }
 
 // What was copied of a directory's entry is damaged: its files are there all the same.

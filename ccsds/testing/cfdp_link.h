@@ -28,7 +28,8 @@ struct Memory {
     std::map<int, std::string> opened{};
     std::size_t capacity = SIZE_MAX; // [bytes] of all files
     int next = 0;
-    std::set<std::string> shown{}; // every name that a finished file ever had
+    std::set<std::string> shown{};      // every name that a finished file ever had
+    std::map<std::string, int> fails{}; // by function: from which call on, from 1
 
     static Memory &of(void *user) { return *static_cast<Memory *>(user); }
     std::size_t used() const
@@ -40,6 +41,11 @@ struct Memory {
         return n;
     }
     bool has(const std::string &name) const { return files.count(name) != 0; }
+    bool breaks(const std::string &function)
+    {
+        const auto found = fails.find(function);
+        return found != fails.end() && --found->second <= 0;
+    }
 
     CfdpStore store()
     {
@@ -48,6 +54,9 @@ struct Memory {
         made.open = [](void *user, const char *name, CfdpOpen how) -> int {
             Memory &self = of(user);
             const std::string file = name;
+            if (self.breaks("open")) {
+                return CFDP_BROKEN;
+            }
             if (file.find("..") != std::string::npos || file[0] == '/' || self.directories.count(file) != 0) {
                 return CFDP_REFUSED;
             }
@@ -61,11 +70,12 @@ struct Memory {
         };
         made.close = [](void *user, int file) { EXPECT_EQ(of(user).opened.erase(file), 1u); };
         made.size = [](void *user, int file) -> std::int64_t {
-            return static_cast<std::int64_t>(of(user).files[of(user).opened.at(file)].size());
+            return of(user).breaks("size") ? std::int64_t{CFDP_BROKEN}
+                                           : static_cast<std::int64_t>(of(user).files[of(user).opened.at(file)].size());
         };
         made.read = [](void *user, int file, std::uint64_t offset, std::uint8_t *bytes, std::size_t n) -> int {
             const Bytes &all = of(user).files[of(user).opened.at(file)];
-            if (offset + n > all.size()) {
+            if (of(user).breaks("read") || offset + n > all.size()) {
                 return CFDP_BROKEN;
             }
             std::copy_n(all.data() + offset, n, bytes);
@@ -74,7 +84,8 @@ struct Memory {
         made.write = [](void *user, int file, std::uint64_t offset, const std::uint8_t *bytes, std::size_t n) -> int {
             Bytes &all = of(user).files[of(user).opened.at(file)];
             const std::size_t end = std::max<std::size_t>(all.size(), offset + n);
-            if (end > (1u << 28) || of(user).used() - all.size() + end > of(user).capacity) {
+            if (of(user).breaks("write") || end > (1u << 28) ||
+                of(user).used() - all.size() + end > of(user).capacity) {
                 return CFDP_FULL;
             }
             all.resize(end);
@@ -86,7 +97,8 @@ struct Memory {
             for (const auto &[handle, name] : self.opened) {
                 EXPECT_NE(name, from) << "a file is renamed while it is open";
             }
-            if (!self.has(from) || *to == '/' || std::string(to).find("..") != std::string::npos) {
+            if (self.breaks("rename") || !self.has(from) || *to == '/' ||
+                std::string(to).find("..") != std::string::npos) {
                 return CFDP_REFUSED;
             }
             Bytes bytes = std::move(self.files[from]);
@@ -96,7 +108,7 @@ struct Memory {
             return 0;
         };
         made.remove = [](void *user, const char *name) -> int {
-            return of(user).files.erase(name) != 0 ? 0 : CFDP_ABSENT;
+            return of(user).breaks("remove") ? CFDP_BROKEN : of(user).files.erase(name) != 0 ? 0 : CFDP_ABSENT;
         };
         made.make_directory = [](void *user, const char *name) -> int {
             return of(user).directories.insert(name).second ? 0 : CFDP_REFUSED;
