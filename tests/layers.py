@@ -123,6 +123,7 @@ PARTS = [
     ("pool", "flights in many processes, of this machine or of a cluster"),
     ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
      "3-D"),
+    ("prove.export", "no run-time errors in the executive of an exported mission"),
     ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),

@@ -35,10 +35,13 @@ static inline uint32_t exec_number_at(const ExecRun *runs, uint32_t n_runs, uint
  *  at both of which a number begins or the struct ends. A second call restores them. */
 static inline void exec_reverse(const ExecRun *runs, uint32_t n_runs, uint8_t *bytes, uint32_t from, uint32_t to)
 {
+    /*@ loop unroll 16; */
     for (uint32_t at = 0u; n_runs > 0u && at < to; runs++, n_runs--) {
         const uint32_t width = runs->width, end = at + width * runs->n;
         uint32_t p = from > at ? from : at;
+        /*@ loop unroll 256; */
         for (; p < end && p < to; p += width) {
+            /*@ loop unroll 4; */
             for (uint32_t low = p - from, high = low + width - 1u; low < high; low++, high--) {
                 const uint8_t byte = bytes[low];
                 bytes[low] = bytes[high];
@@ -52,6 +55,7 @@ static inline void exec_reverse(const ExecRun *runs, uint32_t n_runs, uint8_t *b
 /** The same between the order of this machine and big-endian, in either direction. */
 static inline void exec_big_endian(const ExecRun *runs, uint32_t n_runs, uint8_t *bytes, uint32_t from, uint32_t to)
 {
+    /* undecided: a machine has one order */
     if (exec_little_endian()) {
         exec_reverse(runs, n_runs, bytes, from, to);
     }

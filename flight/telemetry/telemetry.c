@@ -109,6 +109,7 @@ void telemetry_repeat(const TelemetryTable *table)
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
                     TelemetrySink sink, void *user)
 {
+    /*@ loop unroll 256; */
     for (uint32_t i = 0u; i < table->n_outputs; i++) {
         const TelemetryOutput *output = &table->outputs[i];
         const uint8_t *message = (const uint8_t *)mission + output->offset;

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 
+from fledge.cli.arguments import add_process
 from fledge.cli.console import say
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -22,6 +23,9 @@ def add(command: Callable) -> None:
     sub = command("prove", prove, "prove MrpFeedback actuation")
     sub.add_argument("modules", nargs="*", metavar="MODULE", help="modules, drivers by hand, or folders of them as "
                      "flight/control; default: all, of the project around this folder, else of Fledge")
+    sub.add_argument("--export", metavar="MISSION", help="in place of modules, the executive that `export c MISSION` "
+                     "writes, with any inputs and commands; modules count as what their own proofs allow")
+    add_process(sub)
     sub.add_argument("--again", action="store_true", help="also what is proved and has not changed since")
     sub.add_argument("--machine", default="gcc_x86_64", metavar="NAME", help="as Frama-C names it (-machdep); ppc_32 "
                      "has 32 bits and the order of bytes of a LEON3; default: gcc_x86_64")
@@ -34,15 +38,23 @@ def prove(options: argparse.Namespace) -> int:
     import json
 
     from fledge import prove as proofs
+    from fledge.errors import Failure
     from fledge.folders import project
     from fledge.prove import eva
 
+    if options.process and not options.export:
+        raise Failure("prove: --process is for --export MISSION")
+    if options.export and options.modules:
+        raise Failure("prove: --export proves a mission's executive; prove modules by another command")
     version = eva.version()
     if not options.json:
         say(f"Frama-C {version}, machine {options.machine}")
         say(f"  {'module':24}{'inputs':13}{'alarms':>7}{'open':>6}{'beyond':>8}{'loops':>7}{'rounds':>8}{'seconds':>9}")
-    results = proofs.prove(options.modules, project(), options.jobs, _row if not options.json else lambda _: None,
-                           options.again, options.machine)
+    ended = _row if not options.json else lambda _: None
+    if options.export:
+        results = [executive(options, ended)]
+    else:
+        results = proofs.prove(options.modules, project(), options.jobs, ended, options.again, options.machine)
     if options.json:
         print(json.dumps({"frama_c": version, "machine": options.machine,
                           "modules": [result.facts() for result in results]}, indent=1))
@@ -51,6 +63,27 @@ def prove(options: argparse.Namespace) -> int:
             _details(result)
         _sum(results)
     return 0 if all(result.proved for result in results) else 1
+
+
+def executive(options: argparse.Namespace, ended: Callable[[Result], None]) -> Result:
+    """That of the exported mission, and which of its modules are proved."""
+    import fledge
+    from fledge import export
+    from fledge import prove as proofs
+    from fledge.errors import listed
+    from fledge.folders import project
+    from fledge.prove.export import prove_export
+
+    mission = export.read(fledge.load(options.export), options.process)
+    result = prove_export(mission, project(), options.again, options.machine)
+    ended(result)
+    kept = {r.name for place in {project(), None} for r in proofs.kept(place) if r.proved}
+    types = sorted({module.type for module in mission.modules})
+    left = [name for name in types if name not in kept]
+    if not options.json:
+        say(f"  of its {len(types)} modules, {len(types) - len(left)} are proved by themselves"
+            + (f"; not yet: {listed(left, 6)}" if left else ""))
+    return result
 
 
 def _row(result: Result) -> None:

@@ -9,7 +9,8 @@ Example:
         print(result.name, result.proved, [alarm.text for alarm in result.alarms])
 
 `driver.py` writes from a module's header the program that calls it in all ways; a file x_proof.c beside x.c is such a
-program by hand. `eva.py` analyses it, `loops.py` finds how often its loops go round, `sources.py` what belongs to it.
+program by hand, and `export.py` writes one of the executive of an exported mission. `eva.py` analyses it, `loops.py`
+finds how often its loops go round, `sources.py` what belongs to it.
 
 A module is analysed with any bits at its inputs. If alarms are left, it is analysed again with inputs as the header
 declares them; an alarm of the first analysis alone is then `beyond` what the header allows. A result is kept in
@@ -105,7 +106,7 @@ class Result:
 
 @dataclasses.dataclass(frozen=True)
 class Unit:
-    """A module, or a driver by hand (`module` is then None)."""
+    """A module, or a driver by hand, or an executive (`module` is then None)."""
     name: str
     file: str
     module: Struct | None
@@ -182,13 +183,16 @@ def kept(project: Path | None = None) -> list[Result]:
 
 
 def _result(tree: Tree, analyser: str, again: bool, machine: str, unit: Unit) -> Result:
-    """The kept result, or a new one."""
-    programs = _programs(tree, unit)
+    return proved(tree, unit, analyser, _programs(tree, unit), again, machine)
+
+
+def proved(tree: Tree, unit: Unit, analyser: str, programs: Sequence[eva.Program], again: bool, machine: str) -> Result:
+    """The kept result, or a new one. programs: the second, of a module, has its inputs as declared."""
     digest, path = _digest(analyser, machine, programs), _place(tree, unit, machine)
     if not again and (result := _kept(path, digest)):
         return result
     first = eva.analyse(programs[0], machine)
-    result = _explained(tree, unit, first, digest, "any bits" if unit.module else "by hand")
+    result = _explained(tree, unit, first, digest, "by hand" if unit.file.endswith("_proof.c") else "any bits")
     if unit.module and result.left:
         inner = eva.analyse(programs[1], machine)
         declared = _explained(tree, unit, inner, digest, "as declared")

@@ -23,7 +23,7 @@ COMPUTABLE = 1e100          # exec_computable() of flight/exec/bounds.h: no para
 
 def write(module: Struct, declared: bool) -> str:
     """The source of the driver: its main() is the entrance."""
-    parts = _Parts(declared)
+    parts = Parts(declared)
     par = [f for f in module.fields if f.group is Group.PAR]
     ports = [f for f in module.fields if f.group is Group.IN]
     name, snake = module.name, module.snake_name
@@ -47,7 +47,7 @@ def write(module: Struct, declared: bool) -> str:
         "void main(void)", "{", *(f"    {line}" for line in body), "}", ""])
 
 
-class _Parts:
+class Parts:
     """The functions that draw a struct, each once."""
 
     def __init__(self, declared: bool) -> None:
@@ -95,7 +95,7 @@ class _Parts:
             return
         n = math.prod(f.shape)
         if f.type in (Type.F64, Type.F32):
-            lo, hi = _floats(f, parameter)
+            lo, hi = floats(f, parameter)
             if f.type is Type.F64:
                 yield f"any_numbers((double *)&{place}, {n}u, {lo!r}, {hi!r});" if f.shape else \
                     f"{place} = any_number({lo!r}, {hi!r});"
@@ -108,7 +108,7 @@ class _Parts:
         elif f.type.is_integer:
             bits = 8 * f.element_size
             least, most = (0, 2**bits - 1) if f.type.is_unsigned else (-2**(bits - 1), 2**(bits - 1) - 1)
-            lo, hi = _integers(f, least, most, rows)
+            lo, hi = integers(f, least, most, rows)
             if (lo, hi) != (least, most) or parameter:
                 kind = "unsigned" if f.type.is_unsigned else "integer"
                 low = f"{lo}u" if f.type.is_unsigned else f"(int64_t)({lo + 1} - 1)" if lo == -2**63 else f"{lo}"
@@ -125,7 +125,7 @@ def _each(f: Field, place: str, value: str) -> Iterator[str]:
     yield f"{place}{''.join(f'[i{k}]' for k in range(len(f.shape)))} = {value};"
 
 
-def _floats(f: Field, parameter: bool) -> tuple[float, float]:
+def floats(f: Field, parameter: bool) -> tuple[float, float]:
     most = COMPUTABLE if parameter else LARGEST
     lo, hi = -most, most
     for b in (f.bounds, f.range):
@@ -138,7 +138,7 @@ def _floats(f: Field, parameter: bool) -> tuple[float, float]:
     return lo, hi
 
 
-def _integers(f: Field, least: int, most: int, rows: int | None) -> tuple[int, int]:
+def integers(f: Field, least: int, most: int, rows: int | None) -> tuple[int, int]:
     """rows: of the arrays that the field counts."""
     if rows is not None:
         most = min(most, rows)

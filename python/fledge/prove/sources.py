@@ -6,7 +6,7 @@ A header's C is the source beside it that has its name; that of flight/math is i
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,13 +34,14 @@ class Tree:
         """The file that `#include "NAME"` means."""
         return next((root / name for root in self.roots if (root / name).is_file()), None)
 
-    def closure(self, *names: str, with_c: bool = True) -> dict[str, str]:
-        """The texts of these files and of all that they include, by name; with_c: with the C of each header."""
+    def closure(self, *names: str, with_c: bool = True, without: Collection[str] = ()) -> dict[str, str]:
+        """The texts of these files and of all that they include, by name; with_c: with the C of each header, but for
+        the files `without`."""
         texts: dict[str, str] = {}
         left = list(names)
         while left:
             name = left.pop()
-            if name in texts or (path := self.find(name)) is None:
+            if name in texts or name in without or (path := self.find(name)) is None:
                 continue
             texts[name] = path.read_text(encoding="utf-8", errors="replace")
             left += [near for included in INCLUDED.findall(texts[name]) for near in self._near(included, name)]
