@@ -260,7 +260,7 @@ Bytes about(CfdpMessageType type, CfdpId id, const std::string &file = "")
     return bytes;
 }
 
-/// A craft that sends `science` to entity 7, as the ground requested for by proxy.
+/// A craft that sends `science` to entity 7, as the ground requested by proxy.
 struct Proxy : Link {
     CfdpRemote remotes[2];
     CfdpId requested{}, id{2, 1};

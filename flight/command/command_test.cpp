@@ -108,7 +108,8 @@ CommandTable table = {
     },
     &procedures,
     nullptr,
-    [](void *m, uint16_t mode) -> int { return mode != static_cast<Mission *>(m)->closed; }};
+    [](void *m, uint16_t mode) -> int { return mode != static_cast<Mission *>(m)->closed; },
+    nullptr};
 
 /// A packet with a good header around these bytes, by the layout in command.h.
 Bytes packet(uint8_t code, const Bytes &rest, uint16_t stream = 0x1855, uint16_t sequence = 7)
@@ -221,6 +222,60 @@ TEST_F(Command, APduGoesToItsServiceInNoOrderAndWithoutAReport)
     EXPECT_EQ(arrived, (Bytes{1, 2, 3}));
     EXPECT_EQ(reports.size(), 1u); // of the one refused
     EXPECT_EQ(state.counters.accepted + state.counters.executed + link->begun, 0u);
+    table.services = nullptr;
+}
+
+TEST_F(Command, AServiceHasItsCodesAndWhatASenderMayNotGiveItMayNotStore)
+{
+    static std::string did;
+    did.clear();
+    CommandService other{}, store{};
+    other.first = COMMAND_FILE_SEND;
+    other.n = 1;
+    store.first = COMMAND_STORE;
+    store.n = 1;
+    store.check = [](const uint8_t *, uint32_t) { return COMMAND_OK; };
+    store.unwrap = [](const CommandContext *, void *, const uint8_t *unit, uint32_t n, CommandPackets give,
+                      void *user) { give(user, unit, n, 1u << COMMAND_MODE); };
+    store.wrap = [](const CommandContext *, void *, const uint8_t *bytes, uint32_t n, CommandBytes give, void *user) {
+        give(user, bytes, n);
+    };
+    const CommandService *const list[] = {&other, &store}; // the second speaks frames
+    CommandServices services{};
+    services.list = list;
+    services.n = 2;
+    services.module = [](void *m, uint32_t place) { return did += std::to_string(place), m; };
+    services.check = command_service_check;
+    const CommandContext context = {&state, &table, &mission, 100, 0};
+    const auto receive = [&](const Bytes &bytes) {
+        const CommandReason taken =
+            command_receive(&context, bytes.data(), static_cast<uint32_t>(bytes.size()), sink, this);
+        return std::pair{taken, static_cast<CommandReason>(reports.back().report.reason)};
+    };
+    const auto stored = [&](uint8_t code) {
+        return packet(COMMAND_STORE, version + Bytes(COMMAND_STORED - 10) + packet(code, version + Bytes{0, 1}));
+    };
+    using Reasons = std::pair<CommandReason, CommandReason>;
+    EXPECT_EQ(receive(packet(2, version + Bytes{0, 1}, 0x1855, 1)), Reasons(COMMAND_OK, COMMAND_OK)); // no services
+    table.services = &services;
+    EXPECT_EQ(receive(packet(2, version + Bytes{0, 1}, 0x1855, 2)), Reasons(COMMAND_OK, COMMAND_OK)); // no frames
+    services.unwrap = command_service_unwrap;
+    state.waiting = 0;
+    for (const auto &[bytes, reason] : {std::pair{packet(2, version + Bytes{0, 1}, 0x1855, 8), COMMAND_ROLE},
+                                        {stored(COMMAND_MODE), COMMAND_ROLE},
+                                        {packet(0, {}, 0x1855, 8), COMMAND_OK},
+                                        {packet(COMMAND_UNIT, version + Bytes(6)), COMMAND_ABSENT}}) {
+        EXPECT_EQ(receive(bytes), Reasons(COMMAND_OK, reason)) << int{bytes[6]};
+    }
+    state.ground = {};
+    EXPECT_EQ(receive(stored(COMMAND_ARM)), Reasons(COMMAND_OK, COMMAND_OK));
+    EXPECT_EQ(did, "11111"); // all units are the second one's
+    Bytes sent;
+    command_service_wrap(
+        &context, version.data(), 2,
+        [](void *user, const uint8_t *bytes, uint32_t n) { static_cast<Bytes *>(user)->assign(bytes, bytes + n); },
+        &sent);
+    EXPECT_EQ(sent, version);
     table.services = nullptr;
 }
 
@@ -600,12 +655,34 @@ TEST_F(Command, AProcedureWritesByTheRulesOfCommands)
     EXPECT_EQ(write(1, 8, 0.5), COMMAND_OK);
     EXPECT_EQ(write(1, 4, 0.5), COMMAND_PLACE);
     EXPECT_EQ(write(3, 0, 0.5), COMMAND_PLACE);
+    for (const uint32_t n : {0u, COMMAND_DATA_MAX + 8u}) {
+        EXPECT_EQ(command_write(&context, 2, 0, Bytes(600).data(), n, &detail), COMMAND_PLACE) << n;
+    }
     EXPECT_EQ(command_enter(&context, 1), COMMAND_OK);
     EXPECT_EQ(command_enter(&context, 2), COMMAND_PLACE);
+    EXPECT_TRUE(command_may_enter(&context, 2)); // no condition forbids it
     EXPECT_EQ(mission.log, "publish 0 100;enter 1;");
     EXPECT_EQ(state.counters.executed, 3u);
-    EXPECT_EQ(state.counters.refused, 5u);
+    EXPECT_EQ(state.counters.refused, 7u);
     EXPECT_EQ(reports.size(), 0u);
+}
+
+TEST_F(Command, AnInitialValueBehindWhatIsWrittenDoesNotMatter)
+{
+    const CommandRule rules[] = {{"gain", "", 8, 1, 1, COMMAND_ALL_ROWS, COMMAND_START, FLEDGE_F64, 0.0, 0.0}};
+    const CommandBlock own[] = {blocks[0], {doubles2, rules, sizeof(Start), 1, 1, 0, 0}};
+    CommandTable other = table;
+    other.blocks = own;
+    other.n_blocks = 2;
+    const CommandContext context = {&state, &other, &mission, 100, 0};
+    uint16_t detail = 0;
+    const double x = 9.0;
+    state.t = 0;
+    for (const auto &[at, reason] : {std::pair{0u, COMMAND_OK}, {8u, COMMAND_INITIAL}}) {
+        EXPECT_EQ(command_write(&context, 1, at, reinterpret_cast<const uint8_t *>(&x), 8, &detail), reason);
+    }
+    EXPECT_EQ(mission.start.angle, 9.0);
+    EXPECT_EQ(mission.start.gain, 1.0);
 }
 
 TEST_F(Command, AModeIsRefusedAtTheInstantAtWhichItsConditionDoesNotHold)

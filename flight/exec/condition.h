@@ -71,6 +71,7 @@ static inline int exec_compare(const ExecOperand *left, ExecRelation relation, c
 static inline uint64_t exec_join(uint64_t results, ExecJoin join, int holds)
 {
     const uint64_t last = results & 1u, rest = results >> 1u;
+    /* undecided: there are no others */
     switch (join) {
     case EXEC_COMPARE: return results << 1u | (uint64_t)(holds != 0);
     case EXEC_BOTH: return rest & (last | ~UINT64_C(1));

@@ -61,6 +61,15 @@ TEST(Condition, ComparesWideNumbersExactly)
     EXPECT_TRUE(exec_compare(&c, EXEC_LESS, &d));
 }
 
+TEST(Condition, AMeasureOfWideNumbersIsADoubleAndAnUnknownRelationNeverHolds)
+{
+    const std::int64_t legs[] = {3, 4};
+    const double five = 5.0;
+    const ExecOperand norm = {legs, 2, FLEDGE_I64, EXEC_NORM}, b = element(FLEDGE_F64, &five);
+    EXPECT_TRUE(exec_compare(&norm, EXEC_EQUAL, &b));
+    EXPECT_FALSE(exec_compare(&b, static_cast<ExecRelation>(EXEC_NOT_EQUAL + 1), &b));
+}
+
 TEST(Condition, MeasuresVectorsOfAllTypesInTheOrderOfMemory)
 {
     std::mt19937 random(3);

@@ -50,6 +50,27 @@ TEST(Element, IsWrittenAndReadInItsWidthAndRange)
     expect_round_trip<std::uint64_t>(FLEDGE_U64);
     EXPECT_EQ(element_size(FLEDGE_CHAR), 1u);
     EXPECT_EQ(element_size(FLEDGE_STRUCT), 0u);
+    for (const FledgeType type : {FLEDGE_CHAR, FLEDGE_STRUCT, static_cast<FledgeType>(FLEDGE_STRUCT + 1)}) {
+        char text[] = "text"; // no number is read or written
+        EXPECT_EQ(element_read(type, text), 0.0);
+        element_write(type, text, 7.0);
+        EXPECT_STREQ(text, "text");
+    }
+}
+
+TEST(Bounds, NumbersOfAnyQuantityAreComputable)
+{
+    for (const double sign : {-1.0, 1.0}) {
+        for (const auto &[x, good] : {std::pair{0.0, 1},
+                                      {1e-101, 0},
+                                      {1e-100, 1},
+                                      {1e100, 1},
+                                      {1e101, 0},
+                                      {std::numeric_limits<double>::infinity(), 0},
+                                      {std::numeric_limits<double>::quiet_NaN(), 0}}) {
+            EXPECT_EQ(exec_computable(sign * x), good) << sign * x;
+        }
+    }
 }
 
 TEST(Bounds, AreOpenOrClosedOnEitherSide)

@@ -49,4 +49,9 @@ TEST(Message, TheChainOfWiresTakesWhatASearchFinds)
     EXPECT_GT(later, 500);
 }
 
+TEST(Message, AnInputWithOneWireTakesWhatComes)
+{
+    EXPECT_TRUE(exec_takes(EXEC_SOLE, {5, QUALITY_GOOD, 2}, {4, QUALITY_NONE, 1}, 6, 0));
+}
+
 } // namespace exec_message_test

@@ -185,6 +185,7 @@ static void evaluate(FaultProtection *m, uint32_t place, const CommandContext *c
         *memory = monitor_new();
         return;
     }
+    /* undecided: there are no others */
     switch (monitor_evaluate(&rule->check, memory, context)) {
     case MONITOR_BAD:
         m->mem.bad |= bit;

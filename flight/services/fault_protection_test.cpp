@@ -530,6 +530,9 @@ TEST_F(Pair, ARuleThatNamesNoNumberIsReportedAsBadAndOneThatIsOffForgets)
     EXPECT_EQ(craft.shown().bad, 1u);
     EXPECT_EQ(craft.shown().head.quality, QUALITY_DEGRADED);
     EXPECT_EQ(craft.event().id, FAULT_PROTECTION_BAD);
+    craft.at(2.0);
+    EXPECT_EQ(craft.shown().bad, 1u);
+    EXPECT_EQ(craft.event().count, 1u) << "it is reported once";
     craft.protection().par.rules[0].check.on = 0;
     craft.at();
     EXPECT_EQ(craft.shown().bad, 0u);
@@ -537,6 +540,35 @@ TEST_F(Pair, ARuleThatNamesNoNumberIsReportedAsBadAndOneThatIsOffForgets)
     EXPECT_EQ(fault_protection_service.next(&craft.protection()), 0);
     craft.protection().par.rules[1].check.on = craft.protection().par.rules[2].check.on = 0;
     EXPECT_EQ(fault_protection_service.next(&craft.protection()), INT64_MAX);
+}
+
+TEST_F(Pair, ATableThatIsDamagedNamesNothing)
+{
+    craft.rule(0, 0, -1.0, 1.0, UNITS_MAX);
+    const int none = UNIT_FAULTED + 5;
+    FaultRule &rule = craft.rule(1, 0, -1.0, 1.0, 0);
+    std::memcpy(&rule.becomes, &none, sizeof none);
+    std::memcpy(&craft.protection().par.units[2].start, &none, sizeof none);
+    EXPECT_EQ(craft.at(5.0), "");
+    EXPECT_EQ(craft.shown().responses, 0u);
+    EXPECT_EQ(craft.states(3), "PR-");
+    EXPECT_EQ(craft.send(2, UNIT_PRIMARY), COMMAND_OK);
+    craft.at();
+    EXPECT_EQ(craft.reports.back().reason, COMMAND_PLACE);
+}
+
+TEST_F(Pair, ResponsesAreCountedUpTo15AndOneThatNamesNoModeIsRefusedAsACommand)
+{
+    craft.table.may_enter = [](void *, uint16_t) -> int { return 0; };
+    craft.rule(0, 0, -1.0, 1.0).mode = 1 + 20;
+    for (int i = 0; i < FAULT_LIMIT + 3; i++) {
+        EXPECT_EQ(craft.at(2.0), "");
+        craft.at(0.0);
+    }
+    EXPECT_EQ(craft.protection().mem.responded[0], FAULT_LIMIT);
+    EXPECT_EQ(craft.shown().responses, FAULT_LIMIT + 3u);
+    EXPECT_EQ(craft.event().id, FAULT_PROTECTION_FIRED); // and not that a condition forbids the mode
+    EXPECT_EQ(craft.state.counters.reasons[COMMAND_PLACE], FAULT_LIMIT + 3u);
 }
 
 // ---- non-volatile memory
@@ -591,6 +623,13 @@ TEST_F(Pair, TheNonVolatileMemoryBringsTheStatesOverAResetOfTheComputer)
     EXPECT_EQ(craft.states(2), "FP");
     EXPECT_EQ(craft.shown().kept, 1u);
     EXPECT_EQ(memory.stores, 2) << "one for each change";
+    const std::vector<uint32_t> before = memory.slots[2];
+    Craft more; // one more is ready than are needed
+    more.protection().par = built;
+    more.unit(2, UNIT_REDUNDANT, 0);
+    memory.fly(more, 6);
+    EXPECT_EQ(more.states(3), "FPR");
+    memory.slots[2] = before;
     Craft anew;
     anew.protection().par = built;
     memory.fly(anew, 1);

@@ -132,6 +132,7 @@ static void enter(Entity *e, const CommandContext *context, Files *m)
 {
     FilesProtocol *p = protocol_of(m);
     const CfdpStore *host = context->table->services->store;
+    const int own = host == NULL || m->par.kept != 0u;
     e->files = m;
     e->t = context->t;
     e->ground = (CfdpRemote){.entity = m->par.ground,
@@ -152,7 +153,7 @@ static void enter(Entity *e, const CommandContext *context, Files *m)
                              .frozen = (uint8_t)m->par.frozen};
     memcpy(e->ground.handlers, m->par.handlers, sizeof e->ground.handlers);
     const CfdpSetup setup = {.entity = m->par.entity,
-                             .store = host != NULL && m->par.kept == 0u ? *host : memory_store_files(store_of(m)),
+                             .store = own ? memory_store_files(store_of(m)) : *host,
                              .notify = notify,
                              .user = e,
                              .remotes = &e->ground,

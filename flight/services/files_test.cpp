@@ -479,6 +479,70 @@ TEST_F(FilesTest, a_ground_that_is_gone)
     EXPECT_EQ(count(FILES_FAILED), 1);
 }
 
+TEST_F(FilesTest, several_commands_end_at_once_each_with_its_own_report)
+{
+    run(1 * s);
+    put_file(store(), "long", any_bytes(2, 20'000));
+    put_file(store(), "a", any_bytes(1, 100));
+    put_file(store(), "empty", {});
+    send(command(COMMAND_FILE_SEND, 2, "long", 40));
+    send(command(COMMAND_FILE_SEND, 2, "a", 41));
+    send(command(COMMAND_FILE_SEND, 2, "empty", 42));
+    run(5 * s);
+    const std::vector<int> done{COMMAND_DONE, COMMAND_OK, 0};
+    EXPECT_EQ(reported(41).back(), done);
+    EXPECT_EQ(reported(42), (Rows{{COMMAND_ACCEPTED, COMMAND_OK, 0}, {COMMAND_STARTED, COMMAND_OK, 3}, done}));
+    EXPECT_EQ(get_file(ground_.store(), "a"), any_bytes(1, 100));
+    EXPECT_EQ(get_file(ground_.store(), "empty"), Bytes{});
+    EXPECT_EQ(state().delivered, 2u);
+    EXPECT_EQ(reported(40).back()[0], COMMAND_UNDER_WAY);
+}
+
+TEST_F(FilesTest, a_file_that_the_ground_has_in_part_has_failed)
+{
+    run(1 * s);
+    put_file(store(), "a", any_bytes(1, 1000));
+    loss_ = 1;
+    send(command(COMMAND_FILE_SEND, 2, "a", 41));
+    run(1 * s);
+    CfdpPdu finished{};
+    finished.kind = CFDP_FINISHED;
+    finished.to_sender = finished.incomplete = 1;
+    finished.source = 2;
+    finished.sequence = static_cast<uint64_t>(reported(41)[1][2]);
+    finished.destination = 1;
+    finished.entity_bytes = finished.sequence_bytes = 1;
+    Bytes bytes(64);
+    bytes.resize(cfdp_pdu_write(&finished, bytes.data(), bytes.size()));
+    up_.push_back(bytes);
+    run(1 * s);
+    EXPECT_EQ(reported(41).back(), (std::vector<int>{COMMAND_DONE, COMMAND_FAILED, 0}));
+    EXPECT_EQ(state().delivered, 0u);
+}
+
+TEST_F(FilesTest, timers_handlers_and_segments_are_those_of_the_parameters)
+{
+    run(1 * s);
+    put_file(store(), "log", any_bytes(3, 1000));
+    loss_ = 1;
+    auto &par = mission_->files.par;
+    par.segment = 100;
+    par.ack_limit = 2;
+    par.handlers[CFDP_ACK_LIMIT] = CFDP_ABANDON;
+    par.ack_timer = 1;
+    send(command(COMMAND_FILE_SEND, 2, "log", 5));
+    run(6 * s);
+    EXPECT_EQ(reported(5).back(), (std::vector<int>{COMMAND_DONE, COMMAND_FAILED, CFDP_ACK_LIMIT}));
+    EXPECT_EQ(count(FILES_FAILED), 1);
+    EXPECT_EQ(sent_.size(), 1u + 10u + 2u) << "Metadata, data, EOF twice, and no word of the end";
+    par.ack_timer = 1e9; // longer than a clock can say
+    sent_.clear();
+    send(command(COMMAND_FILE_SEND, 2, "log", 6));
+    run(60 * s);
+    EXPECT_EQ(sent_.size(), 1u + 10u + 1u);
+    EXPECT_EQ(reported(6).back()[0], COMMAND_UNDER_WAY);
+}
+
 TEST_F(FilesTest, a_store_that_is_full_refuses_the_file_and_keeps_the_others)
 {
     run(1 * s);
@@ -504,8 +568,9 @@ TEST_F(FilesTest, names_and_arguments_that_are_wrong)
     run(1 * s);
     put_file(store(), "a", {1});
     const std::string longest(CFDP_NAME - 1, 'n'), longer = longest + "n";
-    for (const std::string &name : {std::string(">b"), std::string("a>"), std::string("a>b>c"), longer, "a>" + longer,
-                                    std::string("a\0", 2), std::string(".cfdp0"), std::string(".cfdp-table>b")}) {
+    for (const std::string &name :
+         {std::string(">b"), std::string("a>"), std::string("a>b>c"), longer, "a>" + longer, std::string("a\0", 2),
+          std::string("a>b\0", 4), std::string(".cfdp0"), std::string(".cfdp-table>b")}) {
         EXPECT_EQ(did(command(COMMAND_FILE_SEND, 2, name)), COMMAND_VALUE) << name;
     }
     EXPECT_EQ(did(command(COMMAND_FILE_SEND, 2, "a>" + longest)), COMMAND_OK);
@@ -519,6 +584,7 @@ TEST_F(FilesTest, names_and_arguments_that_are_wrong)
     EXPECT_EQ(did(command(COMMAND_FILE_REMOVE, 0, "none")), COMMAND_PLACE);
     EXPECT_EQ(did(control(static_cast<FileAction>(3), 1, 1)), COMMAND_VALUE);
     EXPECT_EQ(did(control(FILE_SUSPEND, 2, 1)), COMMAND_VALUE);
+    EXPECT_EQ(did(command(COMMAND_TABLE_LOAD, 0, "a>b")), COMMAND_VALUE);
     EXPECT_EQ(did(command(COMMAND_TABLE_LOAD, 1, "a")), COMMAND_PLACE);
     EXPECT_EQ(did(command(COMMAND_TABLE_DUMP, 1, "a")), COMMAND_PLACE);
     // The ground's own names.
@@ -807,6 +873,100 @@ TEST_F(FilesTest, tables_of_the_start_in_a_store_of_the_host)
     EXPECT_EQ(state().tables, 1u);
     EXPECT_EQ(count(FILES_REFUSED), 0) << "a folder is no table";
     services.store = nullptr;
+}
+
+/// The host's store, which breaks after some calls and lists what a test wants.
+struct Broken {
+    std::vector<uint64_t> memory = std::vector<uint64_t>(MEMORY_STORE_BYTES(64) / 8);
+    static inline int reads, writes;
+    static inline std::vector<std::string> names;
+    CfdpStore files;
+
+    Broken()
+    {
+        auto *own = reinterpret_cast<MemoryStore *>(memory.data());
+        memory_store_begin(own, memory.size() * 8);
+        memory_store_mount(own);
+        files = memory_store_files(own);
+        reads = writes = 1000;
+        files.read = [](void *user, int file, uint64_t offset, uint8_t *bytes, size_t n) -> int {
+            const CfdpStore good = memory_store_files(static_cast<MemoryStore *>(user));
+            return reads-- > 0 ? good.read(user, file, offset, bytes, n) : CFDP_BROKEN;
+        };
+        files.write = [](void *user, int file, uint64_t offset, const uint8_t *bytes, size_t n) -> int {
+            const CfdpStore good = memory_store_files(static_cast<MemoryStore *>(user));
+            return writes-- > 0 ? good.write(user, file, offset, bytes, n) : CFDP_BROKEN;
+        };
+        files.list = [](void *, const char *, CfdpEach each, void *to) -> int {
+            for (const std::string &name : names) {
+                each(to, name.c_str());
+            }
+            return 0;
+        };
+        services.store = &files;
+    }
+    ~Broken() { services.store = nullptr; }
+    Broken(const Broken &) = delete;
+};
+
+TEST_F(FilesTest, tables_in_a_store_that_breaks)
+{
+    Broken host;
+    Gains next = mission_->gains;
+    next.n = 5;
+    put_file(host.files, "t", table_of(next));
+    run(1 * s);
+    for (const int works : {0, 1}) {
+        Broken::reads = works;
+        EXPECT_EQ(did(command(COMMAND_TABLE_LOAD, 0, "t")), COMMAND_FAILED);
+        EXPECT_EQ(mission_->gains.n, 0u);
+        Broken::writes = works;
+        EXPECT_EQ(did(command(COMMAND_TABLE_DUMP, 0, "down")), COMMAND_FAILED);
+        for (const char *name : {"down", ".cfdp-table"}) {
+            EXPECT_EQ(get_file(host.files, name), Bytes{0xEE});
+        }
+    }
+    Broken::reads = 1000;
+    EXPECT_EQ(did(command(COMMAND_TABLE_LOAD, 0, "t")), COMMAND_OK);
+    EXPECT_EQ(mission_->gains.n, 5u);
+}
+
+TEST_F(FilesTest, tables_of_the_start_have_an_order_whatever_that_of_the_list)
+{
+    Broken host;
+    Gains next = mission_->gains;
+    host.files.make_directory(host.files.user, "boot");
+    for (const char *name : {"boot/a", "boot/b"}) {
+        next.n++;
+        put_file(host.files, name, table_of(next));
+    }
+    Broken::names = {"", std::string(CFDP_NAME + 1, 'n'), std::string(CFDP_NAME - 5, 'n'), "folder/", "b", "a"};
+    mission_->files.par.boot = 1;
+    EXPECT_EQ(files_service.next(&mission_->files), 0);
+    run(100 * ms);
+    EXPECT_EQ(mission_->gains.n, 1u);
+    run(1 * s);
+    EXPECT_EQ(mission_->gains.n, 2u);
+    EXPECT_EQ(state().tables, 2u);
+    EXPECT_EQ(count(FILES_REFUSED), 0);
+    EXPECT_EQ(files_service.next(&mission_->files), INT64_MAX);
+    mission_->files.par.boot = 0;
+    EXPECT_EQ(files_service.next(&mission_->files), INT64_MAX);
+}
+
+TEST_F(FilesTest, what_a_recorder_keeps_is_its_own_store_even_with_one_of_the_host)
+{
+    Broken host;
+    put_file(host.files, "a", {1});
+    mission_->files.par.kept = 1;
+    recorder_.assign(60, Bytes(RECORDER_PAGE));
+    run(70 * s);
+    EXPECT_EQ(did(command(COMMAND_FILE_SEND, 2, "a")), COMMAND_PLACE);
+    put_file(ground_.store(), "up", {1, 2});
+    ground_.put("up", "up");
+    run(10 * s);
+    EXPECT_EQ(get_file(store(), "up"), (Bytes{1, 2}));
+    EXPECT_EQ(get_file(host.files, "up"), Bytes{0xEE});
 }
 
 TEST_F(FilesTest, a_store_of_the_host_takes_the_place_of_its_own)

@@ -20,7 +20,7 @@ constexpr std::uint32_t pages = 16;
 /// A recorder as flight sees it: world/avionics/recorder_model_test.cpp tests the real one.
 struct Unit {
     std::vector<Bytes> memory{pages, Bytes(RECORDER_PAGE)};
-    std::set<std::uint32_t> damaged{}, worn{};
+    std::set<std::uint32_t> damaged{}, worn{}, corrected{};
     std::uint32_t busy = 0, late = 0; // [updates] left, and that each request takes
     RecorderRequest serving{};
     RecorderReply reply{};
@@ -43,6 +43,7 @@ struct Unit {
             if (serving.code == RECORDER_READ && damaged.count(serving.page) != 0) {
                 reply.answer = RECORDER_DAMAGED;
             } else if (serving.code == RECORDER_READ) {
+                reply.answer = corrected.count(serving.page) != 0 ? RECORDER_CORRECTED : RECORDER_DONE;
                 std::copy(memory[serving.page].begin(), memory[serving.page].end(), reply.data);
             } else if (worn.count(serving.page) != 0) {
                 reply.answer = RECORDER_WORN;
@@ -210,6 +211,8 @@ TEST(Mirror, GoesOnWhenFlightIsResetAndItsMemoryStays)
         c.request = {};
         c.settle();
         Computer after(unit);
+        after.update(when % 7); // while its pages come back, too
+        after.request = {};
         after.settle();
         EXPECT_EQ(after.get("a"), Bytes(1000, 9)) << when;
     }
@@ -233,6 +236,11 @@ TEST(Mirror, PagesThatAreDamagedOrWornCostTheirFilesOrNone)
     again.settle();
     EXPECT_EQ(again.get("a"), a);
     EXPECT_EQ(again.get("b"), b);
+    unit.corrected = {1, 2};
+    Computer mended(unit);
+    mended.settle();
+    EXPECT_EQ(mended.get("a"), a);
+    EXPECT_EQ(mended.mirror.damaged, 0u);
     unit.damaged = {2};
     Computer third(unit);
     third.settle();

@@ -17,6 +17,7 @@ static void evaluate(Monitors *m, uint32_t place, const CommandContext *context)
     const uint32_t bit = 1u << place;
     const uint32_t bad = m->mem.bad & bit;
     m->mem.bad &= ~bit;
+    /* undecided: there are no others */
     switch (monitor_evaluate(monitor, memory, context)) {
     case MONITOR_BAD:
         m->mem.bad |= bit;

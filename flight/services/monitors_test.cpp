@@ -243,6 +243,35 @@ TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsReportedAsBad)
     EXPECT_EQ(shown().head.quality, QUALITY_DEGRADED);
 }
 
+TEST_F(Watch, AKindThatIsNoneChecksNothing)
+{
+    monitor(0) = limits(0.0, 1.0, 1);
+    EXPECT_EQ(sees(5.0), "1");
+    monitor(0).kind = MONITOR_NOTHING;
+    EXPECT_EQ(at(), "");
+    EXPECT_EQ(shown().wrong, 0u);
+    monitor(0).kind = static_cast<MonitorKind>(MONITOR_BITS + 1); // of a damaged table
+    EXPECT_EQ(sees(6.0), "");
+    EXPECT_EQ(shown().wrong + shown().bad, 0u);
+    monitor(0).kind = MONITOR_LIMITS;
+    EXPECT_EQ(sees(5.0), "1"); // as if it were new
+    monitor(0) = limits(0.0, 0.0, 1, offsetof(Output, word));
+    monitor(0).kind = MONITOR_BITS;
+    monitor(0).type = FLEDGE_U16;
+    monitor(0).measure = EXEC_NORM; // which has no bits
+    EXPECT_EQ(sees(0.0), "");
+    EXPECT_EQ(shown().bad, 1u);
+}
+
+TEST_F(Watch, OneWithoutAListIsAnEventAlone)
+{
+    monitor(0) = limits(0.0, 1.0, 0);
+    EXPECT_EQ(sees(5.0), "");
+    EXPECT_EQ(event().id, MONITORS_FIRED);
+    EXPECT_EQ(shown().fired, 1u);
+    EXPECT_TRUE(reports_.empty());
+}
+
 TEST_F(Watch, MoreThanAnInstantStartsFollowAtTheNextAndARefusalIsReported)
 {
     for (int i = 0; i < 6; i++) {

@@ -191,6 +191,37 @@ TEST_F(SpaceLinkService, TheGroundGetsItsClcwAndAnIdleFrameNowAndThen)
     EXPECT_EQ(space_link_service.next(&link), 0); // the CLCW is to go
 }
 
+TEST_F(SpaceLinkService, FramesAreThoseOfTheParametersAndThoseThatCannotBeDoNotPass)
+{
+    begin_ground(0);
+    link.par.frame_size = 64;
+    link.par.window = 40;
+    link.par.idle = 1;
+    const Bytes telemetry = packet(0, Bytes(80));
+    instant(); // the first idle frame
+    down.clear();
+    t += 1'000'000'000;
+    put(telemetry);
+    EXPECT_EQ(space_link_service.next(&link), 0) << "a frame is not full";
+    ASSERT_FALSE(down.empty());
+    EXPECT_EQ(down[0].size(), 64u);
+    EXPECT_EQ(craft().farm.window, 40);
+    put({});
+    const std::uint32_t sent = craft().frames;
+    put({}); // no idle frame, as others have gone
+    EXPECT_EQ(craft().frames, sent);
+    EXPECT_EQ(space_link_service.next(&link), t + 1'000'000'000);
+    for (const double never : {0.0, 1e10}) {
+        link.par.idle = never;
+        EXPECT_EQ(space_link_service.next(&link), INT64_MAX);
+    }
+    link.par.frame_size = 10;
+    put(telemetry);
+    EXPECT_EQ(craft().frames, sent);
+    take(packet(COMMAND_NOOP, {}, 5));
+    EXPECT_EQ(craft().faults[CCSDS_ASSOCIATION], 1u);
+}
+
 TEST_F(SpaceLinkService, FarmWaitsWhereTheQueueHasNoRoom)
 {
     begin_ground(1);

@@ -22,6 +22,7 @@ static int has(uint32_t set, uint32_t list)
 static uint16_t crc_of(const StoredCommand *c)
 {
     uint8_t bytes[COMMAND_STORED - LIST + COMMAND_STORED_MAX];
+    /* undecided: take() looks at the size before */
     const uint32_t size = c->size <= COMMAND_STORED_MAX ? c->size : COMMAND_STORED_MAX;
     ccsds_put16(bytes, c->list);
     ccsds_put16(bytes + STEP - LIST, c->step);

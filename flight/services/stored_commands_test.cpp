@@ -198,6 +198,7 @@ TEST_F(Stored, StopHoldAndRelease)
     send(control(LIST_START, 1), 100);
     EXPECT_EQ(send(control(LIST_RELEASE, 1), 101), COMMAND_RUNNING); // it is not held
     EXPECT_EQ(send(control(LIST_HOLD, 1), 105), COMMAND_OK);
+    EXPECT_EQ(send(control(LIST_HOLD, 1), 106), COMMAND_RUNNING); // it is held
     EXPECT_EQ(shown().held, 2u);
     EXPECT_EQ(at(500), "");
     EXPECT_EQ(send(control(LIST_RELEASE, 1), 505), COMMAND_OK); // 400 later
@@ -257,6 +258,18 @@ TEST_F(Stored, InsertReplaceDeleteAndReport)
     EXPECT_EQ(send(command(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(COMMAND_ALL, 2)), 31), COMMAND_OK);
     EXPECT_EQ(shown().stored, 0u);
     EXPECT_EQ(send(control(LIST_START, 3), 32), COMMAND_PLACE); // nothing is there
+    for (const uint16_t step : {0, 1}) {
+        send(store(3, step, 20, mode('b')), 33);
+        send(store(2, step, 20, mode('b')), 33);
+    }
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(3, 2) + big(COMMAND_ALL, 2)), 33), COMMAND_OK); // of one list
+    EXPECT_EQ(shown().stored, 2u);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(3, 2) + big(COMMAND_ALL, 2)), 33), COMMAND_OK); // there are none left
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(1, 2)), 33), COMMAND_OK); // of one step
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(1, 2)), 33), COMMAND_OK);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(2, 2) + big(1, 2)), 33), COMMAND_PLACE);
+    EXPECT_EQ(shown().stored, 1u);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(2, 2) + big(0, 2)), 33), COMMAND_OK);
     for (uint16_t i = 0; i < STORED_COMMANDS; i++) {
         EXPECT_EQ(send(store(4, i, i, mode('a')), 33), COMMAND_OK);
     }
@@ -290,6 +303,8 @@ TEST_F(Stored, ACommandThatGroundCouldNotSendIsNotStored)
     EXPECT_EQ(send(control(LIST_START, STORED_LISTS)), COMMAND_PLACE);
     EXPECT_EQ(send(control(LIST_START, COMMAND_ALL)), COMMAND_VALUE);
     EXPECT_EQ(send(control(LIST_START, 0)), COMMAND_VALUE);
+    EXPECT_EQ(send(control(LIST_STOP, 0)), COMMAND_VALUE);
+    EXPECT_EQ(send(control(LIST_INHIBIT, 0)), COMMAND_OK);
     EXPECT_EQ(send(control(static_cast<ListAction>(LIST_ALLOW + 1), 1)), COMMAND_VALUE);
     EXPECT_EQ(send(command(COMMAND_LIST, big(COMMAND_ALL, 2))), COMMAND_PLACE);
     EXPECT_EQ(send(command(COMMAND_DELETE, big(STORED_LISTS, 2) + big(0, 2))), COMMAND_PLACE);
@@ -323,6 +338,29 @@ TEST_F(Stored, WhatWasDamagedInMemoryIsNotExecuted)
     send(control(LIST_START, 1), 30);
     EXPECT_EQ(at(40), "");
     EXPECT_EQ(reports_.back().reason, COMMAND_CRC);
+}
+
+TEST_F(Stored, ACommandOfAListThatIsNoneIsNeverDue)
+{
+    send(store(1, 0, 5, mode('a')));
+    send(store(0, 0, 7, mode('b')));
+    send(control(LIST_START, 1), 1);
+    mission_.stored.par.commands[0].list = STORED_LISTS;
+    EXPECT_EQ(at(20), "b");
+    EXPECT_EQ(shown().next, -1);
+    send(store(2, 0, 50, mode('c')), 21);
+    EXPECT_EQ(shown().running, 0u) << "nothing is left of it";
+}
+
+TEST_F(Stored, ItIsDueWhenItsFirstCommandIsOrAtEachInstantUntilTheClockIsKnown)
+{
+    send(store(0, 0, 70, mode('b')));
+    EXPECT_EQ(stored_commands_service.next(&mission_.stored), 70);
+    mission_.stored.par.clocked = 1;
+    EXPECT_EQ(stored_commands_service.next(&mission_.stored), 0);
+    set_clock(5, 45);
+    at(5);
+    EXPECT_EQ(stored_commands_service.next(&mission_.stored), 30);
 }
 
 TEST_F(Stored, SequencesStartOneAnotherAndThemselves)
@@ -489,6 +527,28 @@ TEST_F(Kept, WhatTheGroundStoresForAnEarlierTimeIsNotOver)
     EXPECT_EQ(until(120), "a");
     EXPECT_EQ(accept(store(0, 7, 50, mode('b'))), COMMAND_OK);
     EXPECT_EQ(until(130), "b");
+}
+
+TEST_F(Kept, OnlyListZeroIsKept)
+{
+    EXPECT_EQ(accept(store(3, 0, 0, mode('s'))), COMMAND_OK);
+    EXPECT_EQ(accept(store(3, 1, 8, mode('t'))), COMMAND_OK);
+    EXPECT_EQ(accept(store(0, 0, 5, mode('a'))), COMMAND_OK);
+    EXPECT_EQ(until(3), "");
+    EXPECT_EQ(accept(control(LIST_START, 3)), COMMAND_OK);
+    EXPECT_EQ(until(30), "sat");
+    EXPECT_EQ(shown().stored, 2u);
+    EXPECT_EQ(accept(store(0, 4, 5, mode('b'))), COMMAND_OK); // a later step of the time that the memory has
+    EXPECT_EQ(until(31), "");
+    EXPECT_EQ(until(40), "b");
+}
+
+TEST_F(Kept, AMemoryThatRefusesIsNotWaitedForEither)
+{
+    reply_.refused = 1;
+    EXPECT_EQ(accept(store(0, 0, 5, mode('a'))), COMMAND_OK);
+    EXPECT_EQ(until(8), "");
+    EXPECT_EQ(until(12), "a");
 }
 
 TEST_F(Kept, AMemoryThatDoesNotAnswerIsNotWaitedFor)

@@ -98,10 +98,11 @@ TEST_F(Telemetry, AServiceTellsAndReportsUntilItHasNothing)
         return done++ < 2 ? 1 : 0;
     };
     files.stream = STREAM_FILES;
-    const CommandService *const list[] = {&files};
+    const CommandService silent{};
+    const CommandService *const list[] = {&silent, &files};
     CommandServices services{};
     services.list = list;
-    services.n = 1;
+    services.n = 2;
     services.module = [](void *m, uint32_t) { return m; };
     CommandTable commands{};
     commands.services = &services;
@@ -137,6 +138,43 @@ TEST_F(Telemetry, ARateCountsWritingsNotInstants)
     run(12);
     EXPECT_EQ(values(0x92), (std::vector<double>{-2, -6, -10}));
     EXPECT_EQ(values(0x93), (std::vector<double>{2, 5, 8, 11}));
+}
+
+TEST_F(Telemetry, WhatWasNotSentSinceTheLastTimeIsRepeated)
+{
+    telemetry_rate(&table, 0, 1, 4);
+    telemetry_rate(&table, 1, 1, 1);
+    run(5); // three writings of slow, none of which is sent
+    const auto repeated = [&](int n) {
+        telemetry_repeat(&table);
+        packets.clear();
+        run(n);
+        return values(0x92);
+    };
+    EXPECT_EQ(repeated(6), std::vector<double>{-4});
+    EXPECT_EQ(values(0x93), std::vector<double>{5}); // once
+    EXPECT_EQ(repeated(8), std::vector<double>{});   // it was sent
+    EXPECT_EQ(repeated(9), std::vector<double>{-8});
+    telemetry_rate(&table, 0, 0, 4);
+    EXPECT_EQ(repeated(10), std::vector<double>{});
+    EXPECT_EQ(repeated(12), std::vector<double>{}); // though twice nothing was sent
+    telemetry_rate(&table, 0, 1, 1);
+    mission.slow.head.sequence = 0;
+    EXPECT_EQ(repeated(12), std::vector<double>{});
+}
+
+TEST_F(Telemetry, AMissionWithoutTextsOrDataSendsTheRest)
+{
+    TelemetryTable bare = table;
+    bare.texts = nullptr;
+    telemetry_rate(&bare, 1, 1, 1);
+    mission.fast.head.sequence = 1;
+    telemetry_text(&texts, 0, TELEMETRY_PRINTED, 7, 1, "one");
+    telemetry_send(&bare, &mission, 0, &state, sink, this);
+    EXPECT_EQ(packets.size(), 1u);
+    const CommandReport report = {-1, 9, COMMAND_MODE, 1, COMMAND_OK, 0, 0, 2, 0};
+    telemetry_report(&bare, &report, nullptr, sink, this);
+    EXPECT_EQ(packets.at(1).size(), TELEMETRY_HEADER + sizeof report);
 }
 
 TEST_F(Telemetry, TheHeaderIsThatOfCcsds)
