@@ -52,11 +52,13 @@ def test_a_project_has_a_condition_named_until_a_test_shows_it_or_a_reason_stand
     fledge("--project", folder, "new", "module", "Calm", "--kind", "control", cwd=folder)
     assert "flight/calm.c: 5 of 6 conditions have decided, 1 left\n    line 24: quality != QUALITY_NONE: never false" \
         in fledge("--project", folder, "test", "--coverage", cwd=folder)
+    assert "| `flight` | 6 | 5 | 0 | 1 |" in \
+        fledge("--project", folder, "test", "--coverage", "--table", "--strict", cwd=folder, code=1)
 
     source, test = folder / "flight/calm.c", folder / "flight/calm_test.cpp"
     text = source.read_text()
     source.write_text(text.replace("    int computed =", "    /* undecided: for this test */\n    int computed ="))
-    printed = fledge("--project", folder, "test", "--coverage", cwd=folder)
+    printed = fledge("--project", folder, "test", "--coverage", "--strict", cwd=folder)
     assert "decisions: 5 of 6 conditions have decided, 1 cannot, with reason\n" in printed and " left" not in printed
     assert json.loads((folder / "build/decisions.json").read_text())["flight/calm.c"]["undecided"] == [
         {"line": 25, "column": 20, "text": "quality != QUALITY_NONE", "missing": "never false",
@@ -91,6 +93,7 @@ TEST(Calm, HasNoOutputWithoutInput)
     (["verify", "nadir_spin", "--coverage", "mcdc", "--on", "leon3"],
      "--coverage mcdc counts in flights on the desktop of this machine; add it: --on desktop,leon3"),
     (["--preset", "asan", "test", "--fledge", "--coverage"], "leave out --preset asan"),
+    (["test", "--fledge", "--strict"], "--strict and --table are about what --coverage counts; add it"),
     (["verify", "nadir_spin", "--coverage", "lines"], "choose from 'object', 'mcdc'")])
 def test_what_cannot_be_counted_is_refused_in_one_line(words, answer, tmp_path):
     assert answer in fledge(*words, cwd=tmp_path, code=2)

@@ -43,7 +43,7 @@ class Tests:
     """Those that the options ask for. Raises SystemExit where tests.changed refuses them, or nothing has changed."""
 
     def __init__(self, context: Context, options: argparse.Namespace) -> None:
-        self.context = context
+        self.context, self.options = context, options
         self.pattern = options.pattern      # names match; of alternatives, "a|b"
         self.long = "all" if options.pattern else options.long      # which of those that are marked long
         self.programs = "tests"             # of C and C++, that are built
@@ -122,9 +122,9 @@ class Tests:
         if not programs or not written:
             raise Failure("test: no flight code in C has run, whose decisions --coverage counts", 1)
         files = decisions.read(written, programs, [self.context.tree], whole=True)
-        print("\n".join(decisions.lines(files)))
+        print("\n".join(decisions.table(files) if self.options.table else decisions.lines(files)))
         write_files({"decisions.json": json.dumps(decisions.facts(files), indent=1)}, self.context.logs)
-        return self._sum(sums)
+        return self._sum(sums) or int(self.options.strict and not decisions.closed(files))
 
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of

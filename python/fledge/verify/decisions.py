@@ -77,6 +77,11 @@ def total(files: Mapping[str, File]) -> File:
     return File([condition for file in files.values() for condition in file.conditions])
 
 
+def closed(files: Mapping[str, File]) -> bool:
+    """Whether each condition has decided, or has a reason why it cannot."""
+    return not any(file.open or file.stale for file in files.values())
+
+
 def facts(files: Mapping[str, File]) -> dict[str, Any]:
     """As JSON: name -> {"conditions", "decided", "undecided": [{"line", "column", "text", "missing", "reason"}]}."""
     return {name: {"conditions": len(file.conditions), "decided": file.decided,
@@ -100,6 +105,18 @@ def lines(files: Mapping[str, File], each: bool = True) -> list[str]:
             rows += [f"    line {condition.line}: {condition.text}: decides, and has a reason why not"
                      for condition in file.stale if each]
     return rows
+
+
+def table(files: Mapping[str, File]) -> list[str]:
+    """The sums of folders, in Markdown."""
+    folders: dict[str, dict[str, File]] = {}
+    for name, file in sorted(files.items()):
+        parts = name.split("/")
+        folders.setdefault("/".join(parts[:2 if parts[0] == "flight" else 1][:len(parts) - 1]), {})[name] = file
+    sums = {f"`{folder}`": total(inside) for folder, inside in folders.items()} | {"all": total(files)}
+    return ["| folder | conditions | have decided | with a reason | left |", "|---|---:|---:|---:|---:|",
+            *[f"| {name} | {len(file.conditions):,} | {file.decided:,} | {len(file.reasoned)} | {len(file.open)} |"
+              for name, file in sums.items()]]
 
 
 # --- counts ----------------------------------------------------------------------------------------

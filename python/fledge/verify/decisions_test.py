@@ -140,6 +140,21 @@ def test_the_facts_are_those_of_the_files(built):
         assert fact["decided"] == fact["conditions"] - len(fact["undecided"])
 
 
+def test_the_table_has_the_sums_of_folders_and_a_reason_closes_a_condition_as_a_decision_does():
+    def file(*conditions):
+        return decisions.File([decisions.Condition(1, 1, "x", *condition) for condition in conditions])
+
+    shown, reasoned, left, stale = (), ("never true", "a guard"), ("never true",), ("", "a guard")
+    files = {"flight/math/a.c": file(shown, reasoned), "flight/math/deep/b.c": file(shown),
+             "ccsds/store/c.c": file(shown)}
+    assert decisions.closed(files)
+    assert decisions.table(files)[2:] == ["| `ccsds` | 1 | 1 | 0 | 0 |", "| `flight/math` | 3 | 2 | 1 | 0 |",
+                                          "| all | 4 | 3 | 1 | 0 |"]
+    for one in (left, stale):
+        assert not decisions.closed(files | {"flight/own.c": file(shown, one)})
+    assert "| `flight` | 1 | 0 | 0 | 1 |" in decisions.table({"flight/own.c": file(left)})
+
+
 def test_without_llvm_the_failure_says_what_to_install(monkeypatch):
     monkeypatch.setattr(decisions.shutil, "which", lambda name: None)
     with pytest.raises(Failure, match="there is no llvm-cov-19: apt-get install llvm-19 clang-19 libclang-rt-19-dev"):
