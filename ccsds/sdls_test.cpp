@@ -260,6 +260,10 @@ TEST(Sdls, what_is_not_of_an_association_is_refused)
     none.data = large.data();
     none.n = 1;
     EXPECT_EQ(sdls_tc_protect(&ground.sdls, &commands, &none, ground.memory.data()), CCSDS_ASSOCIATION);
+    ground.associations[0].next = 20;
+    ground.associations[0].key = 9;
+    EXPECT_EQ(sdls_tc_protect(&ground.sdls, &commands, &none, ground.memory.data()), CCSDS_ASSOCIATION);
+    EXPECT_EQ(ground.associations[0].next, 21u); // no number is used twice, whatever happens
 }
 
 TEST(Sdls, an_association_has_states)

@@ -6,13 +6,13 @@
 static const br_block_ctr_class *aes(void)
 {
     const br_block_ctr_class *fast = br_aes_x86ni_ctr_get_vtable();
-    return fast != NULL ? fast : &br_aes_ct64_ctr_vtable;
+    return fast != NULL ? fast : &br_aes_ct64_ctr_vtable; /* undecided: a processor has them or not */
 }
 
 static br_ghash ghash(void)
 {
     const br_ghash fast = br_ghash_pclmul_get();
-    return fast != NULL ? fast : br_ghash_ctmul64;
+    return fast != NULL ? fast : br_ghash_ctmul64; /* undecided: a processor has them or not */
 }
 #else
 static const br_block_ctr_class *aes(void)
