@@ -59,6 +59,7 @@ void Commands::lay_out_calls()
     table_.may_enter = [](void *c, std::uint16_t mode) -> int {
         return static_cast<Commands *>(c)->process_.may_enter(mode);
     };
+    table_.mode = [](const void *c) { return static_cast<const Commands *>(c)->mode(); };
     table_.publish = [](void *c, std::uint16_t block, std::int64_t t) {
         auto &me = *static_cast<Commands *>(c);
         me.runtime_.publish(*me.process_.find(me.dictionary_->blocks[block].instance), t);
@@ -75,6 +76,11 @@ void Commands::lay_out_calls()
     table_.telemetry = [](void *c, std::uint16_t output, int on, std::uint16_t every) {
         telemetry_rate(&static_cast<Commands *>(c)->telemetry_, output, on, every);
     };
+}
+
+std::uint16_t Commands::mode() const
+{
+    return static_cast<std::uint16_t>(std::max(runtime_.of(process_).mode, 0));
 }
 
 /// The outputs, in an image of a mission's memory: the address of this object, then their messages.
@@ -105,8 +111,7 @@ void Commands::lay_out_outputs()
     telemetry_.mode = [](const void *image) {
         void *place;
         std::memcpy(&place, image, sizeof place);
-        const auto *me = static_cast<const Commands *>(place);
-        return static_cast<std::uint16_t>(std::max(me->runtime_.of(me->process_).mode, 0));
+        return static_cast<const Commands *>(place)->mode();
     };
 }
 

@@ -54,6 +54,7 @@ private:
     void lay_out_calls();
     void lay_out_outputs();
     void lay_out_services();
+    std::uint16_t mode() const;
     Ns scripted() const; ///< after which the next command of the script comes; never if there is none
     static CommandReason start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t turns);
     static CommandReason stop(const CommandContext *context, std::uint16_t slot);

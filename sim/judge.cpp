@@ -3,6 +3,7 @@
 
 #include "sim/structure.h"
 
+#include "flight/math/elementary.h"
 #include "flight/msg/head.h"
 
 #include <algorithm>
@@ -219,7 +220,7 @@ void Judge::compute(const Expression &expression)
         break;
     case ANGLE: {
         const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
-        *to = std::atan2(std::sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+        *to = fm_atan2(std::sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
         break;
     }
     case TURNED: { // v + (8 s x (s x v) - 4 (1 - s.s) s x v) / (1 + s.s)^2

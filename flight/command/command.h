@@ -267,6 +267,7 @@ typedef struct CommandTable {
     const CommandProcedures *procedures;            ///< NULL: none
     const CommandServices *services;                ///< NULL: none
     int (*may_enter)(void *mission, uint16_t mode); ///< whether the mode's condition holds; NULL: none has one
+    uint16_t (*mode)(const void *mission);          ///< the one in force; NULL: it has none
 } CommandTable;
 
 /** Of commands, by what became of them. */

@@ -21,10 +21,13 @@ def build(f):
     # Commands come in CLTUs and in sequence, telemetry leaves in frames.
     f.space    = fsw.SpaceLink(spacecraft=68, cop1=1, cltu=1, segments=1, tc_random=1, tm_random=1, idle=10 * s)
 
+    # Flight judges requirements of requirements.py itself, and the ground sees what it finds.
+    f.judge    = fsw.RequirementMonitor()
+
     f.connect(
         f.safe.error      >> f.control.error,
         f.control.torque  >> f.steering.torque,
         f.vehicle.vehicle >> f.control.vehicle,
     )
-    f.task("gnc", every=0.2 * s, run=[f.safe, f.control, f.steering])
+    f.task("gnc", every=0.2 * s, run=[f.safe, f.control, f.steering, f.judge])
     f.task("link", every=1 * s, run=[f.space])

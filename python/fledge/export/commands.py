@@ -86,7 +86,8 @@ def source(mission: Mission, facts: Dictionary) -> str:
         ("n_events", f"{len(facts.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if facts.blocks else "0"),
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
         ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
-        *[("may_enter", "may_enter")] * bool(mission.guards), *[("procedures", "&script_procedures")] * composed,
+        *[("may_enter", "may_enter")] * bool(mission.guards), *[("mode", "mode")] * bool(facts.modes),
+        *[("procedures", "&script_procedures")] * composed,
         *[("services", f"&{name}_services")] * bool(mission.services))]
     return "\n".join([*lines, "};", ""])
 

@@ -19,6 +19,7 @@ from fledge.requirements.declared import Requirement, Requirements
 from fledge.requirements.formula import (Comparison, Formula, Signal, after, always, angle, before, begins, eventually,
                                          implies, never, settles, turned, until, within)
 from fledge.requirements.judge import Judged, Outcome
+from fledge.requirements.onboard import fly
 
 __all__ = ["Comparison", "Formula", "Judged", "Outcome", "Requirement", "Requirements", "Signal", "after", "always",
-           "angle", "before", "begins", "eventually", "implies", "never", "settles", "turned", "until", "within"]
+           "angle", "before", "begins", "eventually", "fly", "implies", "never", "settles", "turned", "until", "within"]
