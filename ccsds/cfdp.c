@@ -46,7 +46,7 @@ void cfdp_time(Cfdp *cfdp, int64_t now)
         if (t->state == (uint8_t)CFDP_FREE) {
             continue;
         }
-        const CfdpRemote *remote = cfdp_remote(cfdp, t->peer);
+        const CfdpRemote *remote = cfdp_peer(cfdp, t->peer);
         if (t->suspended != 0u || remote->frozen != 0u) { /* its timers rest */
             shift_timers(t, passed);
             continue;
@@ -129,10 +129,10 @@ void cfdp_take(Cfdp *cfdp, const uint8_t *bytes, size_t n)
     }
 }
 
-/* Whether the PDU may be for this remote entity, which is known, and it can be reached. */
+/* Whether the PDU may be for this remote entity, and it can be reached. */
 static int is_reachable(const Cfdp *cfdp, uint64_t peer, const CfdpRemote *wanted)
 {
-    const CfdpRemote *remote = cfdp_remote(cfdp, peer);
+    const CfdpRemote *remote = cfdp_peer(cfdp, peer);
     return remote->frozen == 0u && (wanted == NULL || wanted == remote);
 }
 
@@ -193,7 +193,7 @@ size_t cfdp_next(Cfdp *cfdp, const CfdpRemote *wanted, uint8_t *bytes, size_t ro
         if (t == NULL) {
             return 0;
         }
-        const CfdpRemote *remote = cfdp_remote(cfdp, t->peer);
+        const CfdpRemote *remote = cfdp_peer(cfdp, t->peer);
         cfdp->live.turn = (uint32_t)(t - cfdp->set.transactions) + 1u;
         n = cfdp_receives(t) ? cfdp_receiver_next(cfdp, t, remote, bytes, room)
                              : cfdp_sender_next(cfdp, t, remote, bytes, room);

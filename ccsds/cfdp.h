@@ -213,8 +213,8 @@ typedef struct CfdpSetup {
     uint64_t entity; ///< the own id
     CfdpStore store;
     CfdpNotify notify;
-    void *user; ///< of notify
-    CfdpRemote *remotes;
+    void *user;          ///< of notify
+    CfdpRemote *remotes; ///< transactions with one that is taken away rest until it is there again
     uint32_t remotes_n;
     CfdpTransaction *transactions;
     uint32_t transactions_n;

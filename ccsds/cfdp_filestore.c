@@ -63,7 +63,7 @@ uint8_t cfdp_perform(Cfdp *cfdp, const CfdpTransaction *t, const CfdpFilestore *
     const uint8_t action = request->action;
     char first[CFDP_NAME], second[CFDP_NAME];
     int result = CFDP_REFUSED;
-    if ((cfdp_remote(cfdp, t->peer)->allowed & CFDP_ALLOW_FILESTORE) == 0u || !cfdp_copy_name(first, request->first) ||
+    if ((cfdp_peer(cfdp, t->peer)->allowed & CFDP_ALLOW_FILESTORE) == 0u || !cfdp_copy_name(first, request->first) ||
         !cfdp_copy_name(second, request->second)) {
         return refused[action];
     }

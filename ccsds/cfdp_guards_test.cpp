@@ -574,6 +574,38 @@ TEST(CfdpGuards, timers_at_the_end_of_time)
     EXPECT_EQ(link.ground.transactions[1].inactive, INT64_MAX);
 }
 
+TEST(CfdpGuards, transactions_rest_while_their_entity_is_not_known)
+{
+    for (const bool of_craft : {false, true}) {
+        for (const int class1 : {0, 1}) {
+            Link link;
+            link.file(300000);
+            auto data = lose(CFDP_FILE_DATA, 150);
+            link.drops = [&](const CfdpPdu &pdu, bool up) { return class1 == 0 && data(pdu, up); };
+            const CfdpId id = link.ground.put("source", "target", class1);
+            link.run(of_craft ? 250 * ms : 150 * ms);
+            End &end = of_craft ? link.craft : link.ground;
+            CfdpPdu stray = pdu_of(of_craft ? CFDP_EOF : CFDP_FINISHED, 77);
+            stray.condition = CFDP_CANCEL_REQUEST;
+            take(end, stray);
+            const std::uint64_t entity = std::exchange(end.remote.entity, 9);
+            ASSERT_EQ(cfdp_suspend(&end.cfdp, id), 1);
+            ASSERT_EQ(cfdp_resume(&end.cfdp, id), 1);
+            reset(end, link.now);
+            for (Clock now = link.now; now < link.now + 100 * s; now += s) {
+                cfdp_time(&end.cfdp, now);
+                EXPECT_EQ(next_of(end), -1);
+            }
+            EXPECT_EQ(end.count(CFDP_EVENT_FAULT), 0);
+            EXPECT_EQ(end.cfdp.live.answers_n, 1u);
+            end.remote.entity = entity;
+            reset(end, link.now);
+            link.finish();
+            link.expect_whole();
+        }
+    }
+}
+
 // ---- faults
 
 TEST(CfdpGuards, inactivity_after_the_eof_is_a_fault_of_a_file_that_misses_data)

@@ -212,7 +212,7 @@ static void put_by_proxy(Cfdp *cfdp, Requests *requests, int allowed)
 
 void cfdp_serve_messages(Cfdp *cfdp, const CfdpTransaction *t)
 {
-    const uint8_t allowed = cfdp_remote(cfdp, t->peer)->allowed, *at = t->options;
+    const uint8_t allowed = cfdp_peer(cfdp, t->peer)->allowed, *at = t->options;
     const CfdpMessage none = {.type = CFDP_ORIGIN};
     Requests requests = {.put = none,
                          .listing = none,

@@ -86,7 +86,7 @@ void cfdp_receiver_step(Cfdp *cfdp, CfdpTransaction *t)
         t->expires = INT64_MAX;
         update_checksum(cfdp, t, 0);
     } else if (t->class1 != 0u && t->expires == INT64_MAX) {
-        t->expires = cfdp_deadline(cfdp, cfdp_remote(cfdp, t->peer)->check_timer);
+        t->expires = cfdp_deadline(cfdp, cfdp_peer(cfdp, t->peer)->check_timer);
     }
 }
 
@@ -285,7 +285,7 @@ static CfdpTransaction *replace_silent(Cfdp *cfdp)
         if (t->state == (uint8_t)CFDP_FREE || !cfdp_receives(t) || t->suspended != 0u || t->inactive == INT64_MAX) {
             continue;
         }
-        const CfdpRemote *remote = cfdp_remote(cfdp, t->peer);
+        const CfdpRemote *remote = cfdp_peer(cfdp, t->peer);
         const int64_t silent = cfdp->live.now - (t->inactive - remote->inactivity);
         if (remote->frozen == 0u && silent > 2 * remote->nak_timer && silent > longest) {
             silentest = t;

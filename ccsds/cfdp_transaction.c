@@ -20,6 +20,13 @@ CfdpRemote *cfdp_remote(const Cfdp *cfdp, uint64_t entity)
     return NULL;
 }
 
+const CfdpRemote *cfdp_peer(const Cfdp *cfdp, uint64_t peer)
+{
+    static const CfdpRemote gone = {.frozen = 1u};
+    const CfdpRemote *remote = cfdp_remote(cfdp, peer);
+    return remote != NULL ? remote : &gone;
+}
+
 CfdpTransaction *cfdp_find(const Cfdp *cfdp, CfdpId id, int receiver)
 {
     for (uint32_t i = 0u; i < cfdp->set.transactions_n; i++) {
@@ -248,7 +255,7 @@ void cfdp_declare_fault(Cfdp *cfdp, CfdpTransaction *t, CfdpCondition condition)
         return; /* the user knows */
     }
     if (handler == 0u) {
-        handler = cfdp_remote(cfdp, t->peer)->handlers[condition];
+        handler = cfdp_peer(cfdp, t->peer)->handlers[condition];
     }
     if (before != 0u && handler != (uint8_t)CFDP_ABANDON) {
         handler = CFDP_CANCEL; /* it ends already */

@@ -56,6 +56,9 @@ static inline int cfdp_receives(const CfdpTransaction *t)
 }
 
 CfdpRemote *cfdp_remote(const Cfdp *cfdp, uint64_t entity);
+
+/** That of a transaction or an acknowledgement. One that is not known any more is as one whose link is out. */
+const CfdpRemote *cfdp_peer(const Cfdp *cfdp, uint64_t peer);
 CfdpTransaction *cfdp_find(const Cfdp *cfdp, CfdpId id, int receiver);
 
 /** A free place, if there are more than those that are kept. */

@@ -464,6 +464,21 @@ TEST_F(FilesTest, a_link_that_is_out_rests)
     EXPECT_EQ(get_file(ground_.store(), "long"), any_bytes(8, 20'000));
 }
 
+TEST_F(FilesTest, a_ground_with_another_number_does_not_disturb_what_is_under_way)
+{
+    run(1 * s);
+    put_file(store(), "log", any_bytes(3, 20'000));
+    send(command(COMMAND_FILE_SEND, 2, "log", 5));
+    run(2 * s);
+    mission_->files.par.ground = 3;
+    const size_t sent = sent_.size();
+    run(30 * s);
+    EXPECT_EQ(sent_.size(), sent);
+    mission_->files.par.ground = 1;
+    run(10 * s);
+    EXPECT_EQ(get_file(ground_.store(), "log"), any_bytes(3, 20'000));
+}
+
 TEST_F(FilesTest, a_ground_that_is_gone)
 {
     run(1 * s);
