@@ -134,7 +134,7 @@ static inline void span_add(GyroSpan *span, Vec3 omega, double dt)
 /** The kept rate at a time in steps from one to the next, along straight lines; at the ends they go on. */
 static inline Vec3 rate_between(const AttitudeFilterMemory *mem, uint32_t next, int64_t from, int64_t to)
 {
-    if (next == 0u || next == mem->n) {
+    if (next == 0u || next >= mem->n) {
         return mem->rates[next == 0u ? 0u : mem->n - 1u];
     }
     const int64_t begin = mem->times[next - 1u];
@@ -206,6 +206,12 @@ static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const Att
     }
 }
 
+static inline void copy_rate(AttitudeFilterMemory *mem, uint32_t to, uint32_t from)
+{
+    mem->times[to] = mem->times[from];
+    mem->rates[to] = mem->rates[from];
+}
+
 /** Move the horizon. */
 static inline void horizon_go(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, int64_t t,
                               const AttitudeFilterParameters *par)
@@ -222,13 +228,20 @@ static inline void horizon_go(AttitudeFilterMemory *mem, const AttitudeFilterKin
         mem->rejected_at = t;
     }
     mem->at.t = t;
-    uint32_t drop = 0u;
-    while (drop + 2u < mem->n && mem->times[drop + 2u] <= t) { /* two are left: how the rate changes */
-        drop++;
+    if (mem->n > 2u) {
+        const uint32_t last = mem->n - 2u; /* two are left: how the rate changes */
+        uint32_t kept = 0u;
+        /*@ loop unroll 30; */
+        for (uint32_t i = 0u; i < last; i++) {
+            if (mem->times[i + 2u] > t) {
+                copy_rate(mem, kept, i);
+                kept++;
+            }
+        }
+        copy_rate(mem, kept, last);
+        copy_rate(mem, kept + 1u, last + 1u);
+        mem->n = kept + 2u;
     }
-    mem->n -= drop;
-    memmove(mem->times, mem->times + drop, mem->n * sizeof *mem->times);
-    memmove(mem->rates, mem->rates + drop, mem->n * sizeof *mem->rates);
 }
 
 /** Keep one more rate. */
@@ -361,7 +374,7 @@ static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *
         const double measured = P.m[0][0] + P.m[1][1] + P.m[2][2];
         const int vague = attitude_variance(&there.at, kind) > VAGUE * VAGUE + 4.0 * measured;
         const int fits = measure(&there.at, kind, stars->sigma_BN, root, par->gate, &there.misfit);
-        mem->misfit = isfinite(there.misfit) ? there.misfit : 0.0;
+        there.misfit = mem->misfit = isfinite(there.misfit) ? there.misfit : 0.0;
         /* undecided: a guard; no inputs are known at which this alone is not finite */
         if (!vague && fits && estimate_finite(&there.at)) {
             *mem = there;
@@ -408,6 +421,12 @@ static inline void estimate_now(const AttitudeFilterMemory *mem, const AttitudeF
     }
 }
 
+static inline int result_finite(const NavAttitude *attitude, const AttitudeFilterState *state)
+{
+    return vec_finite(attitude->sigma_BN) && vec_finite(attitude->omega_BN_B) && vec_finite(state->bias_B) &&
+           vec_finite(state->attitude_std) && vec_finite(state->bias_std);
+}
+
 /** One update of a filter. */
 static inline void attitude_filter_update(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind,
                                           const AttitudeFilterParameters *par, const GyroRate *gyro,
@@ -436,8 +455,9 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
         (next.any == 0u || stars->head.t > next.seen)) {
         look_at(&next, kind, stars, par);
     }
-    const int known = next.n > 0u && next.running != 0u;
-    if (known) {
+    int known = 0;
+    if (next.n > 0u && next.running != 0u) {
+        known = 1;
         estimate_now(&next, kind, t.t, par, &result, &is);
         const int old = next.running < par->persistence || next.used != next.seen ||
                         tick_seconds(tick_since(t.t, next.used)) > par->coast;
@@ -446,18 +466,16 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
         is.head = head_next(state->head, t.t, quality);
     }
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int finite = vec_finite(result.sigma_BN) && vec_finite(result.omega_BN_B) && vec_finite(is.attitude_std) &&
-                       vec_finite(is.bias_std) && estimate_finite(&next.at);
-    if (finite) {
+    if (result_finite(&result, &is) && estimate_finite(&next.at)) {
         *mem = next; /* also while it waits for a first attitude, or for a rate */
+        if (known) {
+            *attitude = result;
+            *state = is;
+            return;
+        }
     }
-    if (known && finite) {
-        *attitude = result;
-        *state = is;
-    } else {
-        attitude->head = head_held(attitude->head);
-        state->head = head_held(state->head);
-    }
+    attitude->head = head_held(attitude->head);
+    state->head = head_held(state->head);
 }
 
 #endif

@@ -26,7 +26,7 @@ typedef struct FixChoice {
 static inline FixChoice fix_choose(const SeenDirection *const *all, int n, Quality least, int64_t now, Head last,
                                    double together)
 {
-    FixChoice c = {{0}, 0u, 0u, INT64_MIN, QUALITY_GOOD};
+    FixChoice c = {{all[0], all[0], all[0], all[0]}, 0u, 0u, INT64_MIN, QUALITY_GOOD};
     for (int i = 0; i < n; i++) {
         const Head head = all[i]->head;
         if (direction_speaks(all[i]) && head.quality >= least && head.t <= now && head.t > c.t) {
@@ -90,15 +90,16 @@ static inline void fix_write(StarAttitude *attitude, AttitudeFixState *state, co
                              Vec3 sigma_BN, Mat3 P_B, double misfit, double gate, int64_t now)
 {
     const double std = fm_sqrt(P_B.m[0][0] + P_B.m[1][1] + P_B.m[2][2]);
+    const Vec3 near_BN = mrp_short(sigma_BN);
     Quality quality = QUALITY_DEGRADED;
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    if (finding == FIX_SOUND && !(vec_finite(sigma_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit))) {
+    if (finding == FIX_SOUND && !(vec_finite(near_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit))) {
         finding = FIX_INVALID;
     }
     if (finding == FIX_SOUND) {
         quality = misfit <= gate * gate ? c->quality : QUALITY_DEGRADED;
         finding = misfit > gate * gate ? FIX_MISFIT : quality == QUALITY_GOOD ? FIX_SOUND : FIX_DEGRADED;
-        *attitude = (StarAttitude){head_next(attitude->head, c->t, quality), mrp_short(sigma_BN), P_B};
+        *attitude = (StarAttitude){head_next(attitude->head, c->t, quality), near_BN, P_B};
         state->misfit = misfit;
         state->std = std;
         state->n = c->n;

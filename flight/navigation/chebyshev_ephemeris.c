@@ -35,13 +35,26 @@ static BodyState evaluate(const Vec3 *c, uint32_t n, double in, double duration)
 static int covers(int64_t start, int64_t duration, uint32_t count, int64_t time, uint32_t *which, int64_t *in)
 {
     const int64_t since = tick_since(time, start);
-    if (time < start || duration <= 0 || count == 0u || since / duration > count ||
+    if (since < 0 || duration <= 0 || count == 0u || since / duration > count ||
         (since / duration == count && since % duration != 0)) {
         return 0;
     }
-    *which = since / duration == count ? count - 1u : (uint32_t)(since / duration);
-    *in = since - (int64_t)*which * duration;
+    const int last = since / duration == count; /* its very end */
+    *which = last ? count - 1u : (uint32_t)(since / duration);
+    *in = last ? duration : since % duration;
     return 1;
+}
+
+static int sound(const EphemerisBlock *block)
+{
+    if (block->n < 1u || block->n > EPHEMERIS_TERMS || block->duration <= 0) {
+        return 0;
+    }
+    int finite = 1;
+    for (uint32_t k = 0u; k < block->n; k++) {
+        finite = finite && vec_finite(block->c[k]);
+    }
+    return finite;
 }
 
 static void take(ChebyshevEphemeris *m)
@@ -50,13 +63,9 @@ static void take(ChebyshevEphemeris *m)
     if (!head_written(block->head) || (m->mem.any != 0u && block->number == m->mem.number)) {
         return;
     }
-    int sound = block->n >= 1u && block->n <= EPHEMERIS_TERMS && block->duration > 0;
-    for (uint32_t k = 0u; sound && k < block->n; k++) {
-        sound = vec_finite(block->c[k]);
-    }
     m->mem.any = 1u;
     m->mem.number = block->number;
-    if (sound) {
+    if (sound(block)) {
         m->mem.blocks[m->mem.next] = *block;
         m->mem.next = (m->mem.next + 1u) % EPHEMERIS_BLOCKS;
         m->mem.taken++;

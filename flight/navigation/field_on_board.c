@@ -63,12 +63,16 @@ static Vec3 field_at(Vec3 r, double years, const double (*rows)[4], int degree)
     return vec3(up * x - across, up * y - ahead, up * u - along);
 }
 
+/* The highest that counts, of a model that has `most`. */
+static int degree_of(const FieldOnBoard *m, uint32_t most)
+{
+    return (int)(m->par.degree > 0u && m->par.degree < most ? m->par.degree : most);
+}
+
 void field_on_board_update(FieldOnBoard *m, Tick t)
 {
     const FieldModel model = m->par.model;
     const int wmm = model == FIELD_WMM, dipole = model == FIELD_DIPOLE, known = wmm || dipole || model == FIELD_IGRF;
-    const uint32_t most = wmm ? FIELD_DEGREES_WMM : dipole ? 1u : FIELD_DEGREES_IGRF;
-    const uint32_t degree = m->par.degree > 0u && m->par.degree < most ? m->par.degree : most;
     const double days = earth_days(m->in.time.time);
     const int held = days >= FIELD_BEGIN && days < FIELD_END;
     const double within = days < FIELD_BEGIN ? FIELD_BEGIN : days > FIELD_END ? FIELD_END : days;
@@ -81,7 +85,8 @@ void field_on_board_update(FieldOnBoard *m, Tick t)
     Vec3 B_N = vec3(0.0, 0.0, 0.0);
     if (given) {
         const double years = (within - FIELD_BEGIN) / 365.25;
-        const Vec3 B_P = field_at(r_P, years, wmm ? field_wmm : field_igrf, (int)degree);
+        const Vec3 B_P = wmm ? field_at(r_P, years, field_wmm, degree_of(m, FIELD_DEGREES_WMM))
+                             : field_at(r_P, years, field_igrf, degree_of(m, dipole ? 1u : FIELD_DEGREES_IGRF));
         B_N = vec_scale(1e-9, mat_transpose_vec(dcm_PN, B_P));
     }
     KnownField *field = &m->out.field;

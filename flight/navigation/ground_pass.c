@@ -5,7 +5,8 @@
 
 #include "flight/math/geodesy.h"
 
-#define HALVINGS 30 /* of a step of 600 s: 0.6 us */
+#define HALVINGS 30                                   /* of a step of 600 s: 0.6 us */
+#define LAST (INT64_MAX - INT64_C(2) * 3600000000000) /* [ns] from which on steps do not fit */
 
 /* From the station to the spacecraft: vector and derivative in axes of the planet. */
 typedef struct View {
@@ -126,9 +127,20 @@ static void begin(GroundPass *m, OrbitPoint orbit, Vec3 station, double mask, Ve
     m->mem.rate = rate;
     m->mem.sine = mask;
     m->mem.start = m->mem.t = m->mem.followed = m->mem.rise = m->mem.highest = start;
-    m->mem.best = height(view_of(m, orbit, start), up);
+    const double best = height(view_of(m, orbit, start), up);
     m->mem.searches++;
-    m->mem.search = m->mem.best >= mask ? SEARCH_ABOVE : SEARCH_BELOW;
+    m->mem.search = best >= mask ? SEARCH_ABOVE : SEARCH_BELOW;
+    m->mem.best = best >= mask ? best : -2.0;
+}
+
+/* Whether there is nothing more to search now. */
+static int search_ends(const GroundPass *m, int64_t step, int64_t now)
+{
+    const double ahead = tick_seconds(tick_since(m->mem.t, now)) + tick_seconds(step);
+    if (m->mem.search == SEARCH_NONE || m->mem.search == SEARCH_DONE || m->mem.t > LAST) {
+        return 1;
+    }
+    return !(ahead <= (m->mem.search == SEARCH_ABOVE ? 2.0 : 1.0) * m->par.horizon);
 }
 
 void ground_pass_update(GroundPass *m, Tick t)
@@ -175,13 +187,10 @@ void ground_pass_update(GroundPass *m, Tick t)
     int ends = 0;
     /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && step > 0 && !ends; k++) {
-        const double ahead = tick_seconds(tick_since(next.mem.t, t.t)) + tick_seconds(step);
-        const PassSearch is = next.mem.search;
-        ends = is == SEARCH_NONE || is == SEARCH_DONE ||
-               !(ahead <= (is == SEARCH_ABOVE ? 2.0 : 1.0) * m->par.horizon) || next.mem.t > INT64_MAX - step;
+        ends = search_ends(&next, step, t.t);
         if (!ends) {
             search_step(&next, &field, place.up, step, t.t);
-        } else if (is == SEARCH_ABOVE && next.mem.t > t.t) {
+        } else if (next.mem.search == SEARCH_ABOVE && next.mem.t > t.t) {
             next.mem.set = next.mem.t;
             next.mem.search = SEARCH_DONE;
         }

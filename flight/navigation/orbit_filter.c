@@ -60,8 +60,8 @@ static void predict_to(OrbitEstimate *e, const OrbitField *field, const OrbitFil
     const int64_t step = orbit_step_ns(m->par.step);
     /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k <= ORBIT_STEPS_MAX && k < steps && step > 0 && e->t < t; k++) {
-        const int64_t left = tick_since(t, e->t);
-        predict(e, field, m, left < step ? left : step);
+        const uint64_t left = (uint64_t)t - (uint64_t)e->t;
+        predict(e, field, m, left < (uint64_t)step ? (int64_t)left : step);
     }
 }
 
@@ -93,13 +93,13 @@ static double position_variance(const OrbitEstimate *e)
     return sum;
 }
 
-static int all_finite(const OrbitEstimate *e)
+static int estimate_finite(const OrbitEstimate *e)
 {
     double sum = fm_abs(e->along) + vec_norm2(e->x.r) + vec_norm2(e->x.v);
     for (int i = 0; i < 49; i++) {
         sum += fm_abs(e->root[i / 7][i % 7]);
     }
-    return isfinite(sum);
+    return vec_finite(e->x.r) && vec_finite(e->x.v) && isfinite(e->along) && isfinite(sum);
 }
 
 static double fix_std(const OrbitFilter *m)
@@ -191,7 +191,7 @@ static void process_fix(OrbitFilter *m, const OrbitField *field, int64_t now, do
         there.along += dx[6];
         m->mem.misfit = isfinite(misfit) ? misfit : 0.0;
         /* undecided: a guard; no inputs are known at which this alone is not finite */
-        if (!vague && misfit <= m->par.gate * m->par.gate && all_finite(&there)) {
+        if (!vague && misfit <= m->par.gate * m->par.gate && estimate_finite(&there)) {
             m->mem.at = there;
             count_used(m);
             return;
@@ -233,6 +233,12 @@ static OrbitFilterState state_of(const OrbitFilter *m, const OrbitEstimate *e)
     return s;
 }
 
+static int state_finite(const OrbitFilterState *s)
+{
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
+    return vec_finite(s->position_std) && vec_finite(s->velocity_std) && isfinite(s->along) && isfinite(s->along_std);
+}
+
 void orbit_filter_update(OrbitFilter *m, Tick t)
 {
     const NavOrbit *fix = &m->in.fix;
@@ -256,7 +262,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
         }
         predict(&next.mem.at, &field, m, step);
     }
-    if (next.mem.running != 0u && !all_finite(&next.mem.at)) { /* it is lost */
+    if (next.mem.running != 0u && !estimate_finite(&next.mem.at)) { /* it is lost */
         next.mem.restarts++;
         next.mem.running = 0u;
     }
@@ -270,22 +276,25 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
     }
     OrbitFilterState state = state_of(&next, &now);
     const Vec3 a = orbit_acceleration(&field, now.x, now.along);
+    const int running = next.mem.running != 0u;
     const double std = vec_norm(state.position_std);
-    const int known = next.mem.running != 0u && all_finite(&now) && vec_finite(a) && orbit_step_ns(m->par.step) > 0;
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int sound = isfinite(std) && vec_finite(state.velocity_std) && isfinite(state.along_std);
-    if (next.mem.any != 0u && sound && (known || next.mem.running == 0u)) {
-        const int good = known && now.t == t.t && next.mem.running >= m->par.persistence && std <= m->par.good;
-        const Quality quality = good ? quality_min(placed, next.mem.quality) : QUALITY_DEGRADED;
-        m->mem = next.mem;
-        state.head = head_next(m->out.state.head, known ? now.t : t.t, quality);
-        m->out.state = state;
-        if (known) {
+    m->out.orbit.head = head_held(m->out.orbit.head);
+    if (next.mem.any != 0u && state_finite(&state)) {
+        if (running && orbit_step_ns(m->par.step) > 0 && estimate_finite(&now) && vec_finite(a)) {
+            const int good = now.t == t.t && next.mem.running >= m->par.persistence && std <= m->par.good;
+            const Quality quality = good ? quality_min(placed, next.mem.quality) : QUALITY_DEGRADED;
+            m->mem = next.mem;
             m->out.orbit = (NavOrbit){head_next(m->out.orbit.head, now.t, quality), now.x.r, now.x.v, a};
+            state.head = head_next(m->out.state.head, now.t, quality);
+            m->out.state = state;
             return;
         }
-    } else {
-        m->out.state.head = head_held(m->out.state.head);
+        if (!running) {
+            m->mem = next.mem;
+            state.head = head_next(m->out.state.head, t.t, QUALITY_DEGRADED);
+            m->out.state = state;
+            return;
+        }
     }
-    m->out.orbit.head = head_held(m->out.orbit.head);
+    m->out.state.head = head_held(m->out.state.head);
 }

@@ -107,7 +107,8 @@ static inline OrbitPoint orbit_go(const OrbitField *f, OrbitPoint x, int64_t *at
 {
     /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < steps && *at < t && step > 0; k++) {
-        const int64_t left = tick_since(t, *at), h = left < step ? left : step;
+        const uint64_t left = (uint64_t)t - (uint64_t)*at;
+        const int64_t h = left < (uint64_t)step ? (int64_t)left : step;
         x = orbit_step(f, x, 0.0, tick_seconds(h));
         *at += h;
     }

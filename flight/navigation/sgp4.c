@@ -38,7 +38,7 @@ static double semi_major_axis(double n)
 static double wrapped(double x)
 {
     const double turns = x / TURN;
-    return fm_abs(turns) < 1e15 ? x - TURN * (double)(int64_t)turns : NAN;
+    return turns > -1e15 && turns < 1e15 ? x - TURN * (double)(int64_t)turns : NAN;
 }
 
 static double cubic(double x, double c0, double c1, double c2, double c3)
@@ -441,7 +441,7 @@ OrbitElementsCode sgp4_state(Sgp4 *s, double t, Vec3 *r, Vec3 *v)
             now[j] += s->secular[j] * t;
         }
         if (s->resonance != 0u) {
-            double angle;
+            double angle = 0.0;
             const OrbitElementsCode code = integrate(s, t, &angle, &n);
             if (code != ORBIT_ELEMENTS_GOOD) {
                 return code;

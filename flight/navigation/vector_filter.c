@@ -325,26 +325,32 @@ static VectorEstimate estimate_at(const VectorFilter *m, int64_t now)
     return e;
 }
 
-static void write(VectorFilter *m, const VectorEstimate *e, int64_t now)
+/* 0: a number of the outputs would not be finite. */
+static int write(VectorFilter *m, const VectorEstimate *e, int64_t now)
 {
     VectorFilterState *state = &m->out.state;
-    const Vec3 std = std_of(e, 0);
+    const Vec3 std = std_of(e, 0), bias_std = std_of(e, 3), field_bias_std = std_of(e, 6);
+    const Vec3 rate = vec_sub(m->mem.rate, e->bias_B);
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
+    if (!vec_finite(std) || !vec_finite(bias_std) || !vec_finite(field_bias_std) || !vec_finite(rate)) {
+        return 0;
+    }
     const int good = m->mem.running > m->par.persistence && !doubtful(m) && std.v[0] <= m->par.good &&
                      std.v[1] <= m->par.good && std.v[2] <= m->par.good;
     const Quality quality = good && m->in.gyro.head.quality == QUALITY_GOOD ? QUALITY_GOOD : QUALITY_DEGRADED;
-    m->out.attitude =
-        (NavAttitude){head_next(m->out.attitude.head, now, quality), e->sigma_BN, vec_sub(m->mem.rate, e->bias_B)};
+    m->out.attitude = (NavAttitude){head_next(m->out.attitude.head, now, quality), e->sigma_BN, rate};
     state->head = head_next(state->head, now, quality);
     state->bias_B = e->bias_B;
     state->field_bias_B = e->field_bias_B;
     state->attitude_std = std;
-    state->bias_std = std_of(e, 3);
-    state->field_bias_std = std_of(e, 6);
+    state->bias_std = bias_std;
+    state->field_bias_std = field_bias_std;
     memcpy(state->misfit, m->mem.misfit, sizeof state->misfit);
     memcpy(state->used, m->mem.used, sizeof state->used);
     memcpy(state->rejected, m->mem.rejected, sizeof state->rejected);
     state->late = m->mem.late;
     state->restarts = m->mem.restarts;
+    return 1;
 }
 
 void vector_filter_update(VectorFilter *m, Tick t)
@@ -373,16 +379,12 @@ void vector_filter_update(VectorFilter *m, Tick t)
     }
     const VectorEstimate e = estimate_at(&next, t.t);
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int finite = sound(&next.mem.at) && sound(&e) && vec_finite(next.mem.rate);
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    if (finite) {
+    if (sound(&next.mem.at) && sound(&e) && vec_finite(next.mem.rate)) {
         m->mem = next.mem; /* also while it waits for rates or a start */
+        if (next.mem.running != 0u && write(m, &e, t.t)) {
+            return;
+        }
     }
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    if (finite && next.mem.running != 0u) {
-        write(m, &e, t.t);
-    } else {
-        m->out.attitude.head = head_held(m->out.attitude.head);
-        m->out.state.head = head_held(m->out.state.head);
-    }
+    m->out.attitude.head = head_held(m->out.attitude.head);
+    m->out.state.head = head_held(m->out.state.head);
 }

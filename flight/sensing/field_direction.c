@@ -27,14 +27,13 @@ void field_direction_update(FieldDirection *m, Tick t)
     const double differ = vec_norm(m->in.field.B_B) / strength - 1.0;
     const SeenDirection next = {head_next(seen->head, field.t, quality), vec_unit(m->in.field.B_B),
                                 vec_unit(m->in.known.B_N), fm_sqrt(m->par.std * m->par.std + noise * noise)};
-    const int fits = fm_abs(differ) <= m->par.differ && direction_speaks(&next);
     agreement->head = head_next(agreement->head, field.t, quality);
     agreement->differ = isfinite(differ) ? differ : 0.0;
-    agreement->taken += fits ? 1u : 0u;
-    agreement->refused += fits ? 0u : 1u;
-    if (fits) {
+    if (fm_abs(differ) <= m->par.differ && direction_speaks(&next)) {
+        agreement->taken++;
         *seen = next;
     } else {
+        agreement->refused++;
         seen->head = head_held(seen->head);
     }
 }

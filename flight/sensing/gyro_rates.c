@@ -25,8 +25,9 @@ void gyro_rates_update(GyroRates *m, Tick t)
         out->head = head_held(out->head);
         return;
     }
-    const double since = tick_seconds((int64_t)(r->time - m->mem.time) * m->par.tick);
-    const int first = m->mem.known == 0u || (int32_t)(r->counter - m->mem.counter) < 0 || !(since > 0.0);
+    const int64_t passed = (int64_t)(r->time - m->mem.time) * m->par.tick;
+    const int first = m->mem.known == 0u || (int32_t)(r->counter - m->mem.counter) < 0 || passed <= 0;
+    const double since = tick_seconds(passed > 0 ? passed : 1);
     Vec3 rate = vec3(0.0, 0.0, 0.0);
     int holds = !first;
     for (int i = 0; i < 3; i++) {

@@ -24,16 +24,23 @@ static int measure(const StarTrackerAttitude *m, int64_t age, StarAttitude *out)
         return 0;
     }
     const Vec3 sigma_SN = mrp_project(q.q[0], vec3(q.q[1], q.q[2], q.q[3]), norm);
-    out->sigma_BN = mrp_compose(vec_neg(m->par.sigma_SB), sigma_SN);
+    const Vec3 sigma_BN = mrp_compose(vec_neg(m->par.sigma_SB), sigma_SN);
     const Mat3 dcm_SB = mrp_to_dcm(m->par.sigma_SB);
     const double across = m->par.residual * (double)(r->residual > 0u ? r->residual : 1u);
     const double about = across * (m->par.about > 0.0 ? m->par.about : 1.0);
+    Mat3 P_B;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double along = dcm_SB.m[2][i] * dcm_SB.m[2][j];
-            out->P_B.m[i][j] = (i == j ? across * across : 0.0) + (about * about - across * across) * along;
+            P_B.m[i][j] = (i == j ? across * across : 0.0) + (about * about - across * across) * along;
         }
     }
+    /* undecided: a guard; the parameters are within bounds */
+    if (!vec_finite(sigma_BN) || !mat_finite(P_B)) {
+        return 0;
+    }
+    out->sigma_BN = sigma_BN;
+    out->P_B = P_B;
     return 1;
 }
 

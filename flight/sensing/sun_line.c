@@ -277,8 +277,8 @@ void sun_line_update(SunLine *m, Tick t)
         fm_sqrt(b * b + (with_gyro && t.dt > 0 ? 2.0 * m->par.rate_noise / tick_seconds(t.dt) : 0.0));
     const Vec3 omega = vec_add(next.mem.gyro_B, next.mem.b_B);
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int finite = vec_finite(next.mem.d_B) && vec_finite(omega) && isfinite(std) && isfinite(rate_std);
-    if (next.mem.running == 0u || !finite || !(a <= 1.0)) {
+    if (next.mem.running == 0u || !(a <= 1.0) || !vec_finite(s) || !vec_finite(omega) || !isfinite(std) ||
+        !isfinite(rate_std)) {
         m->mem.restarts += m->mem.running;
         m->mem.running = 0u;
         m->mem.t = t.t;
