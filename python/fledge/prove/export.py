@@ -28,13 +28,13 @@ from fledge import export, prove
 from fledge.errors import Failure
 from fledge.export.read import Mission
 from fledge.prove import driver, eva
-from fledge.prove.sources import INCLUDED, Tree
+from fledge.prove.sources import INCLUDED, MATH, Tree
 from introspect.errors import HeaderError
 from introspect.model import Field, Group, Kind, Struct, Type
 from introspect.reader import read
 from introspect.sources import Source
 
-LINKED = ("flight/telemetry/telemetry.c",)      # what the tables of commands call, besides what modules are
+LINKED = ("flight/telemetry/telemetry.c", "ccsds/space_packet.c", *MATH)   # what an executive calls, besides modules
 
 
 def prove_export(mission: Mission, project: Path | None = None, again: bool = False,
@@ -59,8 +59,7 @@ def program(tree: Tree, mission: Mission) -> eva.Program:
     written = {name: text for name, text in {**export.emit_c(mission), **export.emit_commands(mission)}.items()
                if name.endswith((".c", ".h"))}
     included = {name for text in written.values() for name in INCLUDED.findall(text)}
-    stubs = {f"{struct.header.removesuffix('.h')}.c" for struct in modules.values()}
-    texts = tree.closure(*included, *LINKED, without=stubs)
+    texts = tree.closure(*included, *LINKED, with_c=False)
     return eva.Program(mission.name, {**texts, **written, prove.DRIVER: write(mission, modules)}, (prove.DRIVER,),
                        ("-eva-precision", "0", "-eva-slevel", "4", "-eva-auto-loop-unroll", "200"))
 
