@@ -4,13 +4,21 @@
 #
 # A kind of such a build has a name, a launcher in place of the compiler, the options of its C, the options of the link,
 # and C that is compiled with it:
-#   mcdc    which conditions have decided, as clang counts them (python/fledge/verify/decisions.py)
+#   mcdc        which conditions have decided, as clang counts them (python/fledge/verify/decisions.py)
+#   branches    which branches each run of a campaign takes (python/fledge/falsify). What makes no branch of
+#               small ones is left out
 
-set(FLEDGE_OBSERVED mcdc)
+set(FLEDGE_OBSERVED mcdc branches)
 set(FLEDGE_OBSERVED_mcdc_LAUNCHER sh ${CMAKE_CURRENT_LIST_DIR}/by_clang.sh)     # an install leaves it no program
 set(FLEDGE_OBSERVED_mcdc_OPTIONS -O1 -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc)
 set(FLEDGE_OBSERVED_mcdc_LINK -fprofile-instr-generate)
 set(FLEDGE_OBSERVED_mcdc_SOURCES ${CMAKE_CURRENT_LIST_DIR}/observed_mcdc.c)
+set(FLEDGE_OBSERVED_branches_LAUNCHER ${FLEDGE_OBSERVED_mcdc_LAUNCHER})
+set(FLEDGE_OBSERVED_branches_OPTIONS -O1 -fsanitize-coverage=trace-pc-guard
+    "SHELL:-mllvm -phi-node-folding-threshold=0" "SHELL:-mllvm -two-entry-phi-node-folding-threshold=0"
+    "SHELL:-mllvm -bonus-inst-threshold=0")
+set(FLEDGE_OBSERVED_branches_LINK "")
+set(FLEDGE_OBSERVED_branches_SOURCES ${CMAKE_CURRENT_LIST_DIR}/observed_branches.c)
 
 foreach(kind IN LISTS FLEDGE_OBSERVED)
     add_custom_target(${kind})              # what Python loads

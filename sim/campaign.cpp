@@ -13,7 +13,14 @@
 #include <cstring>
 #include <mutex>
 #include <numbers>
+#include <span>
 #include <thread>
+
+// Of the build that counts branches (cmake/observed_branches.c); null in others.
+extern "C" {
+__attribute__((weak)) std::size_t fledge_branches();
+__attribute__((weak)) void fledge_branches_into(std::uint8_t *row, std::size_t n);
+}
 
 namespace fledge::sim {
 
@@ -258,6 +265,51 @@ template <class Use> void visit_modes(const Simulation &simulation, const Use &u
     }
 }
 
+/// How many numbers count() writes.
+std::size_t counted(const Simulation &simulation)
+{
+    std::size_t n = 0;
+    for (const auto &process : simulation.processes()) {
+        n += process->modes().size() * process->modes().size() + process->events().size();
+    }
+    return n;
+}
+
+/// What a run has done: pairs of modes, and events.
+void count(const Simulation &simulation, std::uint8_t *to)
+{
+    for (const auto &process : simulation.processes()) {
+        to = std::ranges::copy(process->followed(), to).out;
+        for (const auto &event : process->events()) {
+            *to++ = static_cast<std::uint8_t>(std::min<std::uint64_t>(process->fired(*event).count, UINT8_MAX));
+        }
+    }
+}
+
+std::size_t branches()
+{
+    return fledge_branches ? fledge_branches() : 0;
+}
+
+/// While it lives, this thread counts the branches of flight code.
+class Counting {
+public:
+    explicit Counting(std::span<std::uint8_t> row)
+    {
+        if (!row.empty()) {
+            fledge_branches_into(row.data(), row.size());
+        }
+    }
+    ~Counting()
+    {
+        if (fledge_branches) {
+            fledge_branches_into(nullptr, 0);
+        }
+    }
+    Counting(const Counting &) = delete;
+    Counting &operator=(const Counting &) = delete;
+};
+
 /// Flies runs one after the other in a simulation of its own, and stores their results.
 class Worker {
 public:
@@ -273,6 +325,10 @@ public:
     void fly(std::size_t run, CampaignResult &result, const std::atomic<bool> &stop)
     {
         const Runs runs;
+        const std::size_t own = counted(own_);
+        const std::span row(result.seen.data() + run * (result.seen.size() / plan_.runs),
+                            result.seen.size() / plan_.runs);
+        const Counting counting(row.subspan(own));
         running().of_campaign = static_cast<std::int64_t>(plan_.first + run);
         try {
             begin_anew(nominal_, own_);
@@ -290,6 +346,7 @@ public:
             result.failures[run] = error.what();
         }
         result.flown[run] = 1;
+        count(own_, row.data());
         result.health[run] = own_.health();
         std::size_t mode = run * (result.entered.size() / plan_.runs);
         visit_modes(own_, [&](const Process &process, const Mode &m) {
@@ -342,6 +399,7 @@ CampaignResult room_for(const Simulation &simulation, const CampaignPlan &plan)
     result.health.resize(plan.runs);
     result.draws.assign(plan.runs * dispersed_elements(plan), no_number);
     result.entered.assign(plan.runs * mode_names(simulation).size(), no_number);
+    result.seen.assign(plan.runs * (counted(simulation) + branches()), 0);
     for (const Retained &variable : plan.retained) {
         result.retained.emplace_back(plan.runs * result.samples * variable.elements, no_number);
     }

@@ -89,6 +89,9 @@ struct CampaignResult {
     std::vector<std::vector<Finding>> health; ///< by run: Simulation::health() at its end
     std::vector<double> draws;                ///< by run, then by dispersed element; NaN if not flown
     std::vector<double> entered; ///< [s] by run, then as mode_names(): when the mode first began; NaN: it did not
+    /// By run: how often, up to 255, one mode followed another, each event fired, and, in the build that counts them,
+    /// each edge of flight code's branches was taken.
+    std::vector<std::uint8_t> seen;
     /// By variable: run, sample, element; NaN if not flown, after a failure, or where the message was never written.
     /// Between two instants a sample is that of the first.
     std::vector<std::vector<double>> retained;

@@ -113,6 +113,31 @@ TEST(Campaign, OneDispersionMoreChangesNoOthersDraws)
     EXPECT_EQ(disperse(fresh.sim, fresh.sim, nominal.plan, 3)[0], both[1]);
 }
 
+TEST(Campaign, CountsPairsOfModesAndEventsOfEachRun)
+{
+    Nominal nominal;
+    Process &flight = nominal.sim.process("flight");
+    flight.add_mode({"active", {"gnc"}});
+    flight.add_mode({"idle", {}});
+    Event low;
+    low.name = "low";
+    low.mode = "idle";
+    low.condition = below(nominal.tank, 3.0); // the tank begins between 2 and 10, and empties
+    flight.add_event(std::move(low));
+    nominal.plan.duration = second;
+    const CampaignResult result = fly(nominal.sim, nominal.plan, 2);
+    std::size_t fired = 0;
+    for (std::size_t run = 0; run < 200; run++) {
+        const double *level = &result.retained[0][run * 3]; // at 0, 0.5 and 1 s, as flight looks
+        const bool falls = level[0] < 3.0 || level[1] < 3.0, at_end = level[2] < 3.0;
+        const std::uint8_t *seen = &result.seen[5 * run]; // pairs of active and idle, and the event
+        EXPECT_EQ(std::vector(seen, seen + 4), (std::vector<std::uint8_t>{0, falls, 0, 0})) << run;
+        EXPECT_EQ(seen[4], falls || at_end) << run;
+        fired += falls;
+    }
+    EXPECT_TRUE(fired > 20 && fired < 180);
+}
+
 TEST(Campaign, AFailedRunDoesNotChangeTheOtherRuns)
 {
     Nominal nominal;

@@ -263,6 +263,11 @@ Tally Process::entered(const Mode &mode) const
                             : Tally{};
 }
 
+std::span<const std::uint8_t> Process::followed() const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).followed : std::span<const std::uint8_t>();
+}
+
 Tally Process::fired(const Event &event) const
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this, event).fired : Tally{};

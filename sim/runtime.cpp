@@ -235,6 +235,16 @@ void Runtime::make_changes(RunProcess &process, Ns t)
 
 // --- an instant
 
+void RunProcess::enter(std::size_t to, Ns t)
+{
+    entered[to].add(t);
+    if (counted >= 0) {
+        std::uint8_t &times = followed[static_cast<std::size_t>(counted) * entered.size() + to];
+        times = static_cast<std::uint8_t>(times + (times < UINT8_MAX));
+    }
+    counted = static_cast<std::int32_t>(to);
+}
+
 /// What a process does that flew elsewhere: what is requested here does not count.
 void Runtime::play(RunProcess &process, Ns t)
 {
@@ -243,7 +253,7 @@ void Runtime::play(RunProcess &process, Ns t)
         now, t,
         [&](Ns at, std::uint32_t mode) {
             process.mode = process.requested = static_cast<std::int32_t>(mode);
-            process.entered[mode].add(at);
+            process.enter(mode, at);
         },
         [&](Ns at, std::uint32_t event) {
             if (event < process.events.size()) {
@@ -350,8 +360,7 @@ void Runtime::publish_mode(RunProcess &process, Ns t)
     }
     const auto mode = static_cast<std::size_t>(process.mode);
     if (process.counted != process.mode) {
-        process.counted = process.mode;
-        process.entered[mode].add(t);
+        process.enter(mode, t);
     }
     process.process->executive().mode(t, process.mode, process.process->modes()[mode].name);
 }

@@ -40,7 +40,10 @@ struct RunProcess {
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
     std::int32_t counted = -1;          ///< the mode that was counted last
     std::vector<Tally> entered;         ///< by mode
+    std::vector<std::uint8_t> followed; ///< by mode and the next mode: how often, up to 255; of no snapshot
     std::unique_ptr<Commands> commands; ///< null: it has no dictionary
+
+    void enter(std::size_t to, Ns t);
 
     // Of a process whose computer can be reset.
     const std::byte *reset = nullptr;  ///< the ComputerReset; null: it cannot be reset

@@ -168,6 +168,7 @@ void Runtime::reset(Ns after)
         process.process->executive().forget();
         process.counted = -1;
         process.entered.assign(process.process->modes().size(), {});
+        process.followed.assign(process.entered.size() * process.entered.size(), 0);
         process.resets = process.restarts = 0;
         process.changed_at = -1;
         process.outages.clear();

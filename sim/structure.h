@@ -298,6 +298,8 @@ public:
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
     /// How often a mode began in this run, and when first; the same of the firing of an event.
     Tally entered(const Mode &mode) const;
+    /// How often, up to 255, a mode was followed by another: rows of the first, in the order of modes().
+    std::span<const std::uint8_t> followed() const;
     Tally fired(const Event &event) const;
     Executive &executive() { return executive_; }
     const Executive &executive() const { return executive_; }

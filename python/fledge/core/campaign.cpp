@@ -209,6 +209,14 @@ void bind_campaign(py::module_ &m)
                                    return list_of(r.flown, [](std::uint8_t flown) { return flown != 0; });
                                })
         .def_property_readonly("draws", rows<&sim::CampaignResult::draws>, "(runs, elements)")
+        .def_property_readonly(
+            "seen",
+            [](const py::object &self) {
+                auto &r = self.cast<sim::CampaignResult &>();
+                const std::size_t runs = r.flown.size();
+                return py::array_t<std::uint8_t>({runs, r.seen.size() / runs}, r.seen.data(), self);
+            },
+            "(runs, pairs of modes, events and branches) how often, up to 255")
         .def_property_readonly("entered", rows<&sim::CampaignResult::entered>, "(runs, modes) [s]")
         .def_property_readonly(
             "retained",

@@ -41,6 +41,7 @@ class Campaign:
     """
 
     values: dict[str, list[float]] = {}     # of runs whose numbers are chosen; else there are none
+    keeps_seen = False                      # whether Store.seen has what each run has seen
 
     def __init__(self, mission: str | os.PathLike[str],
                  name: str | Callable[[Dispersions], Any] | None = None) -> None:
@@ -176,7 +177,8 @@ class Campaign:
                             path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
         store = Store(self, 1, seed)
         store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan),
-                        np.array([[self._entered(log, name) for name in d.modes]]).reshape(1, -1), retained))
+                        np.array([[self._entered(log, name) for name in d.modes]]).reshape(1, -1), retained,
+                        np.zeros((1, 0), np.uint8)))
         return Result(self, seed, store)
 
     @staticmethod

@@ -31,7 +31,8 @@ class Share:
 
     flown: whether a run came to its end, or failed; errors: "" of a run that came to its end; health: rows of Findings;
     draws: (runs, dispersed numbers); entered: (runs, modes) [s] when each mode first
-    began; retained: (runs, samples, elements) of each variable; NaN where not flown, and after an error.
+    began; retained: (runs, samples, elements) of each variable; NaN where not flown, and after an error; seen: (runs,
+    pairs of modes, events and branches) how often, up to 255.
     """
     first: int
     flown: list[bool]
@@ -40,12 +41,13 @@ class Share:
     draws: np.ndarray
     entered: np.ndarray
     retained: list[np.ndarray]
+    seen: np.ndarray
 
     @classmethod
     def of(cls, first: int, result: Any) -> Share:
         """What the kernel gives."""
         return cls(first, result.flown, result.failures, result.health, result.draws, result.entered,
-                   result.retained)
+                   result.retained, result.seen)
 
     @classmethod
     def joined(cls, shares: Sequence[Share]) -> Share:
@@ -56,7 +58,8 @@ class Share:
                    [x for share in shares for x in share.errors],
                    [x for share in shares for x in share.health], np.concatenate([share.draws for share in shares]),
                    np.concatenate([share.entered for share in shares]),
-                   [np.concatenate(values) for values in zip(*(share.retained for share in shares))])
+                   [np.concatenate(values) for values in zip(*(share.retained for share in shares))],
+                   padded([share.seen for share in shares]))
 
     @classmethod
     def failed(cls, campaign: Campaign, index: int, error: str) -> Share:
@@ -67,7 +70,15 @@ class Share:
         return cls(index, [True], [error], [[]], np.full((1, len(d.columns)), np.nan),
                    np.full((1, len(d.modes)), np.nan),
                    [np.full((1, len(d.ns), len(variable.field_path.elements)), np.nan)
-                    for variable in d.retained.values()])
+                    for variable in d.retained.values()], np.zeros((1, 0), np.uint8))
+
+
+def padded(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Rows of different lengths as one array, with zeros behind the shorter ones: a run that died has seen nothing."""
+    import numpy as np
+
+    width = max(part.shape[1] for part in rows)
+    return np.vstack([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in rows])
 
 
 @dataclass

@@ -61,6 +61,7 @@ class Store:
         self.errors: dict[int, str] = {}
         self.health: dict[int, list[Finding]] = {}      # of each run with findings, if exact
         self.unhealthy: dict[tuple[str, str], tuple[int, int, Finding]] = {}    # how many runs, the first, its finding
+        self.seen: dict[int, np.ndarray] = {}           # of each run, if the campaign keeps it
         self.lines: dict[int, list[np.ndarray]] = {}    # retained variables of failed runs, if not exact
         self._shapes = [(runs, len(d.ns), len(variable.field_path.elements))
                         for variable in d.retained.values()] * self.exact
@@ -145,6 +146,8 @@ class Store:
             columns += [worst, times]
             good &= holds
         self._write(0, runs, np.column_stack(columns))
+        if self.campaign.keeps_seen:
+            self.seen.update(zip(runs.tolist(), share.seen[new]))
         for run, error, findings in zip(runs.tolist(), errors, health):
             if error:
                 self.errors[run] = error
