@@ -45,6 +45,15 @@ def add(command: Callable) -> None:
     sub.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
     sub.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
     add_update_limit(sub)
+    sub.set_defaults(needs=lambda options: ["build branches"] * (not options.probability and _counts_branches()))
+
+
+def _counts_branches() -> bool:
+    """Whether there is a compiler for the build that does (cmake/by_clang.sh), and the build can have another one."""
+    import os
+    import shutil
+
+    return os.environ.get("FLEDGE_PRESET") != "asan" and any(map(shutil.which, ("clang-19", "clang-18")))
 
 
 def falsify(options: argparse.Namespace) -> int:
@@ -87,7 +96,7 @@ def _search(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
     runs, smallest, path = options.runs or 1000, None, None
     command = command_line(options)
     with _Live(flights, runs):
-        tried = search(flights, flights.space, runs, options.seed, options.first)
+        tried = search(flights, flights.space, runs, options.seed, options.first, lambda: flights.seen)
         if tried.first is not None:
             smallest = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
     if smallest:
@@ -116,7 +125,7 @@ def _facts(options: argparse.Namespace, flights: Flights, tried: Tried, smallest
         "mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
         "campaign": flights.campaign.name, "scenario": flights.scenario, "duration": flights.duration,
         "seed": options.seed, "runs": len(margins), "stages": tried.stages,
-        "searched": flights.space.described(flights.shown),
+        "searched": flights.space.described(flights.shown), "branches": flights.counts_branches,
         "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None),
         "unit": flights.unit, "nominal": _finite(margins[0]) if len(margins) else None,
         "least": None if best is None else _finite(margins[best]), "run": best, "first violation": tried.first,
@@ -157,6 +166,8 @@ def _tell(flights: Flights, tried: Tried, smallest: Counterexample | None, facts
         + (f" in the scenario {flights.scenario}" if flights.scenario else ""))
     for line in facts["searched"]:
         say(f"            {line}")
+    if not facts["branches"]:
+        say("  branches  of flight code did not lead it, which clang counts: apt-get install clang-19 (or clang-18)")
     if facts["errors"]:
         say(f"  errors    {facts['errors']} runs ended in an error; the first: {facts['error']}")
     if facts["unknown"]:

@@ -18,6 +18,7 @@ from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.requirements import FormulaCheck
+from fledge.montecarlo.shares import padded
 from fledge.pool import open_pool
 from fledge.requirements import Requirements
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 class _Campaign(Chosen):
     """A campaign of a mission with one requirement; with a scenario, from what that sets before its first run, and for
     as long as that run."""
+
+    keeps_seen = True
 
     def __init__(self, mission: str | os.PathLike[str], name: str | Callable | None, requirement: str,
                  scenario: str | None) -> None:
@@ -76,7 +79,9 @@ class Flights:
     dispersions.py, default: the first, or a function that takes `d`; scenario: fly this one with the campaign's
     dispersions; seed: of the random streams, the same in all runs; scheduler: the address of a Dask scheduler, whose
     workers fly in place of threads, until this is closed as a context manager. `flown` counts the runs; `errors` has
-    the texts of those that ended in an error, `unknown` counts those without a verdict.
+    the texts of those that ended in an error, `unknown` counts those without a verdict; `seen` has of each run of the
+    last call how often, up to 255, a mode followed another, an event fired, and, in the build that counts them, an edge
+    of a branch of flight code was taken.
     Raises SetupError, or MissionError with the line of the mission's file.
     """
 
@@ -99,6 +104,7 @@ class Flights:
                       if f"{fault}.kind" not in self.marginals}
         self.flown, self.unknown = 0, 0
         self.errors: list[str] = []
+        self.seen = np.zeros((0, 0), np.uint8)
         self.least = np.inf
         self.progress: Callable[[int, float], Any] | None = None
 
@@ -127,16 +133,20 @@ class Flights:
             if n == 1:
                 self.flown += 1
                 self.errors.append(str(error))
+                self.seen = np.zeros((1, 0), np.uint8)
                 return np.array([np.nan])
             halves = [{path: numbers[part] for path, numbers in values.items()}
                       for part in (slice(n // 2), slice(n // 2, None))]
-            return np.concatenate([self.fly(half, seed) for half in halves])
+            parts = [(self.fly(half, seed), self.seen) for half in halves]
+            self.seen = padded([seen for _, seen in parts])
+            return np.concatenate([margins for margins, _ in parts])
         result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads, progress=self._count,
                                    scheduler=self.cluster)
         if result.interrupted:
             raise KeyboardInterrupt
         self.flown += n
         self.errors += result.errors.values()
+        self.seen = padded([result.store.seen[run][None] for run in range(n)])
         margins = result.reached(self.check)[0]
         self.unknown += int(np.isnan(margins).sum()) - len(result.errors)
         self.least = np.fmin(self.least, np.fmin.reduce(margins))
@@ -159,6 +169,11 @@ class Flights:
         """The simulation of one run, ready to be flown for `duration`."""
         self.campaign.choose({path: [x] for path, x in values.items()})
         return self.campaign.simulation(0, self.seed if seed is None else seed)
+
+    @property
+    def counts_branches(self) -> bool:
+        """Whether this build counts them."""
+        return os.environ.get("FLEDGE_OBSERVED") == "branches"
 
     @property
     def duration(self) -> float:

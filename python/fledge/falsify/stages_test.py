@@ -66,6 +66,48 @@ def test_it_needs_fewer_runs_than_draws_alone(problem):
     assert 3 * ours < theirs
 
 
+def watched(margin, sees):
+    """A margin, and what its last runs saw."""
+    flown = []
+
+    def margins(x):
+        flown.append(x)
+        return margin(x)
+
+    return margins, lambda: sees(flown[-1])
+
+
+def doors(x):
+    """Three doors, of which only runs behind the one before see the next."""
+    return np.cumprod(abs(x[:, :3] - 0.4) < 0.05, axis=1).astype(np.uint8)
+
+
+def test_branches_lead_it_where_margins_say_nothing():
+    """A jump without a slope, behind the doors: draws alone need 1,000 runs in the mean."""
+    needed = []
+    for seed in range(9):
+        margin, seen = watched(lambda x: 1.0 - 2 * doors(x)[:, 2], doors)
+        tried = search(margin, cube(12), 1500, seed, first=True, seen=seen)
+        assert tried.stages.get("breeding", 0) <= 0.35 * 1500 + 1
+        needed.append(len(tried.margins))
+    assert 2 * np.median(needed) < 1000, needed
+
+
+def test_where_all_runs_see_the_same_nothing_is_bred():
+    space, margin = ball(4, 0.1)
+    margins, seen = watched(margin, lambda x: np.full((len(x), 7), 3, np.uint8))
+    plain, same = search(margin, space, 300), search(margins, space, 300, seen=seen)
+    assert np.array_equal(plain.values, same.values) and plain.stages == same.stages
+
+
+def test_a_run_that_died_has_seen_nothing():
+    widths = iter([3, *[5] * 1000])
+    margin, seen = watched(lambda x: x[:, 0],
+                           lambda x: np.repeat(x[:, :1] > 0.5, next(widths), axis=1).astype(np.uint8))
+    tried = search(margin, cube(2), 200, seen=seen)
+    assert len(tried.margins) == 200 and tried.stages["breeding"] == 70
+
+
 def test_a_budget_of_few_runs_is_flown():
     space, margin = ball(3, 0.1)
 
@@ -74,8 +116,9 @@ def test_a_budget_of_few_runs_is_flown():
         return margin(x)
 
     for runs in range(1, 25):
-        tried = search(not_empty, space, runs)
-        assert len(tried.margins) == runs == sum(tried.stages.values()) and np.isfinite(tried.values).all()
+        margins, seen = watched(not_empty, doors)
+        for tried in (search(not_empty, space, runs), search(margins, space, runs, seen=seen)):
+            assert len(tried.margins) == runs == sum(tried.stages.values()) and np.isfinite(tried.values).all()
 
 
 def test_the_first_violation_ends_it():

@@ -11,7 +11,7 @@ from fledge.disk import ROOT
 from fledge.launcher.tools import say
 
 PRESETS = ("release", "debug", "asan")      # and tsan, for some tests
-OBSERVED = ("mcdc",)        # kinds of a build whose flight code counts what it does: cmake/FledgeObserved.cmake
+OBSERVED = ("mcdc", "branches")     # kinds of a build whose flight code counts what it does: cmake/FledgeObserved.cmake
 
 
 class Context:
