@@ -67,8 +67,8 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                  help="of Python, run those tests only that what differs from it can reach")
     add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
                  "show to decide, and name the others; of Fledge itself, by its tests of flight in C++")
-    add_argument("--strict", action="store_true",
-                 help="with --coverage: fail where a condition has neither decided nor a reason")
+    add_argument("--strict", nargs="?", const="", metavar="FOLDER,...", help="with --coverage: fail where a condition, "
+                 "of these folders, has neither decided nor a reason")
     add_argument("--table", action="store_true", help="with --coverage: print the sums of folders, and no conditions")
     add_argument("--fledge", action="store_true",
                  help="run the tests of Fledge itself, from any folder; they take long")
@@ -171,7 +171,7 @@ def test(context: Context, options: argparse.Namespace) -> int:
                           "test); --fledge runs the tests of Fledge itself, which take long")
     elif options.changed is not None:
         raise Failure("test: --changed is for Fledge, not for a project")
-    if (options.strict or options.table) and not options.coverage:
+    if (options.strict is not None or options.table) and not options.coverage:
         raise Failure("test: --strict and --table are about what --coverage counts; add it")
     need(context, "run")
     testing.need_tests(context)

@@ -77,9 +77,16 @@ def total(files: Mapping[str, File]) -> File:
     return File([condition for file in files.values() for condition in file.conditions])
 
 
-def closed(files: Mapping[str, File]) -> bool:
-    """Whether each condition has decided, or has a reason why it cannot."""
-    return not any(file.open or file.stale for file in files.values())
+def closed(files: Mapping[str, File], folders: Iterable[str] = ("",)) -> bool:
+    """Whether each condition of these folders has decided, or has a reason why it cannot. Raises Failure where one has
+    none."""
+    good = True
+    for folder in folders:
+        inside = [file for name, file in files.items() if f"{name}/".startswith(folder and folder.rstrip("/") + "/")]
+        if not inside:
+            raise Failure(f"test: --strict: no condition is in {folder}; take one of --table")
+        good &= not any(file.open or file.stale for file in inside)
+    return good
 
 
 def facts(files: Mapping[str, File]) -> dict[str, Any]:

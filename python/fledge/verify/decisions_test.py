@@ -152,6 +152,10 @@ def test_the_table_has_the_sums_of_folders_and_a_reason_closes_a_condition_as_a_
                                           "| all | 4 | 3 | 1 | 0 |"]
     for one in (left, stale):
         assert not decisions.closed(files | {"flight/own.c": file(shown, one)})
+    files["flight/own.c"] = file(left)
+    assert decisions.closed(files, ["flight/math", "ccsds/"]) and not decisions.closed(files, ["ccsds", "flight"])
+    with pytest.raises(Failure, match="no condition is in flight/ma; take one of --table"):
+        decisions.closed(files, ["ccsds", "flight/ma"])
     assert "| `flight` | 1 | 0 | 0 | 1 |" in decisions.table({"flight/own.c": file(left)})
 
 
