@@ -3,15 +3,7 @@
 
 #include <string.h>
 
-static int all_finite(const double *x, int n)
-{
-    for (int i = 0; i < n; i++) {
-        if (!isfinite(x[i])) {
-            return 0;
-        }
-    }
-    return 1;
-}
+#include "flight/math/vec.h"
 
 /* chosen, out: messages of a size, heads first. sound: whether the numbers of the first are finite. */
 static void pass_on(const void *chosen, void *out, size_t size, int sound, int64_t t)
@@ -48,16 +40,17 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
     }
 /* NOLINTEND(bugprone-macro-parentheses) */
 
-CHOICE(RodCommandChoice, rod_command_choice_reset, rod_command_choice_update, all_finite(m->in.chosen.dipole, RODS_MAX))
+CHOICE(RodCommandChoice, rod_command_choice_reset, rod_command_choice_update,
+       numbers_finite(m->in.chosen.dipole, RODS_MAX))
 CHOICE(WheelCommandChoice, wheel_command_choice_reset, wheel_command_choice_update,
-       all_finite(m->in.chosen.u, WHEELS_MAX))
+       numbers_finite(m->in.chosen.u, WHEELS_MAX))
 CHOICE(WheelDriveChoice, wheel_drive_choice_reset, wheel_drive_choice_update, 1)
 CHOICE(GimbalRatesChoice, gimbal_rates_choice_reset, gimbal_rates_choice_update,
-       all_finite(m->in.chosen.rate, WHEELS_MAX))
+       numbers_finite(m->in.chosen.rate, WHEELS_MAX))
 CHOICE(GimbalTorquesChoice, gimbal_torques_choice_reset, gimbal_torques_choice_update,
-       all_finite(m->in.chosen.u, WHEELS_MAX))
+       numbers_finite(m->in.chosen.u, WHEELS_MAX))
 CHOICE(ThrusterTimesChoice, thruster_times_choice_reset, thruster_times_choice_update, 1)
 CHOICE(ThrusterValvesChoice, thruster_valves_choice_reset, thruster_valves_choice_update, 1)
 CHOICE(PanelCommandChoice, panel_command_choice_reset, panel_command_choice_update,
-       all_finite(m->in.chosen.theta, PANELS_MAX) && all_finite(m->in.chosen.u, PANELS_MAX))
+       numbers_finite(m->in.chosen.theta, PANELS_MAX) && numbers_finite(m->in.chosen.u, PANELS_MAX))
 CHOICE(ArrayDriveCommandChoice, array_drive_command_choice_reset, array_drive_command_choice_update, 1)

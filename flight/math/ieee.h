@@ -38,6 +38,12 @@ static inline double fm_from_bits(uint64_t bits)
     return x;
 }
 
+/* The biased exponent of a positive number: 1022 of 1/2, 2046 of the largest. */
+static inline int32_t fm_exponent(double x)
+{
+    return (int32_t)(fm_bits(x) >> 52);
+}
+
 static inline uint64_t fm_sign(double x)
 {
     return fm_bits(x) & FM_SIGN_BIT;

@@ -55,7 +55,7 @@ FmAngle fm_reduce_far(double x)
     static const FmSum PI_OVER_2 = {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54};
     static const double UNIT[3] = {0x1p-32, 0x1p-64, 0x1p-96};
 
-    const int32_t e = (int32_t)(fm_bits(x) >> 52) - (1023 + 52);
+    const int32_t e = fm_exponent(x) - (1023 + 52);
     uint32_t window[WINDOW], f[WINDOW];
     window_at(window, (uint32_t)(LEADING_ZEROS + e - 2));
     multiply(f, window, (fm_bits(x) & FM_FRACTION) | FM_HIDDEN_BIT);

@@ -39,11 +39,6 @@ static inline Terms cosine(FmSum r)
     return c;
 }
 
-static inline int is_finite(double x)
-{
-    return fabs(x) <= DBL_MAX;
-}
-
 /* The second bit of a quadrant, as a sign bit: set in the third and the fourth quadrant. */
 static inline uint64_t half_turn_sign(uint32_t quadrant)
 {
@@ -56,7 +51,7 @@ typedef struct SineCosine {
 
 static inline SineCosine sine_cosine(double x)
 {
-    if (!is_finite(x)) {
+    if (!isfinite(x)) {
         const SineCosine none = {NAN, NAN};
         return none;
     }
@@ -92,7 +87,7 @@ double fm_cos(double x)
  * 1 ulp, both are corrected for the rounding of z. */
 double fm_tan(double x)
 {
-    if (!is_finite(x)) {
+    if (!isfinite(x)) {
         return NAN;
     }
     const double magnitude = fabs(x);

@@ -4,6 +4,8 @@
 #ifndef FLIGHT_MATH_VEC_H
 #define FLIGHT_MATH_VEC_H
 
+#include <stdint.h>
+
 #include "flight/math/elementary.h"
 
 typedef struct Vec3 {
@@ -63,8 +65,8 @@ static inline double vec_norm(Vec3 a)
 /** a / |a|, or zero if |a| is 0. */
 static inline Vec3 vec_unit(Vec3 a)
 {
-    double n = vec_norm(a);
-    return n > 0.0 ? vec_scale(1.0 / n, a) : vec3(0.0, 0.0, 0.0);
+    const double n2 = vec_norm2(a); /* a positive one is so large that 1 / |a| is finite */
+    return n2 > 0.0 ? vec_scale(1.0 / fm_sqrt(n2), a) : vec3(0.0, 0.0, 0.0);
 }
 
 /** [rad] The angle between two vectors, in [0, pi], without loss of digits where it is near either end. */
@@ -99,6 +101,17 @@ static inline Vec3 vec_clamp(Vec3 a, double limit)
 static inline int vec_finite(Vec3 a)
 {
     return isfinite(a.v[0]) && isfinite(a.v[1]) && isfinite(a.v[2]);
+}
+
+/** 1 if none of n numbers is a NaN or an infinity. */
+static inline int numbers_finite(const double *x, uint32_t n)
+{
+    for (uint32_t i = 0; i < n; i++) {
+        if (!isfinite(x[i])) {
+            return 0;
+        }
+    }
+    return 1;
 }
 
 static inline Mat3 mat_identity(void)

@@ -14,7 +14,8 @@ finds how often its loops go round, `sources.py` what belongs to it.
 
 A module is analysed with any bits at its inputs. If alarms are left, it is analysed again with inputs as the header
 declares them; an alarm of the first analysis alone is then `beyond` what the header allows. A result is kept in
-build/prove/NAME.json of the tree until a source, the analyser or this package changes.
+build/prove/NAME.json of the tree until a source, the analyser or this package changes. NaN arrives whatever a header
+declares, so that one that leaves as GOOD stays an alarm.
 """
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ from pathlib import Path
 from fledge.disk import write_files
 from fledge.errors import Failure, did_you_mean, listed
 from fledge.prove import driver, eva
-from fledge.prove.sources import Tree, named
+from fledge.prove.sources import MATH, Tree, named
 from introspect.errors import HeaderError
 from introspect.model import Group, Struct
 
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 OPEN = re.compile(r"/\*\s*open(?: (\w+))?:\s*(.*?)\s*\*/", re.S)
 DRIVER = "driver.c"
+MODEL = Path(__file__).with_name("elementary.c")    # of MATH, where modules call it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,7 +199,7 @@ def proved(tree: Tree, unit: Unit, analyser: str, programs: Sequence[eva.Program
         inner = eva.analyse(programs[1], machine)
         declared = _explained(tree, unit, inner, digest, "as declared")
         within = {(a.file, a.line, a.kind, a.text) for a in declared.alarms}
-        beyond = [dataclasses.replace(a, state="beyond") for a in result.left
+        beyond = [dataclasses.replace(a, state="alarm" if a.kind == eva.NOT_FINITE else "beyond") for a in result.left
                   if (a.file, a.line, a.kind, a.text) not in within]
         result = dataclasses.replace(declared, seconds=result.seconds + declared.seconds, loops=result.loops,
                                      alarms=(*declared.alarms, *beyond), ranges=_ranges(unit.module))
@@ -249,10 +251,10 @@ def _program(tree: Tree, unit: Unit, declared: bool) -> eva.Program:
         texts = tree.closure(unit.file)
         more = re.search(r"^[ /*]*options: (.*?)(?:\*/)?$", texts[unit.file], re.M)
         return eva.Program(unit.name, texts, (unit.file,), tuple(more[1].split()) if more else ())
-    texts = tree.closure(unit.file)
+    texts = {**tree.closure(unit.file, without=MATH), MODEL.name: MODEL.read_text(encoding="utf-8")}
     if (source := unit.file.removesuffix(".h") + ".c") not in texts:
         raise Failure(f"prove: {unit.name} is declared in {unit.file}, and there is no {source}", 1)
-    return eva.Program(unit.name, {**texts, DRIVER: driver.write(unit.module, declared)}, (DRIVER,))
+    return eva.Program(unit.name, {**texts, DRIVER: driver.write(unit.module, declared)}, (DRIVER, MODEL.name))
 
 
 def _explained(tree: Tree, unit: Unit, analysis: eva.Analysis, digest: str, inputs: str) -> Result:

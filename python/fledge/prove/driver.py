@@ -4,6 +4,7 @@
     parameters  each within its bounds, any others again before each update (`initial` ones but at the start)
     inputs      any bits; or, as `declared`: numbers within their ranges or bounds, else finite, counts that fit their
                 arrays, enumerators; in both, a head is one that an executive writes: a Quality, any time, any sequence
+    arrays      rows that do not count are any bits; each number of rows is analysed by itself (Eva's `split`)
     calls       a reset, then any number of updates, and of resets between them
     ticks       0 <= t and 0 <= dt, up to 73 years
 
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from introspect.model import Field, Group, Struct, Type
 
@@ -23,23 +24,27 @@ COMPUTABLE = 1e100          # exec_computable() of flight/exec/bounds.h: no para
 
 def write(module: Struct, declared: bool) -> str:
     """The source of the driver: its main() is the entrance."""
-    parts = Parts(declared)
+    parts = Parts(declared, rows=True)
     par = [f for f in module.fields if f.group is Group.PAR]
     ports = [f for f in module.fields if f.group is Group.IN]
     name, snake = module.name, module.snake_name
     start = [*parts.draw(par, "m.", parameter=True)]
     again = [*parts.draw([f for f in par if "initial" not in f.clauses], "m.", parameter=True)]
     inputs = []
+    merged = [f"m.{f.path}" for f in par if f.name in _counts(par) and "initial" not in f.clauses]
     for port in ports:
         inputs.append(f"any_bits(&m.in.{port.name}, sizeof m.in.{port.name});")
         inputs += parts.fields(port, f"m.in.{port.name}")
+        members = port.struct.fields if port.struct else ()
+        inputs += [line for f in members for line in _split(f, f"m.in.{port.name}.{f.name}", _counts(members))]
+        merged += [f"m.in.{port.name}.{f.name}" for f in members if f.name in _counts(members)]
     checks = [line for port in module.fields if port.group is Group.OUT for line in _checks(port)]
     body = [*start, f"{snake}_reset(&m);", "while (any) {",
             *(f"    {line}" for line in (*again, *inputs)),
             "    if (any) {", f"        {snake}_reset(&m);", "    }",
             "    const Tick tick = {.t = any_integer(0, PROVE_TIME), .dt = any_integer(0, PROVE_TIME)};",
             f"    {snake}_update(&m, tick);", "    Frama_C_show_each_returned();",
-            *(f"    {line}" for line in checks), "}"]
+            *(f"    {line}" for line in checks), *(f"    /*@ merge {place}; */" for place in merged), "    ;", "}"]
     return "\n".join([
         f"/* {name}: any parameters, inputs, resets and updates. Written by `fledge prove`. */",
         f'#include "{module.header}"', "", f"static {name} m;", "",
@@ -50,18 +55,24 @@ def write(module: Struct, declared: bool) -> str:
 class Parts:
     """The functions that draw a struct, each once."""
 
-    def __init__(self, declared: bool) -> None:
-        self.declared = declared
+    def __init__(self, declared: bool, rows: bool = False) -> None:
+        """rows: those that do not count are any bits, else as those that do."""
+        self.declared, self.rows = declared, rows
         self.functions: list[str] = []
         self._written: dict[tuple[str, bool], bool] = {}
 
     def draw(self, fields: list[Field], to: str, parameter: bool = False) -> Iterator[str]:
-        """Statements that give each field any value that it may have."""
-        counted = {f.count: f.shape[0] for f in fields if f.count}
-        for f in fields:
+        """Statements that give each field any value that it may have; counts come before the arrays that they count."""
+        counts = _counts(fields)
+        for f in sorted(fields, key=lambda f: f.name not in counts):
             place = f"{to}{f.path}"
             if not f.is_spare and (parameter or self.declared):
-                yield from self._value(f, place, parameter, counted.get(f.name))
+                rows = f"{place.removesuffix(f.name)}{f.count}" if f.count and self.rows else ""
+                if rows:
+                    yield f"any_bits(&{place}, sizeof {place});"
+                yield from self._value(f, place, parameter, None if parameter else counts.get(f.name), rows)
+            if parameter and self.rows:
+                yield from _split(f, place, counts)
 
     def fields(self, f: Field, place: str, parameter: bool = False) -> list[str]:
         """Statements for a field of a struct, or for each of an array; none where all bits are allowed."""
@@ -89,40 +100,54 @@ class Parts:
                 self.functions += [f"static void {name}({struct.name} *x)", "{", *("    " + s for s in lines), "}", ""]
         return name if self._written[struct.name, parameter] else ""
 
-    def _value(self, f: Field, place: str, parameter: bool, rows: int | None) -> Iterator[str]:
+    def _value(self, f: Field, place: str, parameter: bool, most_rows: int | None, rows: str) -> Iterator[str]:
+        """most_rows: where the field counts those of an array; rows: how many of this array count, if not all."""
         if f.struct:
             yield from self.fields(f, place, parameter)
             return
-        n = math.prod(f.shape)
+        n = f"{math.prod(f.shape[1:])}u * {rows}" if rows else f"{math.prod(f.shape)}u"
         if f.type in (Type.F64, Type.F32):
             lo, hi = floats(f, parameter)
             if f.type is Type.F64:
-                yield f"any_numbers((double *)&{place}, {n}u, {lo!r}, {hi!r});" if f.shape else \
+                yield f"any_numbers((double *)&{place}, {n}, {lo!r}, {hi!r});" if f.shape else \
                     f"{place} = any_number({lo!r}, {hi!r});"
             else:
-                yield from _each(f, place, f"(float)any_number({max(lo, -3.4028234e38)!r}, {min(hi, 3.4028234e38)!r})")
+                lo, hi = max(lo, -3.4028234e38), min(hi, 3.4028234e38)
+                yield from _each(f, place, rows, f"(float)any_number({lo!r}, {hi!r})")
         elif f.type is Type.ENUM:
             assert f.enum
             values = [e.value for e in f.enum.values]
-            yield from _each(f, place, f"({f.ctype})any_integer({min(values)}, {max(values)})")
+            yield from _each(f, place, rows, f"({f.ctype})any_integer({min(values)}, {max(values)})")
         elif f.type.is_integer:
             bits = 8 * f.element_size
             least, most = (0, 2**bits - 1) if f.type.is_unsigned else (-2**(bits - 1), 2**(bits - 1) - 1)
-            lo, hi = integers(f, least, most, rows)
+            lo, hi = integers(f, least, most, most_rows)
             if (lo, hi) != (least, most) or parameter:
                 kind = "unsigned" if f.type.is_unsigned else "integer"
                 low = f"{lo}u" if f.type.is_unsigned else f"(int64_t)({lo + 1} - 1)" if lo == -2**63 else f"{lo}"
                 high = f"{hi}u" if f.type.is_unsigned else f"{hi}"
-                yield from _each(f, place, f"({f.ctype})any_{kind}({low}, {high})")
+                yield from _each(f, place, rows, f"({f.ctype})any_{kind}({low}, {high})")
         elif parameter:
             yield f"any_bits({place}, sizeof {place});"
 
 
-def _each(f: Field, place: str, value: str) -> Iterator[str]:
+def _each(f: Field, place: str, rows: str, value: str) -> Iterator[str]:
     for k, n in enumerate(f.shape):
         yield f"/*@ loop unroll {n}; */"
-        yield f"for (size_t i{k} = 0u; i{k} < {n}u; i{k}++)"
+        yield f"for (size_t i{k} = 0u; i{k} < {rows if rows and k == 0 else f'{n}u'}; i{k}++)"
     yield f"{place}{''.join(f'[i{k}]' for k in range(len(f.shape)))} = {value};"
+
+
+def _counts(fields: Sequence[Field]) -> dict[str, int]:
+    """How many rows the arrays have that a field counts, by its name."""
+    return {f.count: f.shape[0] for f in fields if f.count}
+
+
+def _split(f: Field, place: str, counts: dict[str, int]) -> list[str]:
+    """Statements that let the analyser go on with each number of rows by itself."""
+    if f.name not in counts:
+        return []
+    return [f"if ({place} <= {counts[f.name]}u) {{", f"    /*@ split {place}; */", "    ;", "}"]
 
 
 def floats(f: Field, parameter: bool) -> tuple[float, float]:
@@ -153,9 +178,10 @@ def integers(f: Field, least: int, most: int, rows: int | None) -> tuple[int, in
 
 
 def _checks(port: Field) -> Iterator[str]:
-    """That the numbers of an output are finite while it is GOOD."""
+    """That an output has a Quality, and that its numbers are finite while it is GOOD."""
     assert port.struct
     lines = [line for f in port.struct.fields for line in _finite(f, f"m.out.{port.name}.{f.name}", 0)]
+    yield f"/*@ assert quality: m.out.{port.name}.head.quality <= QUALITY_GOOD; */"
     if lines:
         yield f"if (m.out.{port.name}.head.quality == QUALITY_GOOD) {{"
         yield from ("    " + line for line in lines)

@@ -23,9 +23,10 @@ from fledge.prove.loops import Loop, watched
 from fledge.prove.sources import INCLUDED
 
 HERE = Path(__file__).parent
-OPTIONS = ("-eva-precision", "2", "-eva-domains", "octagon", "-warn-special-float", "none")
+OPTIONS = ("-eva-precision", "2", "-eva-domains", "octagon", "-eva-split-return", "auto", "-warn-special-float", "none")
 MACHINE = "gcc_x86_64"
 MISSING = "prove: Frama-C is not installed; as root, run: apt-get install frama-c-base"
+NOT_FINITE = "not finite while GOOD"
 STATES = ("Unknown", "Invalid", "Invalid or unreachable", "Invalid under hypotheses")
 KINDS = {
     "division_by_zero": "division by zero", "index_bound": "index out of range", "mem_access": "pointer out of range",
@@ -138,7 +139,7 @@ def _alarms(rows: Sequence[str], folder: str) -> list[Alarm]:
         if row["status"] in STATES and not row["property kind"].endswith("clause") and "FRAMAC_SHARE" not in where:
             kind, text = row["property kind"], row["property"]
             if kind == "user assertion" and "finite" in text:
-                kind = "not finite while GOOD"
+                kind = NOT_FINITE
             alarms.add(Alarm(where, int(row["line"]), re.sub(r"_\d+$", "", row["function"]), KINDS.get(kind, kind),
                              re.sub(r"\b(\w+?)_\d+\b", r"\1", text)))
     return sorted(alarms, key=lambda a: (a.file, a.line, a.kind, a.text))

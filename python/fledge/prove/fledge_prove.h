@@ -23,6 +23,17 @@
      isfinite((a).m[2][2]))
 #endif
 
+/* Vectors whose length is bounded have finite numbers, which intervals do not see. */
+#if __has_include("flight/msg/sensors.h")
+#include "flight/msg/sensors.h"
+#define gyro_speaks(gyro) ((gyro_speaks)(gyro) && vec_finite((gyro)->omega_BN_B))
+#endif
+#if __has_include("flight/msg/navigation.h")
+#include "flight/msg/navigation.h"
+#define direction_speaks(seen)                                                                                         \
+    ((direction_speaks)(seen) && vec_finite((seen)->d_B) && vec_finite((seen)->d_N) && isfinite((seen)->std))
+#endif
+
 /** 0 or another number, another one at each reading. */
 extern volatile int any;
 
@@ -48,6 +59,17 @@ static inline double any_number(double lo, double hi)
 {
     return Frama_C_double_interval(lo, hi);
 }
+
+/* The exponent of a number, which the analyser does not see in its bits. */
+static inline int32_t prove_exponent(double x)
+{
+    return (int32_t)(0.5 <= x && x <= DBL_MAX ? any_integer(1022, 2046) : any_integer(0, 4095));
+}
+
+#if __has_include("flight/math/ieee.h")
+#include "flight/math/ieee.h"
+#define fm_exponent(x) prove_exponent(x)
+#endif
 
 /** n numbers within bounds. */
 static inline void any_numbers(double *x, size_t n, double lo, double hi)
