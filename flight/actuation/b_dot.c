@@ -53,6 +53,9 @@ static void put_state(BDot *m, int64_t t, Quality quality, double rate, int gyro
     state->gyro = (uint32_t)gyro;
 }
 
+/* open achieved: a torque that is not finite has no quality, and is not written */
+/* open command: each dipole is finite where their sum along the axes is, m_B */
+/* open state: directions are unit vectors, and change in 1 ns at least: |d| < 3e9 1/s */
 void b_dot_update(BDot *m, Tick t)
 {
     const Head field = m->in.field.head, gyro = m->in.gyro.head;

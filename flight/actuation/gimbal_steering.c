@@ -54,10 +54,8 @@ void gimbal_steering_update(GimbalSteering *m, Tick t)
         limits[i] = m->par.rate_max;
     }
     const double factor = within_limits(limits, rates, n);
-    double size = 0.0;
     for (uint32_t i = 0; i < n; i++) {
         rates[i] *= factor;
-        size += fm_abs(rates[i]);
     }
 
     Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(m->in.rate.head));
@@ -65,7 +63,7 @@ void gimbal_steering_update(GimbalSteering *m, Tick t)
     if (lambda > 0.5 * LAMBDA) {
         quality = quality_min(quality, QUALITY_DEGRADED);
     }
-    const int acts = head_acting(&out->head, t, isfinite(size) ? quality : QUALITY_NONE,
+    const int acts = head_acting(&out->head, t, numbers_finite(rates, n) ? quality : QUALITY_NONE,
                                  data_time(m->in.torque.head, t.t), m->par.hold, &m->mem.newest);
     put_numbers(out->rate, rates, WHEELS_MAX, acts);
     m->mem.saturated += acts > 0 && factor < 1.0;

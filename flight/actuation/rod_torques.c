@@ -9,6 +9,8 @@ void rod_torques_reset(RodTorques *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
+/* open achieved: a torque that is not finite has no quality, and is not written */
+/* open command: each dipole is finite where their sum along the axes is, m_B */
 void rod_torques_update(RodTorques *m, Tick t)
 {
     const RodSet *rods = &m->in.rods;

@@ -21,7 +21,7 @@ static void count_time(RodWindow *m, Tick t, int64_t start, int on)
         state->share = share > 0.0 ? fm_clamp(share, 1.0) : 0.0;
     }
     if (!m->mem.running || start != m->mem.start) {
-        state->share = m->mem.running && elapsed > 0.0 ? m->mem.on_time / elapsed : state->share;
+        state->share = m->mem.running && elapsed > 0.0 ? fm_clamp(m->mem.on_time / elapsed, 1.0) : state->share;
         m->mem.start = start;
         m->mem.begun = t.t;
         m->mem.on_time = 0.0;
@@ -43,10 +43,7 @@ static void drive(RodWindow *m, Tick t, int on)
     const double none[RODS_MAX] = {0.0};
     const RodCommand *wanted = &m->in.wanted;
     RodCommand *command = &m->out.command;
-    int computed = head_written(wanted->head);
-    for (int i = 0; i < RODS_MAX; i++) {
-        computed = computed && isfinite(wanted->dipole[i]);
-    }
+    const int computed = head_written(wanted->head) && numbers_finite(wanted->dipole, RODS_MAX);
     const int64_t newest = computed ? data_time(wanted->head, t.t) : m->mem.newest;
     const int lost = head_written(command->head) && data_lost(t, newest, m->par.hold);
     if (!on || lost || computed) {

@@ -213,5 +213,14 @@ TEST(RodWindow, any_set_of_rods_dumps_momentum_with_and_without_turns)
     }
 }
 
+TEST(RodWindow, its_share_is_one_at_most)
+{
+    RodWindow m = window(2 * second, 2 * second, 0);
+    at(m, 0);
+    at(m, second, 5 * second); // more than went by
+    at(m, 2 * second, second);
+    EXPECT_EQ(m.out.state.share, 1.0);
+}
+
 } // namespace rod_window_test
 } // namespace flight::testing

@@ -45,6 +45,7 @@ void thruster_firing_update(ThrusterFiring *m, Tick t)
         if (fires && on[i] > 0.0) {
             const int goes_on = times->burns[i] > 0u && times->off[i] >= t.t && times->on[i] <= t.t;
             times->on[i] = goes_on ? times->on[i] : t.t;
+            /* open: NaN is not above 0, so it is not converted, which the analyser does not see */
             times->off[i] = tick_since(t.t, -(int64_t)(on[i] * 1e9 + 0.5));
             times->burns[i] += !goes_on;
             m->mem.opened |= 1u << i;

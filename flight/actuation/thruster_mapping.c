@@ -55,6 +55,7 @@ static int distribute(const ThrusterMapping *m, Tick t, Nnls *p, uint32_t *pushi
     return nnls_dot(r, r, p->m) <= EXACT * EXACT * wanted;
 }
 
+/* open forces: each F[i] is finite where their sum is, all */
 void thruster_mapping_update(ThrusterMapping *m, Tick t)
 {
     const ThrusterSet *set = &m->in.thrusters;

@@ -63,17 +63,15 @@ void wheel_balance_update(WheelBalance *m, Tick t)
     const Head wanted = m->in.wanted.head;
     int balances = of_speeds != QUALITY_NONE && !data_lost(t, data_time(m->in.speeds.head, t.t), m->par.hold) &&
                    !(head_written(wanted) && data_lost(t, data_time(wanted, t.t), m->par.hold));
-    int finite = 1;
     if (balances) {
         null_motion(m, null);
     }
     const double k = part(&m->in.wheels, in->u, null);
     for (uint32_t i = 0; i < WHEELS_MAX; i++) {
         u[i] = in->u[i] + k * null[i];
-        balances = balances && isfinite(u[i]);
-        finite = finite && isfinite(in->u[i]);
     }
-    if (quality != QUALITY_NONE && finite) {
+    balances = balances && numbers_finite(u, WHEELS_MAX);
+    if (quality != QUALITY_NONE && numbers_finite(in->u, WHEELS_MAX)) {
         quality = quality_min(quality, balances ? of_speeds : QUALITY_DEGRADED);
         out->head = head_next(out->head, t.t, quality);
         out->head.t = data_time(in->head, t.t);

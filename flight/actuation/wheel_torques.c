@@ -53,6 +53,7 @@ static int distribute(const WheelTorques *m, double u[WHEELS_MAX])
     return rank == n_axes;
 }
 
+/* open command: each u[i] is finite where their sum along the axes is, torque_B */
 void wheel_torques_update(WheelTorques *m, Tick t)
 {
     const WheelSet *wheels = &m->in.wheels;

@@ -32,10 +32,15 @@ void burn_plan_update(BurnPlan *m, Tick t)
         m->mem.ended |= state->phase == BURN_ABORTED;
         m->mem.next += state->phase == BURN_COMPLETE && m->mem.next + 1u < n && !m->mem.ended;
     }
-    const Vec3 dv_N = m->par.dv_N[m->mem.next], rate_N = m->par.rate_N[m->mem.next];
-    const int64_t start = start_of(m, m->mem.next);
-    if (vec_finite(dv_N) && vec_finite(rate_N) && start >= 0) {
-        *command = (DeltaVCommand){head_next(command->head, t.t, QUALITY_GOOD), start, dv_N, rate_N};
+    const uint32_t next = m->mem.next;
+    if (next >= n) { /* a command lowered n */
+        command->head = head_held(command->head);
+        return;
+    }
+    const int64_t start = start_of(m, next);
+    if (start >= 0 && vec_finite(m->par.dv_N[next]) && vec_finite(m->par.rate_N[next])) {
+        *command =
+            (DeltaVCommand){head_next(command->head, t.t, QUALITY_GOOD), start, m->par.dv_N[next], m->par.rate_N[next]};
     } else {
         command->head = head_held(command->head);
     }

@@ -100,5 +100,18 @@ TEST(BurnPlan, a_start_beyond_all_times_is_no_command)
     EXPECT_FALSE(head_written(m.out.command.head));
 }
 
+TEST(BurnPlan, a_burn_that_the_plan_has_no_more_is_not_commanded)
+{
+    BurnPlan m = three();
+    burn_plan_update(&m, {0, 0});
+    EXPECT_EQ(after(m, BURN_COMPLETE), 2);
+    const DeltaVCommand last = m.out.command;
+    m.par.n = 1; // by a command; what the rows beyond hold is not checked
+    m.par.dv_N[1] = vec3(9, 9, 9);
+    burn_plan_update(&m, {1, 1});
+    EXPECT_TRUE(same_content(m.out.command, last));
+    EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
+}
+
 } // namespace burn_plan_test
 } // namespace flight::testing

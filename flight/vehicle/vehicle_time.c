@@ -45,7 +45,7 @@ void vehicle_time_update(VehicleTime *m, Tick t)
                     synchronized != 0u ? EVENT_INFO : EVENT_LOW);
         }
         if (!waits && clock->busy == 0u && size > m->par.jam_beyond) {
-            give(command, clock, CLOCK_ALIGN, clock_ns(clock->master) + m->par.pulse);
+            give(command, clock, CLOCK_ALIGN, tick_since(clock_ns(clock->master), -m->par.pulse));
             time->jams++;
             publish(m, t.t, VEHICLE_TIME_JUMPS, EVENT_MEDIUM);
         } else if (!waits && clock->busy == 0u && size > m->par.allowed) {

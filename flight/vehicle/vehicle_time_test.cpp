@@ -7,6 +7,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 namespace vehicle_time_test {
 
@@ -132,6 +133,18 @@ TEST(VehicleTime, a_clock_that_loses_its_time_is_reported_and_one_without_pulses
     EXPECT_EQ(loop.m.out.event.id, static_cast<std::uint32_t>(VEHICLE_TIME_LOST));
     EXPECT_EQ(loop.m.out.event.severity, EVENT_LOW);
     EXPECT_EQ(loop.m.out.time.head.quality, QUALITY_DEGRADED);
+}
+
+TEST(VehicleTime, an_alignment_beyond_all_times_is_the_last_of_them)
+{
+    Loop loop(5e12, 0.0);
+    loop.t = s;
+    loop.m.par.pulse = std::numeric_limits<std::int64_t>::max();
+    loop.second();
+    const ClockTime last = clock_time(std::numeric_limits<std::int64_t>::max());
+    EXPECT_EQ(loop.m.out.command.code, CLOCK_ALIGN);
+    EXPECT_EQ(loop.m.out.command.value.coarse, last.coarse);
+    EXPECT_EQ(loop.m.out.command.value.fine, last.fine);
 }
 
 } // namespace vehicle_time_test
