@@ -157,6 +157,7 @@ def _forked(out: Path, function: Callable[[], int]) -> int:
 
 def _edit(title: str, path: Path, old: str, new: str) -> None:
     text = path.read_text(encoding="utf-8") if path.exists() else ""
+    path.parent.mkdir(exist_ok=True)
     if old and text.count(old) != 1:
         raise ValueError(f"{title}: {path.name} has {text.count(old)} times, not once: {old}")
     if not old:
@@ -203,6 +204,7 @@ def _request(words: list[str]) -> int:
 def _normal(text: str, folder: Path) -> str:
     """The text without the parts that differ from run to run or between machines."""
     text = text.replace(f"{folder.resolve()}/", "").replace(str(folder.resolve()), ".").replace(f"{ROOT}/", "")
+    text = re.sub(rf"{re.escape(str(ROOT))}\b", ".", text)
     text = re.sub(r"flown    (\S+ s) in \S+ s(, [\d,]+ times real time)?", r"flown    \1 in ... s, ... times real time",
                   text)
     text = re.sub(r"\(\d[\d.]* [kM]B\)", "(... kB)", text)

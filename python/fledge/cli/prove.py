@@ -47,10 +47,19 @@ def prove(options: argparse.Namespace) -> int:
     if options.export and options.modules:
         raise Failure("prove: --export proves a mission's executive; prove modules by another command")
     version = eva.version()
-    if not options.json:
-        say(f"Frama-C {version}, machine {options.machine}")
-        say(f"  {'module':24}{'inputs':13}{'alarms':>7}{'open':>6}{'beyond':>8}{'loops':>7}{'rounds':>8}{'seconds':>9}")
-    ended = _row if not options.json else lambda _: None
+    rows: list[Result] = []
+
+    def ended(result: Result) -> None:
+        """Print a row, the first one below its titles."""
+        if options.json:
+            return
+        if not rows:
+            say(f"Frama-C {version}, machine {options.machine}")
+            say(f"  {'module':24}{'inputs':13}{'alarms':>7}{'open':>6}{'beyond':>8}{'loops':>7}{'rounds':>8}"
+                f"{'seconds':>9}")
+        rows.append(result)
+        _row(result)
+
     if options.export:
         results = [executive(options, ended)]
     else:

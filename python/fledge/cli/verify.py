@@ -79,7 +79,7 @@ def verify(options: argparse.Namespace) -> int:
                           "what does; an installed Fledge counts those of a project's own modules")
     elif options.coverage and not any(TARGETS[name].takes_tools for name in targets):
         taking = [name for name, target in TARGETS.items() if target.takes_tools]
-        raise Failure(f"verify: --coverage counts on {' and '.join(taking)}; add one, as in --on desktop,{taking[0]}")
+        raise Failure(f"verify: --coverage counts on {', '.join(taking)}; add one, as in --on desktop,{taking[0]}")
     given = tables.read(Path(options.requirements)) if options.requirements else []
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     assert sim.mission
