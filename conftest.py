@@ -34,7 +34,7 @@ for number in signal.valid_signals() - {signal.SIGPIPE, signal.SIGXFSZ}:    # Py
 # whose threads run, or are about to end, while the test forks: if one holds the lock of the sanitizer's allocator then,
 # the child waits for that lock forever.
 IN_RELEASE = [ROOT / path for path in (
-    "bench/mutants_test.py", "introspect", "python/fledge/analysis", "python/fledge/emulator/flips_test.py",
+    "bench/falsify_test.py", "bench/mutants_test.py", "introspect", "python/fledge/analysis", "python/fledge/emulator/flips_test.py",
     "python/fledge/export", "python/fledge/falsify", "python/fledge/pool", "python/fledge/prove",
     "python/fledge/rules_test.py",
     "python/fledge/scene", "python/fledge/targets", "python/fledge/verify", "registers/emit_test.py",

@@ -5,11 +5,11 @@
     ./fledge bench falsify --mutants 3 --seeds 4 --runs 500        # shorter
 
 Changes of one operator, constant, condition, returned value or statement are drawn of the flight modules of sun_safe
-(bench/mutation.py). Each is compiled into an extension of its own. A change is taken if both scenarios pass with it,
-and if one of the searches, which screen it with --screening runs each, finds a run of a campaign that violates a
-requirement which holds without the change, but not by its first --easy runs. Then both look for it again with
---seeds seeds: how many runs each needs to the first violation, at most --runs, which is also what counts for one that
-finds none.
+(bench/mutation.py). Each is compiled into an extension of its own, which counts branches. A change is taken if both
+scenarios pass with it, and if one of the searches, which screen it with --screening runs each, finds a run of a
+campaign that violates a requirement which holds without the change, but not by its first --easy runs. Then both look
+for it again with --seeds seeds: how many runs each needs to the first violation, at most --runs, which is also what
+counts for one that finds none.
 """
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from fledge.errors import Failure
 
 from bench.mutants import ROOT, Mutant, drawn, mutants_of
 
-NEEDS = ["unit"]
+NEEDS = ["unit", "build branches"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
 QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
 EASY = 5                # runs: a violation that so few runs find needs no search
@@ -42,27 +42,26 @@ LIMIT = 60.0            # [s] of the scenarios and the screening: a change may m
 # --- an extension with a change --------------------------------------------------------------------
 
 class Extension:
-    """Makes the extension `_core` of the present build anew, with another object of one flight module."""
+    """Makes the extension `_core` that counts branches anew, with another object of one flight module."""
 
     def __init__(self) -> None:
         self.build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
-        made = [path.relative_to(self.build) for path in (self.build / "python").glob("_core.*.so")]
-        if not made:
-            raise Failure(f"falsify: there is no extension in {self.build / 'python'}", 1)
+        self._run(["ninja", "branches"])
+        made = [path.relative_to(self.build) for path in (self.build / "python_branches").glob("_core.*.so")]
         self.name = made[0].name
         self._commands = self._run(["ninja", "-t", "commands", str(made[0])]).stdout.splitlines()
 
     def make(self, mutant: Mutant, folder: Path) -> str:
         """Write the extension with a change into a folder. Returns "", "not compiled" or "equivalent"."""
         compile_ = next(command for command in self._commands if command.endswith(f"/{mutant.file}")
-                        and " -c " in command)
+                        and "_code_branches.dir/" in command)
         objects = []
         for text in (mutant.text, mutant.changed()):
             source = folder / Path(mutant.file).name
             source.write_text(text, encoding="utf-8")
             made = folder / f"{len(objects)}.o"
             words = shlex.split(re.sub(r" -M[DTF]( \S+)?(?= )", "", compile_.replace(" -MD ", " ")))
-            words[words.index("-o") + 1], words[-1] = str(made), str(source)
+            own, words[words.index("-o") + 1], words[-1] = words[words.index("-o") + 1], str(made), str(source)
             done = self._run([*words, f"-ffile-prefix-map={folder}=.", "-Wno-error"], check=False)
             if done.returncode:
                 return "not compiled"
@@ -70,8 +69,7 @@ class Extension:
             objects.append(made)
         if objects[0].read_bytes() == objects[1].read_bytes():
             return "equivalent"
-        # The linker takes from an archive only what it has not found before.
-        link = self._commands[-1].replace(" flight/libfledge_flight.a", f" {objects[1]} flight/libfledge_flight.a", 1)
+        link = self._commands[-1].replace(f" {own} ", f" {objects[1]} ", 1)
         words = [word for word in shlex.split(link) if word not in (":", "&&")]
         words[words.index("-o") + 1] = str(folder / self.name)
         self._run(words)
@@ -112,11 +110,15 @@ def answer(question: dict[str, Any]) -> Any:
     `screening` runs, None if it was none, or found by the first `easy` ones. Of a requirement: for each seed the runs
     that search() and random_search() needed to the first violation, None where they found none."""
     import fledge
+    from functools import partial
+
     from fledge.falsify import Flights, random_search, search
     from fledge.requirements import Requirements
 
     def first(method, requirement, runs, seed):
         flights = Flights("sun_safe", requirement, stuck, seed=seed)
+        if method is search:
+            method = partial(search, seen=lambda: flights.seen)
         found = method(flights, flights.space, runs, seed, first=True).first
         return None if found is None else found + 1
 
