@@ -75,6 +75,16 @@ TEST(Event, FiresAgainWhenItIsArmedWhileItsConditionHolds)
     EXPECT_TRUE(exec_fires(&event, 1, 0, 0, 1, 0, 6));
 }
 
+TEST(Event, CountsInstantsUpToTheMostThatItCan)
+{
+    ExecEvent event = exec_armed();
+    event.held = std::numeric_limits<std::int32_t>::max() - 1;
+    for (const std::int64_t t : {0, 1, 2}) {
+        EXPECT_EQ(exec_fires(&event, 1, 0, 2, std::numeric_limits<std::int32_t>::max(), 1, t), t == 2);
+        EXPECT_EQ(event.held, std::numeric_limits<std::int32_t>::max());
+    }
+}
+
 TEST(Event, ThatIsDisarmedStaysSoAndCountsFromItsArmingOn)
 {
     ExecEvent event = exec_disarmed();
