@@ -134,7 +134,9 @@ static inline void span_add(GyroSpan *span, Vec3 omega, double dt)
 /** The kept rate at a time in steps from one to the next, along straight lines; at the ends they go on. */
 static inline Vec3 rate_between(const AttitudeFilterMemory *mem, uint32_t next, int64_t from, int64_t to)
 {
+    /* undecided: no horizon is before the first rate that is kept; a guard of the array */
     if (next == 0u || next >= mem->n) {
+        /* undecided: as above */
         return mem->rates[next == 0u ? 0u : mem->n - 1u];
     }
     const int64_t begin = mem->times[next - 1u];
@@ -423,6 +425,7 @@ static inline void estimate_now(const AttitudeFilterMemory *mem, const AttitudeF
 
 static inline int result_finite(const NavAttitude *attitude, const AttitudeFilterState *state)
 {
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
     return vec_finite(attitude->sigma_BN) && vec_finite(attitude->omega_BN_B) && vec_finite(state->bias_B) &&
            vec_finite(state->attitude_std) && vec_finite(state->bias_std);
 }

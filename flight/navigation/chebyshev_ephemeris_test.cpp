@@ -96,6 +96,34 @@ TEST(ChebyshevEphemeris, covers_its_span_with_both_ends_and_nothing_else)
     EXPECT_EQ(at(m, end - 1).head.quality, QUALITY_GOOD);
 }
 
+TEST(ChebyshevEphemeris, without_segments_or_coefficients_nothing_is_known)
+{
+    Random random{6};
+    for (const auto &[n, segments] : {std::pair{0u, 3u}, {5u, 0u}, {0u, 0u}}) {
+        ChebyshevEphemeris m = any(random, n, segments);
+        EXPECT_EQ(at(m, 17).head.quality, QUALITY_NONE);
+        EXPECT_EQ(m.out.state.head.quality, QUALITY_DEGRADED);
+    }
+}
+
+/// By polynomials of 1 ns, whose derivatives are large: each of the three alone is not finite.
+TEST(ChebyshevEphemeris, what_is_not_finite_is_held)
+{
+    const double huge[3] = {INFINITY, 1e300, 1e295};
+    for (int degree = 0; degree < 3; degree++) {
+        ChebyshevEphemeris m{};
+        m.par.duration = 1;
+        m.par.segments = 1;
+        m.par.n = 3;
+        m.par.c[0][degree] = vec3(0, 1e270, 0);
+        EXPECT_EQ(at(m, 1).head.quality, QUALITY_GOOD) << degree;
+        m.par.c[0][degree] = vec3(0, huge[degree], 0);
+        EXPECT_EQ(at(m, 1).head.quality, QUALITY_DEGRADED) << degree;
+        EXPECT_EQ(m.out.body.head.sequence, 1u);
+        EXPECT_LT(m.out.body.r_PN_N.v[1], 1e280);
+    }
+}
+
 TEST(ChebyshevEphemeris, takes_blocks_in_preference_to_parameters_and_refuses_bad_ones)
 {
     Random random{4};
@@ -118,12 +146,13 @@ TEST(ChebyshevEphemeris, takes_blocks_in_preference_to_parameters_and_refuses_ba
     }
     EXPECT_LT((eigen(at(m, 2 * hour - 1000).r_PN_N) - before).norm(), 10.0) << "by the parameters";
 
-    for (int bad = 0; bad < 4; bad++) {
+    for (int bad = 0; bad < 5; bad++) {
         EphemerisBlock &block = m.in.block;
         block.number++;
-        block.n = bad == 0 ? 17 : bad == 1 ? 0 : 1;
+        block.n = bad == 0 ? 17 : bad == 1 ? 0 : bad == 4 ? 2 : 1;
         block.duration = bad == 2 ? 0 : hour;
-        block.c[0] = vec3(bad == 3 ? NAN : 99, 0, 0);
+        block.c[0] = vec3(bad >= 3 ? NAN : 99, 0, 0);
+        block.c[1] = vec3(0, 0, 0);
         at(m, 5 * hour + 1000);
         EXPECT_EQ(m.out.state.refused, static_cast<std::uint32_t>(bad + 1));
         EXPECT_EQ(m.out.body.r_PN_N.v[0], 5);

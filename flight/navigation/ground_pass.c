@@ -137,10 +137,8 @@ static void begin(GroundPass *m, OrbitPoint orbit, Vec3 station, double mask, Ve
 static int search_ends(const GroundPass *m, int64_t step, int64_t now)
 {
     const double ahead = tick_seconds(tick_since(m->mem.t, now)) + tick_seconds(step);
-    if (m->mem.search == SEARCH_NONE || m->mem.search == SEARCH_DONE || m->mem.t > LAST) {
-        return 1;
-    }
-    return !(ahead <= (m->mem.search == SEARCH_ABOVE ? 2.0 : 1.0) * m->par.horizon);
+    return m->mem.search == SEARCH_NONE || m->mem.search == SEARCH_DONE ||
+           !(ahead <= (m->mem.search == SEARCH_ABOVE ? 2.0 : 1.0) * m->par.horizon);
 }
 
 void ground_pass_update(GroundPass *m, Tick t)
@@ -187,10 +185,12 @@ void ground_pass_update(GroundPass *m, Tick t)
     int ends = 0;
     /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && step > 0 && !ends; k++) {
-        ends = search_ends(&next, step, t.t);
-        if (!ends) {
+        if (next.mem.t <= LAST && !search_ends(&next, step, t.t)) {
             search_step(&next, &field, place.up, step, t.t);
-        } else if (next.mem.search == SEARCH_ABOVE && next.mem.t > t.t) {
+            continue;
+        }
+        ends = 1;
+        if (next.mem.search == SEARCH_ABOVE && next.mem.t > t.t) {
             next.mem.set = next.mem.t;
             next.mem.search = SEARCH_DONE;
         }
@@ -200,7 +200,9 @@ void ground_pass_update(GroundPass *m, Tick t)
     }
 
     PassForecast *forecast = &m->out.forecast;
-    if (next.mem.search == SEARCH_NONE || step == 0) {
+    const double elevation = fm_asin(fm_clamp(next.mem.best, 1.0));
+    /* undecided: guards; the parameter is within bounds, and no inputs are known whose sine is not finite */
+    if (next.mem.search == SEARCH_NONE || step == 0 || !isfinite(elevation)) {
         forecast->head = head_held(forecast->head);
         m->mem.search = SEARCH_NONE;
         return;
@@ -219,7 +221,7 @@ void ground_pass_update(GroundPass *m, Tick t)
         is.rise = done ? m->mem.rise : forecast->rise;
         is.highest = done ? m->mem.highest : forecast->highest;
         is.set = done ? m->mem.set : forecast->set;
-        is.elevation = done ? fm_asin(fm_clamp(m->mem.best, 1.0)) : forecast->elevation;
+        is.elevation = done ? elevation : forecast->elevation;
         is.state = t.t < is.rise ? PASS_FOUND : PASS_NOW;
     }
     *forecast = is;

@@ -99,6 +99,7 @@ static int estimate_finite(const OrbitEstimate *e)
     for (int i = 0; i < 49; i++) {
         sum += fm_abs(e->root[i / 7][i % 7]);
     }
+    /* undecided: the sum is not finite either; one by one, the proof sees them */
     return vec_finite(e->x.r) && vec_finite(e->x.v) && isfinite(e->along) && isfinite(sum);
 }
 

@@ -38,7 +38,7 @@ static double semi_major_axis(double n)
 static double wrapped(double x)
 {
     const double turns = x / TURN;
-    return turns > -1e15 && turns < 1e15 ? x - TURN * (double)(int64_t)turns : NAN;
+    return isfinite(turns) && turns > -1e15 && turns < 1e15 ? x - TURN * (double)(int64_t)turns : NAN;
 }
 
 static double cubic(double x, double c0, double c1, double c2, double c3)

@@ -381,6 +381,7 @@ void vector_filter_update(VectorFilter *m, Tick t)
     /* undecided: a guard; no inputs are known at which this alone is not finite */
     if (sound(&next.mem.at) && sound(&e) && vec_finite(next.mem.rate)) {
         m->mem = next.mem; /* also while it waits for rates or a start */
+        /* undecided: a guard, as in write() */
         if (next.mem.running != 0u && write(m, &e, t.t)) {
             return;
         }

@@ -283,7 +283,7 @@ void sun_line_update(SunLine *m, Tick t)
         m->mem.running = 0u;
         m->mem.t = t.t;
         m->out.heading.head = head_held(m->out.heading.head);
-        m->out.rate = turning && gyro_speaks(gyro) && vec_finite(gyro->omega_BN_B)
+        m->out.rate = turning && gyro_speaks(gyro)
                           ? (GyroRate){head_next(m->out.rate.head, t.t, QUALITY_DEGRADED), gyro->omega_BN_B}
                           : (GyroRate){head_held(m->out.rate.head), m->out.rate.omega_BN_B};
         m->out.state.head = head_held(m->out.state.head);
