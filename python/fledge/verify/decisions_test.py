@@ -150,8 +150,8 @@ def test_the_table_has_the_sums_of_folders_and_a_reason_closes_a_condition_as_a_
     assert decisions.closed(files)
     assert decisions.table(files)[2:] == ["| `ccsds` | 1 | 1 | 0 | 0 |", "| `flight/math` | 3 | 2 | 1 | 0 |",
                                           "| all | 4 | 3 | 1 | 0 |"]
-    for one in (left, stale):
-        assert not decisions.closed(files | {"flight/own.c": file(shown, one)})
+    for condition in (left, stale):
+        assert not decisions.closed(files | {"flight/own.c": file(shown, condition)})
     files["flight/own.c"] = file(left)
     assert decisions.closed(files, ["flight/math", "ccsds/"]) and not decisions.closed(files, ["ccsds", "flight"])
     with pytest.raises(Failure, match="no condition is in flight/ma; take one of --table"):
