@@ -38,6 +38,7 @@ void sync_randomise_tc(uint8_t *bytes, size_t n)
 static uint32_t ones(uint32_t word)
 {
     uint32_t n = 0u;
+    /* at most 32: each round clears a bit */
     for (; word != 0u; word &= word - 1u) {
         n++;
     }
@@ -65,6 +66,7 @@ void sync_take(SyncReader *reader, const uint8_t *bytes, size_t n)
             n -= part;
             if (reader->n == reader->size) {
                 reader->inside = 0u;
+                reader->n = 0;
                 reader->locked = 1u;
                 reader->seen = 0u;
                 reader->frames++;
@@ -84,7 +86,6 @@ void sync_take(SyncReader *reader, const uint8_t *bytes, size_t n)
         }
         if (ones(reader->window ^ SYNC_MARKER) <= (reader->locked != 0u ? reader->errors : 0u)) {
             reader->inside = 1u;
-            reader->n = 0;
         } else if (reader->locked != 0u) {
             reader->lost++;
         }
@@ -102,6 +103,7 @@ static uint32_t bch(const uint8_t *data)
 {
     uint32_t r = 0u;
     for (int i = 0; i < CLTU_DATA; i++) {
+        /*@ loop unroll 8; */
         for (uint32_t bit = 0x80u; bit != 0u; bit >>= 1) {
             const uint32_t out = (r >> 6 & 1u) ^ ((data[i] & bit) != 0u ? 1u : 0u);
             r = (r << 1 & 0x7Fu) ^ (out != 0u ? 0x45u : 0u);

@@ -90,6 +90,14 @@ def test_planted_faults_are_found(faults: str, program: eva.Program) -> None:
     assert {(kind, function) for _, _, kind, function in FAULTS[faults]} <= found
 
 
+@pytest.mark.long("analyses of minutes")
+@pytest.mark.parametrize("name", ["cubesat", "flatsat", "mars_orbiter", "nadir_spin", "sun_gazer", "sun_safe"])
+def test_the_executives_of_missions_stay_proved(name: str) -> None:
+    """With modes, events and their settings, services, choices of wires, and many modules."""
+    result = executive.prove_export(export.read(fledge.load(name)))
+    assert [*result.left, *result.endless] == []
+
+
 def test_the_command_proves_modules_or_an_executive(capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", "MrpFeedback", "--export", "nadir_spin"]) == 2
     assert main(["prove", "--process", "flight"]) == 2
