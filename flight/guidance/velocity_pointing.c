@@ -6,6 +6,7 @@
  * These are (f' - beta') i_h and its derivative, (A.16) and (A.17), without the elements, of which
  * some are undefined on some conics. (A.8e) is misprinted: i_h x i_v would make the axes
  * left-handed. */
+/* options: -eva-slevel 60 */
 #include "flight/guidance/velocity_pointing.h"
 
 #include <string.h>

@@ -249,12 +249,18 @@ def _own() -> str:
 def _program(tree: Tree, unit: Unit, declared: bool) -> eva.Program:
     if unit.module is None:
         texts = tree.closure(unit.file)
-        more = re.search(r"^[ /*]*options: (.*?)(?:\*/)?$", texts[unit.file], re.M)
-        return eva.Program(unit.name, texts, (unit.file,), tuple(more[1].split()) if more else ())
+        return eva.Program(unit.name, texts, (unit.file,), _options(texts[unit.file]))
     texts = {**tree.closure(unit.file, without=MATH), MODEL.name: MODEL.read_text(encoding="utf-8")}
     if (source := unit.file.removesuffix(".h") + ".c") not in texts:
         raise Failure(f"prove: {unit.name} is declared in {unit.file}, and there is no {source}", 1)
-    return eva.Program(unit.name, {**texts, DRIVER: driver.write(unit.module, declared)}, (DRIVER, MODEL.name))
+    return eva.Program(unit.name, {**texts, DRIVER: driver.write(unit.module, declared)}, (DRIVER, MODEL.name),
+                       _options(texts[source]))
+
+
+def _options(source: str) -> tuple[str, ...]:
+    """Those for Frama-C in a source's comment."""
+    more = re.search(r"^[ /*]*options: (.*?)(?:\*/)?$", source, re.M)
+    return tuple(more[1].split()) if more else ()
 
 
 def _explained(tree: Tree, unit: Unit, analysis: eva.Analysis, digest: str, inputs: str) -> Result:
