@@ -2,7 +2,7 @@
 """Faults planted in flight's C, and who sees them: the proof, the decisions, the tests, the flights.
 
     ./fledge bench planted                          # 20 faults
-    ./fledge bench planted --faults 8 --seed 2
+    ./fledge bench planted --faults 8 --seed 2 flight/control
 
 A seed draws as many faults of each kind from modules that `fledge prove` proves as they are, so that each alarm is one
 of the fault; where these have too few of a kind, the rest is from modules with alarms, and new alarms count:
@@ -36,7 +36,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ from fledge.errors import Failure
 from fledge.prove.sources import Tree
 from fledge.verify import decisions
 
-from bench.mutants import ROOT, Mutant
+from bench.mutants import ROOT, Mutant, is_inside
 from bench.mutation import Change, Token, tokens_of
 
 NEEDS = ["unit", "decisions", "prove"]
@@ -236,11 +236,11 @@ def run(words: list[str], cwd: Path, otherwise: str = "", check: bool = True, **
 class Bench:
     """What sees faults, and what it sees without one."""
 
-    def __init__(self) -> None:
+    def __init__(self, folders: Sequence[str] = ("flight",)) -> None:
         self.units: dict[str, list[str]] = {}       # source -> modules
         for unit in prove.units(Tree.of(None)):
             file = unit.file.removesuffix(".h") + ".c"
-            if unit.module and (ROOT / file).is_file() and unit.file.startswith("flight/"):
+            if unit.module and (ROOT / file).is_file() and any(is_inside(file, folder) for folder in folders):
                 self.units.setdefault(file, []).append(unit.name)
         self.sources = {file: (ROOT / file).read_text(encoding="utf-8") for file in self.units}
         extension = next((ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "python").glob("_core.*.so"))
@@ -385,6 +385,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="fledge bench planted", description="Faults planted in flight's C, and who "
                                      "sees them.", epilog="example: ./fledge bench planted --faults 8")
+    parser.add_argument("folders", nargs="*", metavar="FOLDER", help="or a file, relative to the tree; default: flight")
     parser.add_argument("--faults", type=int, default=20, metavar="N", help="altogether, as many of each kind; "
                         "default: %(default)s")
     parser.add_argument("--seed", type=int, default=1, help="default: %(default)s")
@@ -392,8 +393,11 @@ def main(arguments: list[str]) -> int:
                         help="where what was seen is kept; default: build/planted.json")
     chosen = parser.parse_args(arguments)
     count = -(-chosen.faults // len(KINDS))
+    bench = Bench(chosen.folders or ["flight"])
+    if not bench.units:
+        raise Failure(f"planted: there is no module in {', '.join(chosen.folders)}")
     rows = []
-    for row in study(Bench(), count, chosen.seed, chosen.json):
+    for row in study(bench, count, chosen.seed, chosen.json):
         rows.append(row)
         print(*lines_of(row), sep="\n", flush=True)
     print(*table(rows), sep="\n")
