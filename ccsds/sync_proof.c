@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Any bytes, in parts of each length up to PART, behind which there is no memory, in any state of the readers of markers
- * and of CLTUs: what holds between parts is assumed, and asserted again. Then CLTUs of each length are written.
+/* Any bytes, in parts of each length up to PART, behind which there is no memory, in any state of the readers of
+ * markers and of CLTUs: what holds between parts is assumed, and asserted again. Then CLTUs of each length are written.
  *
  * options: -eva-precision 0 -eva-slevel 300 -eva-auto-loop-unroll 64 */
 #include "ccsds/sync.h"
