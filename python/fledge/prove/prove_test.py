@@ -202,11 +202,12 @@ def test_modules_of_fledge_are_proved(name: str) -> None:
 
 
 PROVED = """
-ArrayDriveCommandChoice BaseReference BurnPlan BurnPointing BurnSchedule GimbalRatesChoice GimbalSteering
-GimbalTorquesChoice HillPointing InertialPointing InertialSpin MagneticPointing MomentumDump MrpSteering OrbitBeacon
-PanelCommandChoice PropulsionManager RateServo RodCommandChoice RodConfig RodWindow SeenTarget SunSafe
-TachometerSpeeds ThrusterConfig ThrusterTimesChoice ThrusterValvesChoice TrackingError VehicleTime VelocityPointing
-WheelBalance WheelCommandChoice WheelConfig WheelDriveChoice WheelDriveCounts
+ArrayDriveCommandChoice BaseReference BootCount BurnPlan BurnPointing BurnSchedule FormationRoll GimbalRatesChoice
+GimbalSteering GimbalTorquesChoice HillPointing InertialPointing InertialSpin MagneticPointing MomentumDump
+MrpSteering NvmShare OrbitBeacon PanelCommandChoice PowerManager PropulsionManager RateServo RodCommandChoice
+RodConfig RodWindow SeenTarget SunSafe TachometerSpeeds ThrusterConfig ThrusterFiring ThrusterTimesChoice
+ThrusterValvesChoice TrackingError TwoBodyPointing VehicleTime VelocityPointing WheelBalance WheelCommandChoice
+WheelConfig WheelDriveChoice WheelDriveCounts WheelMonitor
 flight/math/elementary ccsds/space_packet ccsds/sync ccsds/tc_frame ccsds/tm_frame flight/exec/exec""".split()
 
 
