@@ -205,7 +205,7 @@ PROVED = """
 ArrayDriveCommandChoice BaseReference BootCount BurnPlan BurnPointing BurnSchedule FormationRoll GimbalRatesChoice
 GimbalSteering GimbalTorquesChoice HillPointing InertialPointing InertialSpin MagneticPointing MomentumDump
 MrpSteering NvmShare OrbitBeacon PanelCommandChoice PowerManager PropulsionManager RateServo RodCommandChoice
-RodConfig RodWindow SeenTarget SunSafe TachometerSpeeds ThrusterConfig ThrusterFiring ThrusterTimesChoice
+RodConfig RodTorques RodWindow SeenTarget SunSafe TachometerSpeeds ThrusterConfig ThrusterFiring ThrusterTimesChoice
 ThrusterValvesChoice TrackingError TwoBodyPointing VehicleTime VelocityPointing WheelBalance WheelCommandChoice
 WheelConfig WheelDriveChoice WheelDriveCounts WheelMonitor
 flight/math/elementary ccsds/space_packet ccsds/sync ccsds/tc_frame ccsds/tm_frame flight/exec/exec""".split()
