@@ -397,8 +397,8 @@ static int evaluate(RequirementMonitor *m, const FlownRequirement *requirement, 
 
 /* ---- requirements */
 
-/* What an output may say: an infinite margin is the largest number. */
-static double said(double x)
+/* What outputs, and memory that a script takes along, may say: an infinite margin is the largest number. */
+static double bounded(double x)
 {
     return x > DBL_MAX ? DBL_MAX : x < -DBL_MAX ? -DBL_MAX : x;
 }
@@ -414,8 +414,8 @@ static void publish(RequirementMonitor *m, int64_t t, RequirementMonitorEventId 
 
 static void forget(RequirementMonitor *m, uint32_t place)
 {
-    m->mem.low[place] = unknown.low;
-    m->mem.high[place] = unknown.high;
+    m->mem.low[place] = -DBL_MAX;
+    m->mem.high[place] = DBL_MAX;
     m->mem.sampled[place] = -1;
     m->mem.samples[place] = 0u;
 }
@@ -451,14 +451,14 @@ static void judge(RequirementMonitor *m, uint32_t place, const CommandContext *c
     }
     const Margin before = {m->mem.low[place], m->mem.high[place]};
     m->mem.bad &= ~bit;
-    m->mem.low[place] = margin.low;
-    m->mem.high[place] = margin.high;
+    m->mem.low[place] = bounded(margin.low);
+    m->mem.high[place] = bounded(margin.high);
     m->mem.sampled[place] = m->mem.last;
     m->mem.samples[place]++;
     if (margin.high < 0.0 && before.high >= 0.0) {
-        publish(m, context->t, REQUIREMENT_MONITOR_VIOLATED, EVENT_MEDIUM, place, said(margin.high));
+        publish(m, context->t, REQUIREMENT_MONITOR_VIOLATED, EVENT_MEDIUM, place, m->mem.high[place]);
     } else if (margin.low > 0.0 && before.low <= 0.0) {
-        publish(m, context->t, REQUIREMENT_MONITOR_HOLDS, EVENT_INFO, place, said(margin.low));
+        publish(m, context->t, REQUIREMENT_MONITOR_HOLDS, EVENT_INFO, place, m->mem.low[place]);
     }
 }
 
@@ -467,8 +467,8 @@ static void write_state(RequirementMonitor *m, int64_t t)
     RequirementState *s = &m->out.state;
     s->on = s->holding = s->violated = 0u;
     for (uint32_t i = 0u; i < REQUIREMENTS; i++) {
-        s->low[i] = said(m->mem.low[i]);
-        s->high[i] = said(m->mem.high[i]);
+        s->low[i] = m->mem.low[i];
+        s->high[i] = m->mem.high[i];
         s->sampled[i] = m->mem.sampled[i];
         s->on |= (m->par.requirements[i].on != 0u ? 1u : 0u) << i;
         s->holding |= (m->mem.low[i] > 0.0 ? 1u : 0u) << i;

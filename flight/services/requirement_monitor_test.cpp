@@ -342,7 +342,7 @@ TEST_F(Fly, OffItForgetsAndTimeThatBeginsAnewDoesToo)
     EXPECT_EQ(mission_.watch.mem.samples[0], 1u);
 }
 
-TEST_F(Fly, ATableThatIsNoFormulaIsSaidOnceAndJudgesNothing)
+TEST_F(Fly, ATableThatIsNoFormulaIsReportedOnceAndJudgesNothing)
 {
     const Nodes good = positive(0) + Nodes{node(FORMULA_FIRST)};
     const auto bad = [&](const Nodes &nodes, int64_t every = 10) {
@@ -351,9 +351,9 @@ TEST_F(Fly, ATableThatIsNoFormulaIsSaidOnceAndJudgesNothing)
         require(nodes);
         mission_.watch.par.requirements[0].every = every;
         at({1}), at({1}), at({1});
-        const bool said = event().count == 1 && event().id == REQUIREMENT_MONITOR_BAD;
+        const bool reported = event().count == 1 && event().id == REQUIREMENT_MONITOR_BAD;
         EXPECT_EQ(shown().head.quality, shown().bad ? QUALITY_DEGRADED : QUALITY_GOOD);
-        return shown().bad == 1u && said && shown().low[0] == -inf && shown().high[0] == inf;
+        return shown().bad == 1u && reported && shown().low[0] == -inf && shown().high[0] == inf;
     };
     EXPECT_FALSE(bad(good));
     EXPECT_TRUE(bad(good, 0));

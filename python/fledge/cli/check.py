@@ -24,6 +24,8 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     sub = command("check", check, "check nadir_spin")
     add_mission(sub)
+    sub.add_argument("--on-board", action="store_true", help="also say which of its requirements flight can judge "
+                     "itself, by how many operations, and why it cannot judge another one")
     add_parameters(sub)
 
 
@@ -51,6 +53,12 @@ def check(options: argparse.Namespace) -> int:
         head = f"{sim.name} {'can' if can_fly else 'cannot'} fly; {counted(len(wrong), 'error')}"
         raise Failure(itemized(head, wrong))
     say(f"{sim.name}: {', '.join(parts)}: can fly")
+    if options.on_board:
+        from fledge.requirements.onboard import flyable
+
+        for requirement, compiled, reason in flyable(sim):
+            say(f"  {requirement.id:<8} " + (f"{counted(len(compiled.rows), 'operation')}, "
+                                             f"{counted(compiled.memory, 'number')} remembered" if compiled else reason))
     return 0
 
 

@@ -15,6 +15,7 @@ has it (sim/temporal.cpp); operands that are known earlier are delayed.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
@@ -68,6 +69,20 @@ def fly(simulation: Simulation, *requirements: str | Requirement) -> None:
             setattr(monitor.nodes[place], name, value * ns if name == "time" else value)
 
 
+def flyable(simulation: Simulation) -> Iterator[tuple[Requirement, Compiled | None, str]]:
+    """Of each of its requirements the operations on board, or why it cannot fly; also of a mission without a monitor,
+    whose first flight software would have one in its fastest task."""
+    try:
+        path, _, process = _monitor(simulation)
+    except SetupError:
+        path, process = "", simulation.flights[0]
+    for requirement in Requirements(simulation).all:
+        try:
+            yield requirement, Compiled(requirement, process, path), ""
+        except SetupError as error:
+            yield requirement, None, str(error).partition(f" {requirement.id} ")[2]
+
+
 def _monitor(simulation: Simulation) -> tuple[str, Any, Process]:
     for process in simulation.processes:
         for name, instance in process.instances.items():
@@ -103,9 +118,9 @@ class Compiled:
         every, monitor = self.requirement.every, self._path.partition(".")[2]
         moded = {task for _, tasks in self._process.modes for task in tasks}
         periods = [task.period for task in self._process.tasks
-                   if monitor in task.run and task.name not in moded and not task.offset]
+                   if (monitor in task.run or not monitor) and task.name not in moded and not task.offset]
         if not periods:
-            raise self._refused(f"needs {self._path} in a task without offset that is in no mode's list")
+            raise self._refused(f"needs {self._path or MONITOR} in a task without offset that is in no mode's list")
         if every <= 0 or not any(every % period == 0 for period in periods):
             raise self._refused("is judged at " + ("each instant of the simulation" if not every else
                                                    f"each {time_text(every)}")
