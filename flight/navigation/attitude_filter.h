@@ -211,7 +211,8 @@ static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const Att
 static inline void copy_rate(AttitudeFilterMemory *mem, uint32_t to, uint32_t from)
 {
     mem->times[to] = mem->times[from];
-    mem->rates[to] = mem->rates[from];
+    const Vec3 rate = mem->rates[from];
+    mem->rates[to] = rate;
 }
 
 /** Move the horizon. */
@@ -254,8 +255,8 @@ static inline void keep_rate(AttitudeFilterMemory *mem, const AttitudeFilterKind
     if (mem->n == GYRO_HISTORY && mem->running != 0u && mem->at.t < mem->times[half]) {
         horizon_go(mem, kind, mem->times[half], par);
     }
-    if (mem->n == GYRO_HISTORY) {
-        mem->n -= half;
+    if (mem->n >= GYRO_HISTORY) {
+        mem->n = GYRO_HISTORY - half;
         memmove(mem->times, mem->times + half, mem->n * sizeof *mem->times);
         memmove(mem->rates, mem->rates + half, mem->n * sizeof *mem->rates);
     }
