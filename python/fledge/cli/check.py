@@ -57,8 +57,9 @@ def check(options: argparse.Namespace) -> int:
         from fledge.requirements.onboard import flyable
 
         for requirement, compiled, reason in flyable(sim):
-            say(f"  {requirement.id:<8} " + (f"{counted(len(compiled.rows), 'operation')}, "
-                                             f"{counted(compiled.memory, 'number')} remembered" if compiled else reason))
+            cost = f"{counted(len(compiled.rows), 'operation')}, {counted(compiled.memory, 'number')} remembered" \
+                if compiled else ""
+            say(f"  {requirement.id:<8} {cost or reason}")
     return 0
 
 
