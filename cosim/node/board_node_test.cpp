@@ -120,6 +120,7 @@ const CommandTable COMMANDS = {
     nullptr,
     nullptr,
     nullptr,
+    nullptr,
     nullptr};
 const TelemetryTable TELEMETRY = {0x0880, 0, nullptr, rates, packet, [](const void *) -> std::uint16_t { return 0; },
                                   nullptr};

@@ -21,7 +21,7 @@ typedef struct Shape {
     uint8_t memory, for_each; /* numbers; for each of `last` samples */
 } Shape;
 
-static const Shape shapes[] = {
+static const Shape shapes[FORMULA_MODE + 1] = {
     [FORMULA_READ] = {.vector = 1},
     [FORMULA_CONSTANT] = {.result = 1},
     [FORMULA_ELEMENT] = {.vectors = 1, .result = 1},

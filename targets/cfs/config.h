@@ -36,7 +36,7 @@
 #define POCKET_TABLES 96u
 #endif
 #ifndef POCKET_TABLE_MAX
-#define POCKET_TABLE_MAX 4096u ///< [bytes] of one table
+#define POCKET_TABLE_MAX 16384u ///< [bytes] of one table, as cFE has it by default
 #endif
 #ifndef POCKET_TABLE_BYTES
 #define POCKET_TABLE_BYTES 65536u ///< [bytes] of all tables

@@ -95,7 +95,7 @@ def test_a_rule_acts_on_a_violation_and_the_event_says_it(mission):
 
 @pytest.mark.long("builds and flies on all targets")
 def test_requirements_are_judged_alike_on_every_target(mission, tmp_path, capsys):
-    on = [name for name in ("linux", "leon3") if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
     assert cli.main(["fly", str(mission), "judges", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(mission)
