@@ -64,8 +64,9 @@ def test_the_table_counts_what_each_means_sees():
 @pytest.mark.long("compiles, proves and flies a fault")
 def test_a_number_that_is_not_finite_is_seen():
     bench = planted.Bench()
-    file = "flight/control/rate_damping.c"
-    fault = next(fault for fault in planted.candidates("nan", bench.sources, 1) if fault.file == file)
+    file = "flight/control/mrp_steering.c"
+    fault = next(fault for fault in planted.candidates("nan", bench.sources, 1)
+                 if fault.file == file and "vec_finite(command.omega_DR_B) && 1)" in fault.lines()[1])
     seen = bench.seen(fault)
     assert "not finite while GOOD" in seen["prove"] and seen["tests"], seen
     same = fault._replace(change=fault.change._replace(start=0, stop=0, after=""))
