@@ -16,8 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import re
-import shlex
 import statistics
 import subprocess
 import sys
@@ -27,9 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from fledge.columns import columns
-from fledge.errors import Failure
 
 from bench.mutants import ROOT, Mutant, drawn, mutants_of
+from bench.relinked import Program, Unusable, extension
 
 NEEDS = ["unit", "build branches"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
@@ -37,49 +35,6 @@ QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, b
 EASY = 5                # runs: a violation that so few runs find needs no search
 SCREENING = 150         # runs of each search for each requirement
 LIMIT = 60.0            # [s] of the scenarios and the screening: a change may make an endless loop
-
-
-# --- an extension with a change --------------------------------------------------------------------
-
-class Extension:
-    """Makes the extension `_core` that counts branches anew, with another object of one flight module."""
-
-    def __init__(self) -> None:
-        self.build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
-        self._run(["ninja", "branches"])
-        made = [path.relative_to(self.build) for path in (self.build / "python_branches").glob("_core.*.so")]
-        self.name = made[0].name
-        self._commands = self._run(["ninja", "-t", "commands", str(made[0])]).stdout.splitlines()
-
-    def make(self, mutant: Mutant, folder: Path) -> str:
-        """Write the extension with a change into a folder. Returns "", "not compiled" or "equivalent"."""
-        compile_ = next(command for command in self._commands if command.endswith(f"/{mutant.file}")
-                        and "_code_branches.dir/" in command)
-        objects = []
-        for text in (mutant.text, mutant.changed()):
-            source = folder / Path(mutant.file).name
-            source.write_text(text, encoding="utf-8")
-            made = folder / f"{len(objects)}.o"
-            words = shlex.split(re.sub(r" -M[DTF]( \S+)?(?= )", "", compile_.replace(" -MD ", " ")))
-            own, words[words.index("-o") + 1], words[-1] = words[words.index("-o") + 1], str(made), str(source)
-            done = self._run([*words, f"-ffile-prefix-map={folder}=.", "-Wno-error"], check=False)
-            if done.returncode:
-                return "not compiled"
-            self._run(["objcopy", "--strip-debug", str(made)])
-            objects.append(made)
-        if objects[0].read_bytes() == objects[1].read_bytes():
-            return "equivalent"
-        link = self._commands[-1].replace(f" {own} ", f" {objects[1]} ", 1)
-        words = [word for word in shlex.split(link) if word not in (":", "&&")]
-        words[words.index("-o") + 1] = str(folder / self.name)
-        self._run(words)
-        return ""
-
-    def _run(self, words: list[str], check: bool = True) -> subprocess.CompletedProcess:
-        done = subprocess.run(words, cwd=self.build, capture_output=True, text=True)
-        if check and done.returncode:
-            raise Failure(f"falsify: {shlex.join(words)[:200]}: {done.stderr[-1000:]}", 1)
-        return done
 
 
 def ask(folder: Path, limit: float = LIMIT, **question: Any) -> Any:
@@ -150,7 +105,7 @@ def needed(found: list[list[int | None]], runs: int) -> tuple[float, float]:
     return statistics.median(ours), statistics.median(theirs)
 
 
-def study(extension: Extension, order: list[Mutant], count: int, seeds: int, runs: int, easy: int = EASY,
+def study(program: Program, order: list[Mutant], count: int, seeds: int, runs: int, easy: int = EASY,
           screening: int = SCREENING, tell: Any = lambda _: None) -> list[dict[str, Any]]:
     """The first `count` mutants that the scenarios pass and a search finds, with what both searches needed; and how
     many were not taken. tell(rows) is called after each."""
@@ -160,14 +115,17 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
         for k, mutant in enumerate(order):
             folder = Path(name) / str(k)
             folder.mkdir()
-            why = extension.make(mutant, folder)
-            passes, requirement = (False, None) if why else \
-                ask(folder, easy=easy, screening=screening) or (False, None)
+            try:
+                program.make(mutant.file, mutant.changed(), folder)
+            except Unusable as why:
+                seen[str(why)] += 1
+                continue
+            passes, requirement = ask(folder, easy=easy, screening=screening) or (False, None)
             begun = time.monotonic()
             found = requirement and ask(folder, 30 * LIMIT, requirement=requirement,
                                         seeds=list(range(1, seeds + 1)), runs=runs)
             if not found:
-                seen[why or ("not found" if passes else "scenarios fail")] += 1
+                seen["not found" if passes else "scenarios fail"] += 1
                 continue
             if any(found == row["needed"] for row in rows):     # it does the same as another
                 seen["alike"] += 1
@@ -206,8 +164,8 @@ def main(arguments: list[str]) -> int:
         if chosen.json:
             Path(chosen.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
-    *rows, seen = study(Extension(), order, chosen.mutants, chosen.seeds, chosen.runs, chosen.easy, chosen.screening,
-                        tell)
+    *rows, seen = study(extension("branches"), order, chosen.mutants, chosen.seeds, chosen.runs, chosen.easy,
+                        chosen.screening, tell)
     print(*columns([("mutant", "violates", "search", "draws", "ratio", "missed"),
                     *((f"{Path(row['file']).name}:{row['line']}", row["requirement"], f"{row['ours']:g}",
                        f"{row['theirs']:g}", f"{row['ratio']:.2g}", f"{row['missed'][0]}, {row['missed'][1]}")

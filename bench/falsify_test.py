@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planted bug that the scenarios of sun_safe pass, and what both searches need to find it."""
-import shutil
-
 import pytest
+
+from fledge.verify.decisions import has_clang
 
 from bench import falsify
 from bench.mutants import ROOT, mutants_of
 from bench.mutation import Change
+from bench.relinked import extension
 
 
 @pytest.fixture(scope="module")
-def extension():
-    if not any(map(shutil.which, ("clang-19", "clang-18"))):
+def program():
+    if not has_clang():
         pytest.skip("there is no clang-19 or clang-18, which counts branches")
-    return falsify.Extension()
+    return extension("branches")
 
 
 def mutant(file, before, after):
@@ -23,21 +24,21 @@ def mutant(file, before, after):
 
 
 @pytest.mark.long("a search of 15 s")
-def test_a_bug_that_the_scenarios_pass_is_found(extension):
+def test_a_bug_that_the_scenarios_pass_is_found(program):
     bug = mutant("flight/sensing/sun_line.c", "vec_norm2(u) - along * along;", "vec_norm2(u) - along / along;")
-    *rows, seen = falsify.study(extension, [bug], 1, 2, 200)
+    *rows, seen = falsify.study(program, [bug], 1, 2, 200)
     assert len(rows) == 1 and rows[0]["requirement"] == "SUN-3" and not any(seen.values())
     assert all(min(filter(None, pair)) <= 200 for pair in rows[0]["needed"]) and rows[0]["ratio"] > 0
     assert any("along / along" in line for line in falsify.lines_of(rows[0]))
 
 
 @pytest.mark.long("a search")
-def test_changes_that_are_no_planted_bugs_are_counted(extension):
+def test_changes_that_are_no_planted_bugs_are_counted(program):
     file = "flight/guidance/sun_safe.c"
     noticed = mutant(file, "*out = error;", ";")
     refused = mutant(file, "return vec_scale(fm_tan(0.25 * angle), e);", "return 0;")
     same = noticed._replace(change=Change(0, 0, ""))
-    assert falsify.study(extension, [noticed, refused, same], 1, 1, 100) == [
+    assert falsify.study(program, [noticed, refused, same], 1, 1, 100) == [
         {"not compiled": 1, "equivalent": 1, "scenarios fail": 1, "not found": 0,
          "alike": 0}]
 

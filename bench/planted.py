@@ -31,8 +31,6 @@ import json
 import os
 import random
 import re
-import shlex
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -49,11 +47,11 @@ from fledge.verify import decisions
 
 from bench.mutants import ROOT, Mutant, is_inside
 from bench.mutation import Change, Token, tokens_of
+from bench.relinked import Program, Unusable, extension, run
 
 NEEDS = ["unit", "decisions", "prove"]
 MISSIONS = ["sun_safe", "nadir_spin", "mars_orbiter", "cubesat"]    # that have requirements, the quickest first
 FLOWN = 2               # missions at most, of those that use a module
-LIMIT = 900.0           # [s] of each program: a change may make an endless loop
 KINDS = ("index", "division", "nan", "condition")
 MEANS = ("prove", "decisions", "tests", "flights")
 
@@ -168,69 +166,6 @@ def candidates(kind: str, sources: dict[str, str], seed: int) -> list[Mutant]:
     return list({(m.file, m.change.start): m for m in reversed(order)}.values())[::-1]
 
 
-# --- programs with a fault -------------------------------------------------------------------------
-
-class Program:
-    """A program or library of the build, that is linked anew with another object of one source."""
-
-    def __init__(self, target: str) -> None:
-        self.build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
-        self.path = self.build / target
-        run(["ninja", target], self.build, "planted: ./fledge test builds what this bench takes; ")
-        self._commands = run(["ninja", "-t", "commands", target], self.build).stdout.splitlines()
-
-    def make(self, file: str, text: str, folder: Path) -> Path | None:
-        """The program with this text of a source, in a folder; None if it is refused, or has the same object."""
-        link = shlex.split(self._commands[-1].removeprefix(": && ").removesuffix(" && :"))
-        compiles = [shlex.split(re.sub(r" -MD -MT \S+ -MF \S+", "", command)) for command in self._commands
-                    if command.endswith(f" -c {ROOT / file}")]
-        words = max(compiles, key=lambda words: words[words.index("-o") + 1] in link)   # not that of an archive
-        place = words.index("-o") + 1
-        before = words[place]
-        objects = []
-        for words[-1] in self._written(file, text, folder):
-            words[place] = f"{folder}/{len(objects)}-{self.path.name}.o"
-            if run(words, self.build, check=False).returncode:
-                return None
-            objects.append(words[place])
-        if len({bare(Path(path)) for path in objects}) < 2:
-            return None
-        if before not in link:      # it is in an archive, from which the linker takes what it has not found before
-            before = next(word for word in link if word.endswith(".a"))
-            objects.append(before)
-        link[link.index(before):link.index(before) + 1] = objects[1:]
-        link[link.index("-o") + 1] = str(folder / self.path.name)
-        run(link, self.build)
-        return folder / self.path.name
-
-    @staticmethod
-    def _written(file: str, text: str, folder: Path) -> Iterator[str]:
-        """The source's place: with its own text, and with another one."""
-        path = folder / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for content in ((ROOT / file).read_text(encoding="utf-8"), text):
-            path.write_text(content, encoding="utf-8")
-            yield str(path)
-
-
-def bare(path: Path) -> bytes:
-    """An object without what debuggers need."""
-    run(["objcopy", "--strip-debug", str(path), f"{path}.bare"], path.parent)
-    return Path(f"{path}.bare").read_bytes()
-
-
-def run(words: list[str], cwd: Path, otherwise: str = "", check: bool = True, **more: str) -> Any:
-    """Run a program. A session of its own ends with it."""
-    try:
-        done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, errors="replace", timeout=LIMIT,
-                              env={**os.environ, **more})
-    except subprocess.TimeoutExpired:
-        done = subprocess.CompletedProcess(words, 124, "", "it takes too long")
-    if check and done.returncode:
-        raise Failure(f"{otherwise or 'planted: '}{shlex.join(words)[:200]}: {(done.stdout + done.stderr)[-1000:]}", 1)
-    return done
-
-
 # --- who sees a fault ------------------------------------------------------------------------------
 
 class Bench:
@@ -243,9 +178,8 @@ class Bench:
             if unit.module and (ROOT / file).is_file() and any(is_inside(file, folder) for folder in folders):
                 self.units.setdefault(file, []).append(unit.name)
         self.sources = {file: (ROOT / file).read_text(encoding="utf-8") for file in self.units}
-        extension = next((ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "python").glob("_core.*.so"))
         self.program = functools.cache(Program)
-        self.extension = self.program(f"python/{extension.name}")
+        self.extension = extension()
         self.proved = functools.cache(self._proved)
         self.undecided = functools.cache(self._undecided)
         self.holds = functools.cache(lambda mission: not self._flown(mission, None))
@@ -254,7 +188,9 @@ class Bench:
         """Of each of MEANS what it sees, "" for nothing, "-" if no mission uses it; none, if it is refused."""
         with tempfile.TemporaryDirectory(prefix="fledge-planted-") as name:
             folder, file, text = Path(name), mutant.file, mutant.changed()
-            if not (library := self.extension.make(file, text, folder)):
+            try:
+                library = self.extension.make(file, text, folder)
+            except Unusable:
                 return {}
             return {"prove": self._alarmed(file, folder), **self._tested(file, text, folder),
                     "flights": self._flights(file, library)}
@@ -290,8 +226,11 @@ class Bench:
     def _left(self, file: str, text: str, folder: Path) -> str:
         below = folder / "mcdc"
         below.mkdir()
-        counting = self.program(f"tests_mcdc/flight_{Path(file).parent.name}_test").make(file, text, below)
-        if not counting or (after := _undecided(counting, file, below, [below])) is None:
+        try:
+            counting = self.program(f"tests_mcdc/flight_{Path(file).parent.name}_test").make(file, text, below)
+        except Unusable:
+            return ""
+        if (after := _undecided(counting, file, below, [below])) is None:
             return ""       # no counts: the tests have crashed
         lines = self.undecided(file)
         new = [(line, shown) for line, shown in after if sum(at == line for at, _ in after) >
