@@ -2,20 +2,21 @@
 """`fledge falsify` with the build that counts the branches of flight code."""
 import json
 import os
-import shutil
 import subprocess
 import sys
 
 import pytest
 
+from fledge.verify.decisions import has_clang
 from tests.tree import ROOT
 
 FLOWN = """
 import json
+import numpy as np
 from fledge.falsify import Flights
 
 flights = Flights("sun_safe", "SUN-3", "fault", threads=1)
-margins = flights(flights.space.values(__import__("numpy").random.default_rng(3).random((12, flights.space.n))))
+margins = flights(flights.space.values(np.random.default_rng(3).random((12, flights.space.n))))
 print(json.dumps([margins.tolist(), flights.counts_branches, flights.seen.shape[1],
                   len({tuple(row) for row in flights.seen.tolist()})]))
 """
@@ -30,7 +31,7 @@ def run(*words, code=0, **variables):
 
 @pytest.fixture(autouse=True)
 def clang():
-    if not any(map(shutil.which, ("clang-19", "clang-18"))):
+    if not has_clang():
         pytest.skip("there is no clang-19 or clang-18")
 
 

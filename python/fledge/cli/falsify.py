@@ -49,11 +49,12 @@ def add(command: Callable) -> None:
 
 
 def _counts_branches() -> bool:
-    """Whether there is a compiler for the build that does (cmake/by_clang.sh), and the build can have another one."""
+    """Whether there is a compiler for the build that does, and the build can have another one."""
     import os
-    import shutil
 
-    return os.environ.get("FLEDGE_PRESET") != "asan" and any(map(shutil.which, ("clang-19", "clang-18")))
+    from fledge.verify.decisions import has_clang
+
+    return os.environ.get("FLEDGE_PRESET") != "asan" and has_clang()
 
 
 def falsify(options: argparse.Namespace) -> int:

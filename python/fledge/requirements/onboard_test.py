@@ -2,6 +2,7 @@
 """Requirements that fly: the verdicts and margins of the simulation's judge, bit for bit, at each sample."""
 import math
 import random
+import re
 
 import numpy as np
 import pytest
@@ -9,11 +10,13 @@ import pytest
 import fledge
 from fledge import cli, prototype
 from fledge import flight as fsw
+from fledge.disk import ROOT
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT
 from fledge.mission import MissionError
 from fledge.prototype import field, out, par
 from fledge.requirements import (Requirements, after, always, angle, begins, eventually, fly, settles, turned, until)
+from fledge.requirements import onboard
 from fledge.requirements.declared import Declaration
 from fledge.requirements.judge import Judged
 from fledge.targets.services_test import written
@@ -235,3 +238,12 @@ def test_check_says_which_can_fly(mission, lines, capsys):
     assert cli.main(["check", mission, "--on-board"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert all(line in text for line in lines), text
+
+
+def test_the_bounds_are_those_of_the_headers():
+    text = "".join((ROOT / "flight" / name).read_text(encoding="utf-8")
+                   for name in ("msg/requirement.h", "services/requirement_monitor.h"))
+    of = {name: int(value) for name, value in re.findall(r"\b(\w+) = (\d+)\b", text)}
+    assert (onboard.REQUIREMENTS, onboard.NODES, onboard.MEMORY, onboard.NUMBERS_MOST, onboard.VALUES, onboard.VECTOR
+            ) == tuple(of[name] for name in ("REQUIREMENTS", "FORMULA_NODES", "FORMULA_MEMORY", "FORMULA_NUMBERS",
+                                             "FORMULA_VALUES", "FORMULA_VECTOR"))

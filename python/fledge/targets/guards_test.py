@@ -6,7 +6,7 @@ import json
 import pytest
 
 import fledge
-from fledge import cli, export
+from fledge import export
 from fledge.archive import Archive
 from fledge.commands import Code, Dictionary, Reason, decoded, read_script
 from fledge.errors import SetupError
@@ -14,9 +14,8 @@ from fledge.export.commands import dictionary
 from fledge.export.packets import commands
 from fledge.export.run_test import FLIGHT
 from fledge.records.activity import happenings
-from fledge.targets import TARGETS
 from fledge.targets.job import Job
-from fledge.targets.services_test import written
+from fledge.targets.services_test import fly_everywhere, written
 from fledge.units import s
 
 ERROR = "    error = f.watch(f.tracking.error)\n"
@@ -67,10 +66,8 @@ def mission(tmp_path):
 
 @pytest.mark.long("builds and flies on all targets")
 def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
-    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
-    assert cli.main(["fly", str(mission), "requests", "--on", ",".join(on),
-                    "--out", str(out)]) == 0, capsys.readouterr()
+    on = fly_everywhere(mission, "requests", out, capsys)
     sim = fledge.load(mission)
     given = sim.flight.commands
     assert given.take_packets() == []

@@ -4,12 +4,10 @@ over a reset of the computer, on the desktop and on targets."""
 import pytest
 
 import fledge
-from fledge import cli
 from fledge.commands import Code, Reason, decoded, read_script
 from fledge.errors import SetupError
-from fledge.targets import TARGETS
 from fledge.targets.job import Job
-from fledge.targets.services_test import written
+from fledge.targets.services_test import fly_everywhere, written
 from fledge.units import s
 
 FLIGHT = '''
@@ -126,9 +124,8 @@ def mission(tmp_path):
 
 @pytest.mark.long("builds and flies on all targets")
 def test_a_pair_takes_over_and_safe_mode_follows_the_last_one_on_every_target(mission, tmp_path, capsys):
-    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
-    assert cli.main(["fly", str(mission), "fails", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    on = fly_everywhere(mission, "fails", out, capsys)
     sim = fledge.load(mission)
     commands = sim.flight.commands
     assert commands.take_packets() == []

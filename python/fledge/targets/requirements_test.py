@@ -3,13 +3,11 @@
 import pytest
 
 import fledge
-from fledge import cli
 from fledge.commands import decoded, read_script
 from fledge.export.run_test import FLIGHT
 from fledge.requirements import Requirements
 from fledge.requirements.onboard_test import as_output
-from fledge.targets import TARGETS
-from fledge.targets.services_test import written
+from fledge.targets.services_test import fly_everywhere, written
 from fledge.units import ms
 
 JUDGED = FLIGHT + '''
@@ -95,9 +93,8 @@ def test_a_rule_acts_on_a_violation_and_the_event_says_it(mission):
 
 @pytest.mark.long("builds and flies on all targets")
 def test_requirements_are_judged_alike_on_every_target(mission, tmp_path, capsys):
-    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
-    assert cli.main(["fly", str(mission), "judges", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    on = fly_everywhere(mission, "judges", out, capsys)
     sim = fledge.load(mission)
     commands = sim.flight.commands
     commands.take_packets()

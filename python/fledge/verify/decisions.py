@@ -156,6 +156,11 @@ def read(counts: Sequence[Path], of: Sequence[Path], roots: Iterable[Path], whol
     return decisions(json.loads(text)["data"][0]["functions"], [root.resolve() for root in roots], whole)
 
 
+def has_clang() -> bool:
+    """Whether there is a compiler that counts what flight code does."""
+    return any(shutil.which(f"clang-{version}") for version in VERSIONS)
+
+
 def tool(name: str) -> str:
     for version in VERSIONS:
         if found := shutil.which(f"{name}-{version}"):
