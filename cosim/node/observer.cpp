@@ -84,7 +84,7 @@ std::optional<Observed> Observer::read(zmq::message_t topic)
     zmq::message_t bytes;
     bool more = topic.more();
     for (int parts = 1; more; parts++) {
-        if (parts > 1 || !seen_.recv(bytes, zmq::recv_flags::dontwait)) {
+        if (parts > 1 || !receive_part(seen_, bytes)) {
             throw ProtocolError("the broker sends a message that is not of two parts");
         }
         more = bytes.more();
@@ -154,14 +154,14 @@ void Observer::write(const std::string &topic, const Payload &payload)
     const Bytes frame = encode(published);
     zmq::pollitem_t item{written_.handle(), 0, ZMQ_POLLOUT, 0};
     for (const auto end = Clock::now() + member_.config.connect_timeout;
-         !written_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);) {
+         !send_part(written_, zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);) {
         const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
         if (rest <= 0ms) {
             throw LinkError(broker + frontend_ + " takes no more");
         }
         poll({&item, 1}, rest);
     }
-    written_.send(zmq::buffer(frame), zmq::send_flags::none);
+    send_part(written_, zmq::buffer(frame), zmq::send_flags::none);
     count++;
 }
 

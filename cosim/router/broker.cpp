@@ -27,7 +27,7 @@ constexpr const char *ready_topic = "ready"; ///< an observer subscribes to it b
 std::string listen(zmq::socket_t &socket, const std::string &address, const char *what)
 {
     try {
-        socket.bind(address);
+        uninterrupted([&] { socket.bind(address); });
     } catch (const zmq::error_t &error) {
         throw LinkError(std::string("cannot listen at ") + address + " for " + what + ": " + error.what());
     }
@@ -68,7 +68,7 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
         const std::string number = config_.complete.starts_with("tcp://") ? "" : "-" + std::to_string(given_++);
         observer.address = listen(observer.socket, config_.complete + number, "complete observers");
     }
-    frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
+    send_part(frontend_, zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
 }
 
@@ -319,8 +319,9 @@ bool Broker::drain()
 
 bool Broker::send_to(Complete &observer)
 {
-    const bool sent = observer.socket.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
-                      observer.socket.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    const bool sent =
+        send_part(observer.socket, zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
+        send_part(observer.socket, zmq::buffer(frame_), zmq::send_flags::dontwait);
     const auto takes_it = [&](const auto &its) { return its.first == &observer && topic_.starts_with(its.second); };
     if (sent && !observer.stuck.empty() && std::any_of(subscribed_.begin(), subscribed_.end(), takes_it)) {
         observer.stuck.clear();
@@ -417,8 +418,8 @@ void Broker::send(const std::string &topic, const Message &message)
         observer.has = false;
     }
     // libzmq drops the whole message for observers whose queue is full.
-    (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
-    (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    (void)send_part(backend_, zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)send_part(backend_, zmq::buffer(frame_), zmq::send_flags::dontwait);
 }
 
 /// Whether all observers have received the end of the run.
@@ -446,7 +447,7 @@ bool Broker::subscribed(const std::string &topic, Last &last)
 void Broker::receive_subscriptions(zmq::socket_t &socket, Complete *complete)
 {
     zmq::message_t message;
-    for (int n = 0; n < most_messages && !shown_ && socket.recv(message, zmq::recv_flags::dontwait); n++) {
+    for (int n = 0; n < most_messages && !shown_ && receive_part(socket, message); n++) {
         const std::string_view text = message.to_string_view();
         if (text.empty() || text[0] > 1 || text[0] < 0) {
             refused_++; // it is not a subscription

@@ -67,6 +67,57 @@ TEST_P(Transport, TwoNodesCountTogether)
     EXPECT_GT(router.times(0).transport, 0);
 }
 
+TEST_P(Transport, SignalsInterruptNoFrame)
+{
+    // A handler runs, and the call that it interrupted is made again.
+    static std::atomic<unsigned> handled{0};
+    struct sigaction handler {
+    }, before{};
+    handler.sa_handler = [](int) { handled++; };
+    sigaction(SIGUSR1, &handler, &before);
+    zmq::context_t context;
+    Router router(context, two_nodes(20'000), listening(GetParam()));
+    Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+    std::atomic<bool> over{false};
+    std::mutex mutex; // a thread that has ended takes no signal
+    std::vector<pthread_t> threads{pthread_self()};
+    const auto serve_signalled = [&](const char *name, Node &node) {
+        (mutex.lock(), threads.push_back(pthread_self()), mutex.unlock());
+        std::string reason = serve(context, router.address(), name, node);
+        const std::lock_guard lock(mutex);
+        std::erase(threads, pthread_self());
+        return reason;
+    };
+    auto serve_a = in_thread([&] { return serve_signalled("a", a); });
+    auto serve_b = in_thread([&] { return serve_signalled("b", b); });
+    auto signals = in_thread([&] {
+        while (!over) {
+            {
+                const std::lock_guard lock(mutex);
+                for (const pthread_t thread : threads) {
+                    pthread_kill(thread, SIGUSR1);
+                }
+            }
+            std::this_thread::sleep_for(20us);
+        }
+        return 0;
+    });
+    std::string reason;
+    try {
+        reason = router.run();
+    } catch (const std::exception &error) {
+        reason = error.what();
+    }
+    EXPECT_EQ(serve_a.get(), "");
+    EXPECT_EQ(serve_b.get(), "");
+    over = true;
+    signals.get();
+    sigaction(SIGUSR1, &before, nullptr);
+    EXPECT_EQ(reason, "");
+    EXPECT_EQ(b.received, 4001u);
+    EXPECT_GT(handled, 0u);
+}
+
 TEST_P(Transport, AnErrorInANodeReachesTheUser)
 {
     struct Pole : Counter {

@@ -62,7 +62,7 @@ Router::Router(zmq::context_t &context, const ControllerConfig &controller, Rout
         authenticator_->guard(greetings_);
     }
     try {
-        greetings_.bind(config_.address);
+        uninterrupted([&] { greetings_.bind(config_.address); });
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + config_.address + ": " + error.what() +
                         (error.num() == EADDRINUSE ? "; is another controller running?" : ""));
@@ -474,8 +474,9 @@ void Router::reply(std::span<const std::byte> peer, const Message &message)
 {
     const Bytes bytes = encode({1, message});
     // libzmq drops messages to a disconnected program.
-    (void)greetings_.send(zmq::buffer(peer.data(), peer.size()), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
-    (void)greetings_.send(zmq::buffer(bytes), zmq::send_flags::dontwait);
+    (void)send_part(greetings_, zmq::buffer(peer.data(), peer.size()),
+                    zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+    (void)send_part(greetings_, zmq::buffer(bytes), zmq::send_flags::dontwait);
     greetings_unsure_ = true;
 }
 

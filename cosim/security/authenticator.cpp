@@ -45,10 +45,13 @@ Authenticator::Authenticator(zmq::context_t &context, std::filesystem::path fold
 
 Authenticator::~Authenticator()
 {
-    try {
-        end_.send(zmq::message_t(), zmq::send_flags::dontwait);
-    } catch (const zmq::error_t &) {
-        // The context ends, and its thread with it.
+    for (bool interrupted = true; interrupted;) {
+        try {
+            end_.send(zmq::message_t(), zmq::send_flags::dontwait);
+            interrupted = false;
+        } catch (const zmq::error_t &error) {
+            interrupted = error.num() == EINTR; // otherwise the context ends, and its thread with it
+        }
     }
     thread_.join();
 }

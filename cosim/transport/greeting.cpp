@@ -50,7 +50,7 @@ void Member::connect(zmq::socket_t &socket, const char *peer, const std::string 
         use_keys(socket, *keys);
     }
     try {
-        socket.connect(address);
+        uninterrupted([&] { socket.connect(address); });
     } catch (const zmq::error_t &error) {
         throw LinkError(std::string("cannot connect to ") + peer + address + ": " + error.what() +
                         "; expected tcp://HOST:PORT or ipc://@NAME");
@@ -82,7 +82,7 @@ Frame Member::ask()
     zmq::message_t reply;
     if (!config.address.starts_with("ipc://") ||
         in_time([&](auto most) { return handshake.connect(most, where, hello.node); })) {
-        greetings.send(zmq::buffer(encode({1, hello})), zmq::send_flags::none);
+        send_part(greetings, zmq::buffer(encode({1, hello})), zmq::send_flags::none);
     }
     if (!in_time([&](auto most) { return handshake.receive(reply, most, where, hello.node); })) {
         throw LinkError(handshake.made() && hello.role == Role::asynchronous

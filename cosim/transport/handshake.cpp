@@ -32,15 +32,21 @@ zmq::socket_t monitor(zmq::context_t &context, zmq::socket_t &socket)
 {
     static std::atomic<unsigned> count{0};
     const std::string name = "inproc://fledge-monitor-" + std::to_string(count++);
-    if (zmq_socket_monitor(socket.handle(), name.c_str(),
-                           ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED |
-                               ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
-                               ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL)) {
-        throw LinkError(std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+    const int events_of_interest = ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED |
+                                   ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                                   ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL;
+    try {
+        uninterrupted([&] {
+            if (zmq_socket_monitor(socket.handle(), name.c_str(), events_of_interest)) {
+                throw zmq::error_t();
+            }
+        });
+    } catch (const zmq::error_t &error) {
+        throw LinkError(std::string("cannot watch a socket: ") + error.what());
     }
     zmq::socket_t events(context, zmq::socket_type::pair);
     events.set(zmq::sockopt::linger, 0);
-    events.connect(name);
+    uninterrupted([&] { events.connect(name); });
     return events;
 }
 
@@ -88,7 +94,7 @@ bool Handshake::connect(std::chrono::milliseconds most, const std::string &where
 bool Handshake::receive(zmq::message_t &message, std::chrono::milliseconds most, const std::string &where,
                         const std::string &program)
 {
-    return wait([&] { return socket_.recv(message, zmq::recv_flags::dontwait).has_value(); }, most, where, program);
+    return wait([&] { return receive_part(socket_, message); }, most, where, program);
 }
 
 template <class Condition>
@@ -146,7 +152,7 @@ void Handshake::read_events()
 bool next_event(zmq::socket_t &monitor, std::uint16_t &kind, std::uint32_t &value)
 {
     zmq::message_t event, address;
-    if (!monitor.recv(event, zmq::recv_flags::dontwait)) {
+    if (!receive_part(monitor, event)) {
         return false;
     }
     kind = 0;
@@ -156,7 +162,7 @@ bool next_event(zmq::socket_t &monitor, std::uint16_t &kind, std::uint32_t &valu
         std::memcpy(&value, event.data<char>() + sizeof kind, sizeof value);
     }
     if (event.more()) {
-        (void)monitor.recv(address, zmq::recv_flags::dontwait);
+        (void)receive_part(monitor, address);
     }
     return true;
 }

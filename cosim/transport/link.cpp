@@ -58,6 +58,16 @@ void refuse_other_users(zmq::socket_t &socket)
     }
 }
 
+bool send_part(zmq::socket_t &socket, zmq::const_buffer bytes, zmq::send_flags flags)
+{
+    return uninterrupted([&] { return socket.send(bytes, flags).has_value(); });
+}
+
+bool receive_part(zmq::socket_t &socket, zmq::message_t &part)
+{
+    return uninterrupted([&] { return socket.recv(part, zmq::recv_flags::dontwait).has_value(); });
+}
+
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most)
 {
     try {
@@ -78,7 +88,7 @@ std::size_t receive_parts(zmq::socket_t &socket, std::span<zmq::message_t> parts
     zmq::message_t rest;
     for (bool more = true; more; n++) {
         zmq::message_t &part = n < parts.size() ? parts[n] : rest;
-        if (!socket.recv(part, zmq::recv_flags::dontwait)) {
+        if (!receive_part(socket, part)) {
             break;
         }
         more = part.more();
@@ -187,7 +197,7 @@ void Link::share(std::unique_ptr<SharedChannel> channel)
 std::string Link::bind(const std::string &address)
 {
     try {
-        socket_.bind(address);
+        uninterrupted([&] { socket_.bind(address); });
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + address + ": " + error.what());
     }
@@ -210,9 +220,9 @@ void Link::send(const Frame &frame, bool urgent)
     // It never waits: in lock step only a few frames are on their way, so a side that takes no more is gone. Its
     // last frame, which may end the run, can still be read.
     try {
-        if ((end_ == End::controller && !socket_.send(zmq::buffer(peer_.data(), peer_.size()),
-                                                      zmq::send_flags::sndmore | zmq::send_flags::dontwait)) ||
-            !socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+        if ((end_ == End::controller && !send_part(socket_, zmq::buffer(peer_.data(), peer_.size()),
+                                                   zmq::send_flags::sndmore | zmq::send_flags::dontwait)) ||
+            !send_part(socket_, zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
             gone_ = true;
         }
     } catch (const zmq::error_t &error) {

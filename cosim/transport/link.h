@@ -19,6 +19,7 @@
 
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <memory>
 #include <span>
@@ -55,6 +56,26 @@ void allow_silence(zmq::socket_t &socket);
 
 /// Before a socket is bound: over "ipc://", only programs of this user can connect.
 void refuse_other_users(zmq::socket_t &socket);
+
+/// Call libzmq again if a signal interrupted it: it has done nothing then.
+template <class Call> auto uninterrupted(Call call)
+{
+    for (;;) {
+        try {
+            return call();
+        } catch (const zmq::error_t &error) {
+            if (error.num() != EINTR) {
+                throw;
+            }
+        }
+    }
+}
+
+/// Send one part of a message; false if the socket takes no more and `flags` forbid to wait.
+bool send_part(zmq::socket_t &socket, zmq::const_buffer bytes, zmq::send_flags flags);
+
+/// Receive the next part of a message, if one has come, without waiting.
+bool receive_part(zmq::socket_t &socket, zmq::message_t &part);
 
 /// Wait for an event on one of these sockets, or a signal. A negative time: for ever.
 void poll(std::span<zmq::pollitem_t> items, std::chrono::milliseconds most);
