@@ -33,7 +33,6 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt, suggesting
 from fledge.objects.si import enumerator, enumerator_names, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
-from fledge.mission.process import Flight
 from fledge.montecarlo.requirements import FormulaCheck, Requirement, Variable
 from fledge.requirements.declared import Requirement as Declared, Requirements, signal
 from fledge.requirements.formula import Formula, Signal, time_text
@@ -407,14 +406,11 @@ class Dispersions:
     def packets(self) -> Packets:
         """The commands of the flight software, for command(). Of several processes ask
         `d.simulation.NAME.commands.packets`."""
-        flights = self._flights()
+        flights = self.simulation.flights
         if len(flights) != 1:
             raise SetupError(f"d.packets: there are {listed([f.name for f in flights])}; name one, as in "
                              f"d.simulation.{flights[0].name}.commands.packets")
         return flights[0].commands.packets
-
-    def _flights(self) -> list[Flight]:
-        return [process for process in self.simulation.processes if isinstance(process, Flight)]
 
     def command(self, packets: Any, at: Any) -> None:
         """Send a command at a time, in each run:
@@ -432,7 +428,7 @@ class Dispersions:
         if not all(isinstance(one, list) and all(isinstance(packet, bytes) for packet in one) for one in sent):
             raise SetupError("d.command: expected packets, as d.packets.mode(...) gives them")
         known = [packets for packets in sent if packets]
-        process = next((p for p in self._flights() if known and
+        process = next((p for p in self.simulation.flights if known and
                         known[0][0][:2] == packing.pack(">H", p.commands.dictionary.stream)), None)
         if process is None:
             raise SetupError("d.command: " + ("these packets are of no flight software of this mission" if known else
