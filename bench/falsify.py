@@ -31,7 +31,8 @@ from bench.relinked import Program, Unusable, extension
 
 NEEDS = ["unit", "build branches"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
-QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
+QUESTIONS = ["SUN-1", "SUN-3"]
+ORIGINAL = "FLEDGE_ORIGINAL"        # the folder of the extension without a change
 EASY = 5                # runs: a violation that so few runs find needs no search
 SCREENING = 150         # runs of each search for each requirement
 LIMIT = 60.0            # [s] of the scenarios and the screening: a change may make an endless loop
@@ -39,7 +40,9 @@ LIMIT = 60.0            # [s] of the scenarios and the screening: a change may m
 
 def ask(folder: Path, limit: float = LIMIT, **question: Any) -> Any:
     """What a program with the extension of a folder answers to answer(); None if it fails or takes too long."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])}
+    original = os.environ.get(ORIGINAL) or next((path for path in sys.path if any(Path(path).glob("_core.*.so"))), "")
+    environment = {**os.environ, ORIGINAL: original,
+                   "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])}
     try:
         done = subprocess.run([sys.executable, "-P", "-m", "bench.falsify", json.dumps(question)], env=environment,
                               cwd=folder, capture_output=True, text=True, timeout=limit)
@@ -61,22 +64,35 @@ def stuck(d: Any) -> None:
 
 
 def answer(question: dict[str, Any]) -> Any:
-    """Without a requirement: whether the scenarios pass, and the requirement that a search finds violated by
+    """Of points: their margins. Without a requirement: whether the scenarios pass, and the requirement that a search finds violated by
     `screening` runs, None if it was none, or found by the first `easy` ones. Of a requirement: for each seed the runs
     that search() and random_search() needed to the first violation, None where they found none."""
-    import fledge
     from functools import partial
 
+    import fledge
+    import numpy as np
     from fledge.falsify import Flights, random_search, search
     from fledge.requirements import Requirements
 
     def first(method, requirement, runs, seed):
         flights = Flights("sun_safe", requirement, stuck, seed=seed)
+
+        def margins(values):
+            found = flights(values)
+            if (bad := np.flatnonzero(found < 0)).size:
+                without = ask(Path(os.environ[ORIGINAL]), requirement=requirement, points=values[bad].tolist(),
+                              seed=seed)
+                found[bad[np.array(without) < 0]] = 0.0
+            return found
+
         if method is search:
             method = partial(search, seen=lambda: flights.seen)
-        found = method(flights, flights.space, runs, seed, first=True).first
+        found = method(margins, flights.space, runs, seed, first=True).first
         return None if found is None else found + 1
 
+    if "points" in question:
+        flights = Flights("sun_safe", question["requirement"], stuck, seed=question["seed"])
+        return flights(np.array(question["points"])).tolist()
     if "requirement" not in question:
         for name in ("safe", "blind"):
             sim = fledge.load("sun_safe")

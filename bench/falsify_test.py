@@ -43,9 +43,11 @@ def test_changes_that_are_no_planted_bugs_are_counted(program):
          "alike": 0}]
 
 
-@pytest.mark.long("a search")
+@pytest.mark.long("searches")
 def test_without_a_change_nothing_is_found(tmp_path):
+    """The search of seed 2 comes to a run that violates SUN-1, which counts as none."""
     assert falsify.ask(tmp_path, easy=5, screening=100) == [True, None]
+    assert falsify.ask(tmp_path, requirement="SUN-1", seeds=[2], runs=240) == [[None, None]]
 
 
 def test_what_a_search_needed_counts_all_runs_where_it_found_nothing():

@@ -11,6 +11,8 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstring>
+#include <iterator>
+#include <map>
 #include <mutex>
 #include <numbers>
 #include <span>
@@ -509,7 +511,10 @@ void check_composition(const Simulation &nominal, const Composition &composition
         }
         numbers.push_back(number.nominal);
     }
-    if (composition.values(numbers).size() != elements) {
+    const auto use = [&](const std::vector<double> &x) {
+        return composition.commands ? (composition.commands(x), elements) : composition.values(x).size();
+    };
+    if (use(numbers) != elements) {
         throw SetupError(composition.numbers.front().path + ": it does not give as many numbers as it sets");
     }
     // The ends of bounded distributions, one at a time, as check_reach() of single parameters.
@@ -529,7 +534,7 @@ void check_composition(const Simulation &nominal, const Composition &composition
             std::vector<double> values = numbers;
             values[i] = absolute(d, at, end);
             try {
-                composition.values(values);
+                use(values);
             } catch (const SetupError &error) {
                 throw SetupError(path + " = " + format_number(values[i]) + ": " + error.what());
             }
@@ -635,14 +640,19 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
             set(element, draw(dispersion.distribution, random, point, from.nominal(element), from.whole(), path));
         }
     }
+    std::map<std::string, std::vector<ScriptedCommand>> scripts;
     for (const Composition &composition : plan.compositions) {
         std::vector<double> drawn;
         for (const auto &[path, at, distribution] : composition.numbers) {
             Random random(plan.seed, run + " " + path);
             drawn.push_back(draw(distribution, random, point, at, false, path));
         }
-        const std::vector<double> values = composition.values(drawn);
         draws.insert(draws.end(), drawn.begin(), drawn.end());
+        if (composition.commands) {
+            std::ranges::move(composition.commands(drawn), std::back_inserter(scripts[composition.process]));
+            continue;
+        }
+        const std::vector<double> values = composition.values(drawn);
         auto next = values.begin();
         for (const std::string &path : composition.parameters) {
             const FieldPlace from = find_path(nominal, path);
@@ -651,6 +661,12 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
                 from.set(to->memory(), element, *next++, path);
             }
         }
+    }
+    for (auto &[name, script] : scripts) {
+        const auto from = std::ranges::find(nominal.processes(), name, [](const auto &p) { return p->name; });
+        std::ranges::copy((*from)->script(), std::back_inserter(script));
+        std::ranges::stable_sort(script, {}, &ScriptedCommand::after);
+        simulation.process(name).set_script(std::move(script));
     }
     return draws;
 }

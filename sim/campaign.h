@@ -47,7 +47,8 @@ struct Dispersion {
     Distribution distribution;
 };
 
-/// Numbers that are drawn together, and of which a function makes parameters: the elements of an orbit, and its state.
+/// Numbers that are drawn together, and of which a function makes parameters: the elements of an orbit, and its state;
+/// or commands: which, and when.
 struct Composition {
     /// Its path names its random stream and its column.
     struct Number {
@@ -59,6 +60,9 @@ struct Composition {
     std::vector<std::string> parameters; ///< "world.craft.r_BN_N"; all elements of each
     /// The elements of the parameters, one after the other. Throws SetupError. Many threads call it.
     std::function<std::vector<double>(const std::vector<double> &)> values;
+    std::string process; ///< that gets the commands besides its script; "": none does
+    /// In place of values. Throws SetupError. Many threads call it.
+    std::function<std::vector<ScriptedCommand>(const std::vector<double> &)> commands;
 };
 
 /// A field of a message whose samples the result retains.

@@ -178,6 +178,18 @@ CommandReason Commands::accept(std::span<const std::uint8_t> packet, Ns last)
     return command_receive(&context, packet.data(), static_cast<std::uint32_t>(packet.size()), report, this);
 }
 
+/// The packet with the next sequence of a link, and its checksum.
+static std::vector<std::uint8_t> counted_on(std::vector<std::uint8_t> packet, const CommandLink &link)
+{
+    const std::uint32_t sequence = link.begun ? link.last + 1u : 0u;
+    const auto high = static_cast<std::uint8_t>((packet.at(2) & 0xC0u) | (sequence >> 8 & 0x3Fu));
+    const auto low = static_cast<std::uint8_t>(sequence);
+    packet.at(7) = static_cast<std::uint8_t>(packet[7] ^ packet[2] ^ packet[3] ^ high ^ low);
+    packet[2] = high;
+    packet[3] = low;
+    return packet;
+}
+
 void Commands::accept_due(Ns t, Ns last)
 {
     reported_ = t; // the reports leave the computer now, though they bear the time of the last instant
@@ -190,7 +202,8 @@ void Commands::accept_due(Ns t, Ns last)
         });
     }
     for (; scripted() < t; place_++) {
-        accept(process_.script()[place_].packet, last);
+        const ScriptedCommand &command = process_.script()[place_];
+        accept(command.counts_on ? counted_on(command.packet, state_.ground) : command.packet, last);
     }
 }
 

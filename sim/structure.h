@@ -210,6 +210,7 @@ struct Shared {
 struct ScriptedCommand {
     Ns after;
     std::vector<std::uint8_t> packet;
+    bool counts_on = false; ///< its sequence becomes the one behind that of the last command
 };
 
 /// A report, and the bytes that were read back.

@@ -128,7 +128,7 @@ class Search(Work[Run, Paths]):
         # The parameters of flight are compiled into the program.
         self.dispersed = [path for path in (self.campaign.dispersions.drawn if self.campaign else ())
                           if not path.startswith(f"{first.process}.")]
-        self.fixed = set(self.campaign.dispersions.orbit_elements) if self.campaign else set()
+        self.fixed = set(self.campaign.dispersions.composed) if self.campaign else set()
         self.programs = [boards.program(part.folder / f"timing{i}", part.mission.name,
                                         [*part.sources(), *boards.FLIGHT], part.includes(), APART, self.target.board)
                          for i, part in enumerate(self.parts)]

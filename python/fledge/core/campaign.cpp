@@ -9,6 +9,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <variant>
+
 namespace py = pybind11;
 using namespace py::literals;
 
@@ -121,6 +123,53 @@ void add_orbit(sim::CampaignPlan &plan, const sim::Simulation &nominal, const st
     plan.compositions.push_back(std::move(composition));
 }
 
+/// A command that is drawn of some, and its time.
+struct DrawnCommand {
+    std::string path;                                           ///< "flight.commands[0]"
+    std::vector<std::vector<std::vector<std::uint8_t>>> known; ///< the packets of each; 0 is none
+    double at = 0.0;                                            ///< [s] unless it is drawn, too
+
+    std::vector<sim::ScriptedCommand> operator()(const std::vector<double> &draws) const
+    {
+        const double time = draws.size() > 1 ? draws[1] : at;
+        if (!(time >= 0.0 && time < 9.0e9)) {
+            throw sim::SetupError(path + ".at: a command comes at 0 s or later, found " + sim::format_number(time) +
+                                  " s");
+        }
+        const auto which = static_cast<std::size_t>(draws[0]);
+        if (!(draws[0] >= 0.0) || which > known.size()) {
+            throw sim::SetupError(path + ".which: there are " + std::to_string(known.size()) + " commands, found " +
+                                  sim::format_number(draws[0]));
+        }
+        std::vector<sim::ScriptedCommand> commands;
+        for (std::size_t i = 0; which > 0 && i < known[which - 1].size(); i++) {
+            commands.push_back({static_cast<Ns>(std::llround(1e9 * time)), known[which - 1][i], true});
+        }
+        return commands;
+    }
+};
+
+void add_command(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &process,
+                 const std::string &path, const std::vector<std::vector<py::bytes>> &packets, const Distribution &which,
+                 const std::variant<double, Distribution> &at)
+{
+    DrawnCommand command{path, {}, 0.0};
+    for (const auto &one : packets) {
+        command.known.push_back(list_of(one, [](const py::bytes &packet) { return octets(packet); }));
+    }
+    sim::Composition composition;
+    composition.process = process;
+    composition.numbers.push_back({path + ".which", 0.0, which});
+    if (const auto *drawn = std::get_if<Distribution>(&at)) {
+        composition.numbers.push_back({path + ".at", 0.0, *drawn});
+    } else {
+        command.at = std::get<double>(at);
+    }
+    composition.commands = std::move(command);
+    sim::check_composition(nominal, composition);
+    plan.compositions.push_back(std::move(composition));
+}
+
 void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
                   std::uint32_t offset, std::size_t elements, const FledgeField &field, bool raw)
 {
@@ -196,6 +245,7 @@ void bind_campaign(py::module_ &m)
              })
         .def("orbit", add_orbit, "nominal"_a, "craft"_a, "names"_a, "distributions"_a, "shape"_a, "elements"_a,
              "drawn"_a, "mu"_a, "radius"_a, "surface"_a, "axes"_a, "origin"_a)
+        .def("command", add_command, "nominal"_a, "process"_a, "path"_a, "packets"_a, "which"_a, "at"_a)
         .def("retain", add_retained, "nominal"_a, "port"_a, "offset"_a, "elements"_a, "field"_a, "raw"_a)
         .def(
             "check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); },

@@ -74,6 +74,12 @@ private:
     std::exception_ptr error_;
 };
 
+inline std::vector<std::uint8_t> octets(const pybind11::bytes &bytes)
+{
+    const std::string_view view = bytes;
+    return {view.begin(), view.end()};
+}
+
 /// The enumerator at the place of its name. `names` ends with a null pointer.
 template <class T> T named(const char *const *names, const std::string &name)
 {

@@ -345,12 +345,6 @@ void set_keys(sim::Process &process, const std::string &path)
     process.keys = std::shared_ptr<const void>(made, &made->provider);
 }
 
-std::vector<std::uint8_t> octets(const py::bytes &bytes)
-{
-    const std::string_view view = bytes;
-    return {view.begin(), view.end()};
-}
-
 TimedBytes timed(const std::vector<sim::Packet> &packets)
 {
     return list_of(packets, [](const sim::Packet &packet) {
@@ -528,7 +522,7 @@ void bind_commands(Process &process)
             "set_script",
             [](sim::Process &p, const TimedBytes &rows) {
                 p.set_script(list_of(rows, [](const auto &row) {
-                    return sim::ScriptedCommand{row.first, octets(row.second)};
+                    return sim::ScriptedCommand{row.first, octets(row.second), false};
                 }));
             },
             "rows"_a)

@@ -112,6 +112,33 @@ def test_a_scenario_repeats_faults_orbits_and_inertias(tumbler):
     assert repr(again.world.gyro.faults) == repr(sim.world.gyro.faults)
 
 
+def test_a_scenario_repeats_commands(tumbler):
+    """A gain that is wrong while the first command counts, and before the second one mends it."""
+    (tumbler / "requirements.py").write_text("""
+from fledge.requirements import always
+
+def gains(r):
+    r.require("R-1", "It turns little.", always(r.signal("flight.control.torque.torque_B").norm() < 20))
+""")
+    (tumbler / "dispersions.py").write_text("""
+from fledge.units import N, deg, m, s
+
+def commanded(d):
+    d.duration, d.every = 30 * s, 1 * s
+    d["world.craft.omega_BN_B"] = d.normal(0, 0.01 * deg / s)
+    d.command(d.choice(None, d.packets.noop(), d.packets.write("control", P=50000 * N * m * s)),
+              at=d.uniform(5 * s, 20 * s))
+    d.command(d.choice(None, d.packets.noop()), at=d.uniform(5 * s, 20 * s))
+""")
+    flights = Flights(tumbler, "R-1", seed=3)
+    tried = search(flights, flights.space, 100, seed=3)
+    found = flights.smallest(tried.values[tried.best], tried.margins[tried.best])
+    assert "flight.commands[0]" in found.kept and "flight.commands[1]" in found.removed
+    text = scenario(flights, found, "by hand")
+    assert text.count("bytes.fromhex") == 1 and "# write flight.control.P" in text
+    assert flown(tumbler, text, "R-1") == pytest.approx(found.margin, abs=1e-12)
+
+
 @pytest.mark.long("many draws")
 def test_its_probability_is_that_of_the_draws(tumbler):
     flights = Flights(tumbler, "R-4", seed=1)

@@ -158,7 +158,9 @@ class Flights:
 
     def smallest(self, values: Array, margin: float) -> Counterexample:
         """The smallest counterexample from a failing run with these numbers of `space`."""
-        return smallest(self.fly, self.marginals, self.faults,
+        parts = {**{fault: f"{fault}.kind" for fault in self.faults},
+                 **{command: f"{command}.which" for command in self.campaign.dispersions.commands}}
+        return smallest(self.fly, self.marginals, parts,
                         {**dict(zip(self.space.columns, map(float, values))), **self.kinds}, margin)
 
     def shown(self, path: str, x: float) -> str:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smallest counterexample: a failing run whose faults are removed, and whose numbers are set back to those of the
-mission's own files, one by one, for as long as it still fails."""
+"""The smallest counterexample: a failing run whose faults and commands are removed, and whose numbers are set back to
+those of the mission's own files, one by one, for as long as it still fails."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ Fly = Callable[[Mapping[str, Sequence[float]]], Any]
 @dataclass
 class Counterexample:
     """values: path of each dispersed number, and of the kind of each fault -> its number; kept: what differs from the
-    nominal run, removed: what does not: faults ("world.gyro.faults[0]"), lines of dispersions.py, or elements of their
-    arrays; margin: of the requirement, below 0"""
+    nominal run, removed: what does not: faults ("world.gyro.faults[0]") and commands ("flight.commands[0]"), lines of
+    dispersions.py, or elements of their arrays; margin: of the requirement, below 0"""
     values: dict[str, float]
     kept: list[str]
     removed: list[str]
     margin: float
 
 
-def smallest(fly: Fly, marginals: Mapping[str, Marginal], faults: Sequence[str], values: Mapping[str, float],
+def smallest(fly: Fly, marginals: Mapping[str, Marginal], parts: Mapping[str, str], values: Mapping[str, float],
              margin: float) -> Counterexample:
     """The smallest counterexample from a failing run: its numbers, the kinds of all its faults among them, and its
-    margin. fly: path -> its number in each run, to the margins.
+    margin. fly: path -> its number in each run, to the margins; parts: faults and commands -> the path of the number
+    that is 0 where there is none.
 
-    Faults go first, then lines of dispersions.py, then elements of their arrays; of those that can go, the one whose
-    going leaves the least margin. What is left cannot go by itself."""
+    Faults and commands go first, then lines of dispersions.py, then elements of their arrays; of those that can go,
+    the one whose going leaves the least margin. What is left cannot go by itself."""
     lines: dict[str, dict[str, float]] = {}
     for path, m in marginals.items():
-        if not path.startswith(tuple(f"{fault}." for fault in faults)):
+        if not path.startswith(tuple(f"{part}." for part in parts)):
             lines.setdefault(m.declared, {})[path] = m.nominal
     stages: list[dict[str, dict[str, float]]] = [
-        {fault: {f"{fault}.kind": 0.0} for fault in faults}, lines,
+        {part: {path: 0.0} for part, path in parts.items()}, lines,
         {path: {path: x} for line in lines.values() for path, x in line.items()
          if len(line) > 1 and marginals[path].kind != "attitude"}]
     now = dict(values)

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from fledge import objects
+from fledge.commands import checksummed, numbered
 from fledge.falsify.flights import Flights
 from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
@@ -26,8 +27,9 @@ def scenario(flights: Flights, example: Counterexample, command: str) -> str:
     """The text of a file in Python whose function flies the counterexample, for a mission's scenarios.py: it fails for
     as long as the requirement does."""
     sim = flights.simulation(example.values)
+    commands = flights.campaign.dispersions.commands
     changed = [path for path, m in flights.marginals.items() if ".faults[" not in path
-               and example.values[path] != m.nominal]
+               and path.rpartition(".")[0] not in commands and example.values[path] != m.nominal]
     lines = [f'set_up(sim, chosen(sim, "{flights.scenario}")[1])'] if flights.scenario else []
     lines.append(f"sim.seed = {sim.seed}")
     for craft in dict.fromkeys(path.partition(".orbit.")[0] for path in changed if ".orbit." in path):
@@ -38,6 +40,10 @@ def scenario(flights: Flights, example: Counterexample, command: str) -> str:
     for model in dict.fromkeys(fault.rpartition(".")[0] for fault in flights.faults if fault in example.kept):
         rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in example.removed]
         lines.append(f"sim.{model}.faults = [" + "".join(f"\n        {_fault(row)}," for row in rows) + "\n    ]")
+    for process in dict.fromkeys(command.process for command in commands.values()):
+        lines += _script(process, [(example.values.get(f"{place}.at", command.at), command,
+                                    int(example.values[f"{place}.which"]))
+                                   for place, command in commands.items() if command.process == process])
     margin = number_text(example.margin, flights.unit)
     return f'''"""A counterexample to {flights.requirement}, found by
 
@@ -86,6 +92,18 @@ def _fault(row: Any) -> str:
         elif x and not field.spare:
             parts.append(f'"{field.name}": {_seconds(x) if field.unit == "ns" else repr(x)}')
     return "{" + ", ".join(parts) + "}"
+
+
+def _script(process: str, drawn: list[tuple[float, Any, int]]) -> list[str]:
+    """The lines that send the commands of a process, of (time [s], command, which of its packets)."""
+    rows: list[str] = []
+    packets = 0
+    for at, command, which in sorted((row for row in drawn if row[2]), key=lambda row: row[0]):
+        for packet in command.packets[which - 1]:
+            unit = checksummed(numbered(packet, packets))
+            rows.append(f'\n        ({round(at * 1e9)}, bytes.fromhex("{unit.hex()}")),  # {command.names[which - 1]}')
+            packets += 1
+    return [f"sim.{process}.commands.script([" + "".join(rows) + "\n    ])"] if rows else []
 
 
 def _seconds(ns: int) -> str:

@@ -83,7 +83,7 @@ class Campaign:
         sim, plan = self._load(index)
         plan.seed = seed
         draws = disperse(sim, sim, plan, index)
-        self._orbits[sim] = draws[len(draws) - len(self.dispersions.orbit_elements):]
+        self._orbits[sim] = draws[len(draws) - len(self.dispersions.composed):]
         return sim
 
     def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
@@ -144,15 +144,15 @@ class Campaign:
     def drawn(self, simulation: Simulation) -> dict[str, float]:
         """The dispersed numbers of a simulation that simulation() gave, or of another one of this mission, which has
         the nominal orbit: path -> number."""
-        elements = self.dispersions.orbit_elements
+        elements = self.dispersions.composed
         drawn = dict(zip(elements, self._orbits.get(simulation, elements.values())))
         return {path: drawn[path] if path in drawn else FieldPath(simulation, path).value()
                 for path in self.dispersions.drawn}
 
     def enumerators(self, path: str) -> Mapping[float, str]:
         """Number -> name of the enumerators that a draw chooses among; {} of a draw of numbers."""
-        if path in self.dispersions.orbit_elements or path in getattr(self, "parameters", ()):
-            return {}
+        if path in self.dispersions.composed or path in getattr(self, "parameters", ()):
+            return self.dispersions.labels.get(path, {})
         return {float(n): name for n, name in enumerator_names(FieldPath(self.nominal, path).field).items()}
 
     def shown(self, path: str, x: float) -> str:

@@ -13,6 +13,7 @@
         d["flight.camera.mode"]     = d.choice("SURVEY", "STARE")
         d.orbit("world.craft", altitude=d.nominal + d.normal(0, 2 * km), Omega=d.uniform(0, 360 * deg))
         d.fault("world.gyro", kind=d.choice("NONE", "BIAS", "DEAD"), begin=d.uniform(1 * minute, 5 * minute))
+        d.command(d.packets.mode("IDLE"), at=d.uniform(1 * minute, 5 * minute))
 
         error = d.retain("flight.tracking.error.sigma_BR")
         d.check(error.norm().final < 1e-3, "the attitude did not settle")
@@ -24,6 +25,7 @@ a parameter is drawn from a stream of its own: a line more changes no other line
 
 from __future__ import annotations
 
+import struct as packing
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -40,9 +42,11 @@ from fledge.world.bodies import ANGLE, LENGTH
 if TYPE_CHECKING:
     import numpy as np
 
+    from fledge.commands import Packets
     from fledge.mission.simulation import Simulation
 
 _NUMBER = (0,) * 8
+_TIME = (0, 0, 1, 0, 0, 0, 0, 0)
 _INFINITY = float("inf")
 SHAPE = ("a", "e", "p", "rp", "ra", "altitude")     # elements of the size and shape of an orbit, and the others
 ANGLES = ("i", "Omega", "omega", "f")
@@ -119,6 +123,14 @@ class _Nominal:
         return "nominal"
 
 
+class _Command(NamedTuple):
+    """Commands of which each run sends one. packets: of each; names: in words; at: [s] unless it is drawn"""
+    process: str
+    packets: list[list[bytes]]
+    names: list[str]
+    at: float
+
+
 # --- d ---------------------------------------------------------------------------------------------
 
 @suggesting()
@@ -134,10 +146,13 @@ class Dispersions:
         self.draws: dict[str, Draw] = {}            # by path, as declared
         self.marginals: dict[str, Marginal] = {}    # by path of each dispersed element
         self.faults: list[str] = []                 # "world.gyro.faults[0]" of each that fault() planned
-        self.orbit_elements: dict[str, float] = {}  # path of each dispersed element of an orbit -> its nominal value
+        # Path of each drawn number that is no parameter, of an orbit or a command -> its nominal value.
+        self.composed: dict[str, float] = {}
+        self.labels: dict[str, dict[float, str]] = {}   # of these, names of numbers: path -> number -> name
+        self.commands: dict[str, _Command] = {}     # "flight.commands[0]" of each that command() planned
         self._parameter_columns: dict[str, str] = {}    # axes of a sweep that the mission takes
         self._columns: dict[str, str] = {}          # path of each dispersed element of a parameter -> unit
-        self._orbit_columns: dict[str, str] = {}    # the same for orbits
+        self._composed_columns: dict[str, str] = {}     # the same of `composed`
         self.retained: dict[str, Variable] = {}     # by path, and with " raw" behind it
         self.requirements: list[Requirement] = []
 
@@ -153,7 +168,7 @@ class Dispersions:
     @property
     def drawn(self) -> dict[str, str]:
         """The same of those that the kernel draws: all but the axes of a sweep that the mission takes."""
-        return {**self._columns, **self._orbit_columns}
+        return {**self._columns, **self._composed_columns}
 
     # --- times ---
 
@@ -319,11 +334,8 @@ class Dispersions:
                          body.radius, body.radius if body.surface is None else body.surface,
                          [x for axis in axes for x in axis], origin)
         for shown, name in paths.items():
-            self._orbit_columns[shown] = "" if name == "e" else "rad" if name in ANGLES else "m"
-            kind, a, b, low, high, scale, choices, _ = distributions[name]
-            self.marginals[shown] = Marginal(kind, a, b, low, high, scale, tuple(choices), nominal[name], False, shown)
-            self.orbit_elements[shown] = nominal[name]
-            self.draws[shown] = elements[name]
+            self._compose(shown, elements[name], distributions[name], nominal[name],
+                          "" if name == "e" else "rad" if name in ANGLES else "m")
 
     def _craft(self, path: str) -> Any:
         """The spacecraft at a path. Raises SetupError if there is none."""
@@ -349,7 +361,7 @@ class Dispersions:
             if not isinstance(draw, Draw) or draw.kind == "attitude":
                 raise SetupError(f"d.orbit({path!r}, {name}=...): expected a number drawn, such as d.normal(...), "
                                  f"d.uniform(...) or d.choice(...); found {_short(draw)}")
-            if f"{path}.orbit.{name}" in self._orbit_columns:
+            if f"{path}.orbit.{name}" in self._composed_columns:
                 raise SetupError(f"{path}.orbit.{name} is dispersed twice")
         if not elements:
             raise SetupError(f"d.orbit({path!r}): name what to draw, of {listed(known)}")
@@ -389,6 +401,67 @@ class Dispersions:
         for name, value in fields.items():
             if isinstance(value, Draw):
                 self[f"{path}.faults[{len(planned)}].{name}"] = value
+
+    @property
+    def packets(self) -> Packets:
+        """The commands of the flight software, for command(). Of several processes ask
+        `d.simulation.NAME.commands.packets`."""
+        flights = self.simulation.flights
+        if len(flights) != 1:
+            raise SetupError(f"d.packets: there are {listed([f.name for f in flights])}; name one, as in "
+                             f"d.simulation.{flights[0].name}.commands.packets")
+        return flights[0].commands.packets
+
+    def command(self, packets: Any, at: Any) -> None:
+        """Send a command at a time, in each run:
+
+            d.command(d.packets.mode("SAFE"), at=d.uniform(1 * minute, 5 * minute))
+            d.command(d.choice(None, d.packets.mode("SAFE"), d.packets.write("control", K=2 * N * m)), at=90 * s)
+
+        packets: what `d.packets` gives, or a choice of some, of which None is no command; at: a time after the start,
+        drawn or not. Flight executes it at its next instant, as commands of a scenario. Raises SetupError.
+        """
+        draw = packets if isinstance(packets, Draw) else Draw("choice", (packets,))
+        if draw.kind != "choice" or draw.scale:
+            raise SetupError(f"d.command: expected packets, or d.choice(...) of some; found {draw!r}")
+        sent = [[] if one is None else [one] if isinstance(one, bytes) else one for one in draw.numbers]
+        if not all(isinstance(one, list) and all(isinstance(packet, bytes) for packet in one) for one in sent):
+            raise SetupError("d.command: expected packets, as d.packets.mode(...) gives them")
+        known = [packets for packets in sent if packets]
+        process = next((p for p in self.simulation.flights if known and
+                        known[0][0][:2] == packing.pack(">H", p.commands.dictionary.stream)), None)
+        if process is None:
+            raise SetupError("d.command: " + ("these packets are of no flight software of this mission" if known else
+                                              "name a command"))
+        if process.commands.dictionary.frames:
+            raise SetupError(f"d.command: {process.name} takes commands in frames, which a draw cannot make; command a "
+                             "mission whose flight takes packets")
+        place = f"{process.name}.commands[{sum(name.startswith(f'{process.name}.') for name in self.commands)}]"
+        dictionary = process.commands.dictionary
+        names = [" and ".join(map(dictionary.command, packets)) for packets in known]
+        which = [float(known.index(packets) + 1) if packets else 0.0 for packets in sent]
+        time = 0.0 if isinstance(at, Draw) else _positive(at, f"{place}.at") / 1e9
+        self._command(place, _Command(process.name, known, names, time),
+                      {"which": Draw("choice", tuple(which)), **({"at": at} if isinstance(at, Draw) else {})})
+
+    def _command(self, place: str, command: _Command, draws: Mapping[str, Draw]) -> None:
+        """draws: "which", and "at" unless that is the same in all runs."""
+        if "at" in draws and (draws["at"].scale or draws["at"].kind == "attitude"):
+            raise SetupError(f"{place}.at = {draws['at']!r}: expected a time drawn, as in d.uniform(1 * s, 5 * s)")
+        numbers = {name: _distribution(f"{place}.{name}", name, draw) for name, draw in draws.items()}
+        distributions = {name: _core.Distribution(*of) for name, of in numbers.items()}
+        self._plan.command(self.simulation.kernel, command.process, place, command.packets, distributions["which"],
+                           distributions.get("at", command.at))
+        self.commands[place] = command
+        self.labels[f"{place}.which"] = {float(i): name for i, name in enumerate(["none", *command.names])}
+        for name, draw in draws.items():
+            self._compose(f"{place}.{name}", draw, numbers[name], 0.0, "s" if name == "at" else "")
+
+    def _compose(self, path: str, draw: Draw, numbers: tuple[Any, ...], nominal: float, unit: str) -> None:
+        """A drawn number that is no parameter."""
+        kind, a, b, low, high, scale, choices, _ = numbers
+        self.draws[path], self.composed[path], self._composed_columns[path] = draw, nominal, unit
+        self.marginals[path] = Marginal(kind, a, b, low, high, scale, tuple(choices), nominal, False, path)
 
     # --- retained variables and requirements ---
 
@@ -472,7 +545,7 @@ class Dispersions:
         """Make the campaign a sweep: fledge.montecarlo.Sweep. parameters: the axes that the mission itself takes."""
         if not dispersed:
             self._plan.clear_draws()
-            self.draws, self.orbit_elements, self._columns, self._orbit_columns = {}, {}, {}, {}
+            self.draws, self.composed, self._columns, self._composed_columns = {}, {}, {}, {}
         self._plan.points, stride = points, 1
         for path, values in axes.items():
             if path in parameters:
@@ -513,18 +586,24 @@ class Dispersions:
         any parameter's -> its number in each run, in SI. Each run has the random streams of the first."""
         marginals = self.marginals
         self._plan.clear_draws()
-        self.draws, self.orbit_elements, self._columns, self._orbit_columns = {}, {}, {}, {}
+        self.draws, self.composed, self._columns, self._composed_columns = {}, {}, {}, {}
         self._plan.points = len(next(iter(values.values())))
         orbits: dict[str, dict[str, Draw]] = {}
+        commands: dict[str, dict[str, Draw]] = {}
         for path, numbers in values.items():
+            place, _, name = path.rpartition(".")
+            if place in self.commands:
+                commands.setdefault(place, {})[name] = Draw("grid", tuple(map(float, numbers)))
+                continue
             if ".orbit." in path:
-                craft, name = path.split(".orbit.")
-                orbits.setdefault(craft, {})[name] = Draw("grid", tuple(map(float, numbers)))
+                orbits.setdefault(place.removesuffix(".orbit"), {})[name] = Draw("grid", tuple(map(float, numbers)))
                 continue
             kind = int if FieldPath(self.simulation, path).field.type == "enum" else float
             self[path] = Draw("grid", tuple(map(kind, numbers)))
         for craft, elements in orbits.items():
             self.orbit(craft, **elements)
+        for place, draws in commands.items():
+            self._command(place, self.commands[place], draws)
         self.marginals = marginals
 
     # --- the whole ---
@@ -572,9 +651,9 @@ class Dispersions:
 
 
 def _distribution(shown: str, name: str, draw: Draw) -> tuple[Any, ...]:
-    """The arguments of a Distribution of an orbit's element, in SI."""
-    unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
-                  ("rad", ANGLE) if name in ANGLES else ("m", LENGTH))
+    """The arguments of a Distribution of an orbit's element, or of a command's time, in SI."""
+    unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name in ("e", "which") else
+                  ("s", _TIME) if name == "at" else ("rad", ANGLE) if name in ANGLES else ("m", LENGTH))
     declared = f"{shown} = {draw!r}"
     numbers = [to_number(x, declared, unit, dims) for x in draw.numbers]
     low, high = (x if limit is None else to_number(limit, declared, unit, dims)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a campaign declares: paths, units, distributions, requirements, and the messages of errors."""
 
+import math
+import re
 from itertools import product
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 import fledge
 from fledge import world
 from fledge.attitude import mrp_to_dcm
+from fledge.commands import Code
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo import Campaign, disperse
 from fledge.units import N, deg, kg, km, m, s
@@ -378,6 +381,49 @@ def test_faults_that_the_mission_does_not_plan_are_dispersed(tmp_path):
         campaign.dispersions.fault("world.craft", kind="BIAS")
     with pytest.raises(fledge.SetupError, match="of the rows of world.gyro.faults the mission gives 2"):
         campaign.dispersions["world.gyro.faults[2].size"] = campaign.dispersions.uniform(0, 1)
+
+
+def test_drawn_commands_come_at_their_times_in_threads_and_alone():
+    def commanded(d):
+        d.duration, d.every = 20, 1
+        d.command(d.choice(None, d.packets.noop(), d.packets.write("control", K=9 * N * m)),
+                  at=d.uniform(8 * s, 16 * s))
+        d.command([*d.packets.write("control", K=4 * N * m), d.packets.noop()], at=d.normal(12 * s, 1 * s))
+        d.retain("flight.control.torque.torque_B")
+
+    campaign = Campaign("nadir_spin", commanded)
+    result = campaign.fly(12, seed=2, threads=2)
+    draws = {path.removeprefix("flight.commands"): values for path, values in result.draws.items()}
+    assert list(draws) == ["[0].which", "[0].at", "[1].which", "[1].at"] and not result.failures
+    assert set(draws["[0].which"]) == {0, 1, 2} and set(draws["[1].which"]) == {1}
+    assert campaign.shown("flight.commands[0].which", 2) == "write flight.control.K"
+    for run in range(12):
+        sim = campaign.simulation(run, seed=2)
+        assert campaign.drawn(sim) == {path: values[run] for path, values in result.draws.items()}
+        log = sim.record(sim.flight.control.torque, every=1 * s)
+        sim.run(20 * s)
+        assert (log["torque.torque_B"] == result.retained["flight.control.torque.torque_B"][run]).all()
+        which, first, _, second = (values[run] for values in draws.values())
+        sent = sorted([*([(first, ("NOOP", "WRITE")[int(which) - 1])] if which else []), (second, "WRITE"),
+                       (second, "NOOP")], key=lambda row: row[0])
+        reports = [report for report in sim.flight.commands.reports if report.executed]
+        assert all(report.good for report in reports)
+        assert [report.sequence for report in reports] == list(range(len(sent)))
+        assert [(report.t, Code(report.code).name) for report in reports] == \
+            [((math.floor(t / 0.5) + 1) * 500_000_000, name) for t, name in sent]      # the next instant of flight
+    wrong = Dispersions(fledge.load("nadir_spin"))
+    p = wrong.packets
+    for packets, at, words in [
+            (p.noop(), -1 * s, "flight.commands[0].at must be > 0, found -1 s"),
+            (p.noop(), wrong.uniform(-1 * s, 1 * s), "a command comes at 0 s or later, found -1 s"),
+            (p.noop(), wrong.uniform(1 * m, 2 * m), "expected a quantity in s"),
+            (p.noop(), wrong.attitude(), "expected a time drawn"),
+            ("noop", 1 * s, "expected packets, as d.packets.mode(...) gives them"),
+            (wrong.uniform(1, 2), 1 * s, "expected packets, or d.choice(...) of some"),
+            (wrong.choice(None), 1 * s, "name a command"), (b"x" * 12, 1 * s, "of no flight software")]:
+        with pytest.raises(fledge.SetupError, match=re.escape(words)):
+            wrong.command(packets, at)
+    assert not wrong.columns
 
 
 # --- requirements ----------------------------------------------------------------------------------
