@@ -96,7 +96,11 @@ def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> byt
                 raise SetupError(f"{field.name} has room for {shape[0]} bytes; '{value}' has {len(raw)}")
             return raw.ljust(shape[0], b"\0")
     if shape:
-        if not hasattr(value, "__len__") or len(value) != shape[0]:
+        try:
+            rows = len(value)
+        except TypeError:   # a number, with or without unit
+            rows = -1
+        if rows != shape[0]:
             raise SetupError(f"{field.name} has the shape {list(field.shape)}; found {value!r}")
         return b"".join(encoded(field, item, shape[1:]) for item in value)
     if field.type == "struct":

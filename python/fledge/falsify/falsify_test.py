@@ -121,13 +121,13 @@ def gains(r):
     r.require("R-1", "It turns little.", always(r.signal("flight.control.torque.torque_B").norm() < 20))
 """)
     (tumbler / "dispersions.py").write_text("""
-from fledge.units import N, deg, m, s
+from fledge.units import deg, s
 
 def commanded(d):
     d.duration, d.every = 30 * s, 1 * s
     d["world.craft.omega_BN_B"] = d.normal(0, 0.01 * deg / s)
-    d.command(d.choice(None, d.packets.noop(), d.packets.write("control", P=50000 * N * m * s)),
-              at=d.uniform(5 * s, 20 * s))
+    wrong = d.packets.write("flight.control", P=[[5e4, 0, 0], [0, 5e4, 0], [0, 0, 5e4]])
+    d.command(d.choice(None, d.packets.noop(), wrong), at=d.uniform(5 * s, 20 * s))
     d.command(d.choice(None, d.packets.noop()), at=d.uniform(5 * s, 20 * s))
 """)
     flights = Flights(tumbler, "R-1", seed=3)

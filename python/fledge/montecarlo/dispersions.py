@@ -416,7 +416,7 @@ class Dispersions:
         """Send a command at a time, in each run:
 
             d.command(d.packets.mode("SAFE"), at=d.uniform(1 * minute, 5 * minute))
-            d.command(d.choice(None, d.packets.mode("SAFE"), d.packets.write("control", K=2 * N * m)), at=90 * s)
+            d.command(d.choice(None, d.packets.mode("SAFE"), d.packets.write("flight.control", K=2.0)), at=90 * s)
 
         packets: what `d.packets` gives, or a choice of some, of which None is no command; at: a time after the start,
         drawn or not. Flight executes it at its next instant, as commands of a scenario. Raises SetupError.

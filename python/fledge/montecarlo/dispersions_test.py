@@ -386,9 +386,9 @@ def test_faults_that_the_mission_does_not_plan_are_dispersed(tmp_path):
 def test_drawn_commands_come_at_their_times_in_threads_and_alone():
     def commanded(d):
         d.duration, d.every = 20, 1
-        d.command(d.choice(None, d.packets.noop(), d.packets.write("control", K=9 * N * m)),
+        d.command(d.choice(None, d.packets.noop(), d.packets.write("flight.control", K=9.0)),
                   at=d.uniform(8 * s, 16 * s))
-        d.command([*d.packets.write("control", K=4 * N * m), d.packets.noop()], at=d.normal(12 * s, 1 * s))
+        d.command([*d.packets.write("flight.control", K=4.0), d.packets.noop()], at=d.normal(12 * s, 1 * s))
         d.retain("flight.control.torque.torque_B")
 
     campaign = Campaign("nadir_spin", commanded)
