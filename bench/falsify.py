@@ -64,9 +64,9 @@ def stuck(d: Any) -> None:
 
 
 def answer(question: dict[str, Any]) -> Any:
-    """Of points: their margins. Without a requirement: whether the scenarios pass, and the requirement that a search finds violated by
-    `screening` runs, None if it was none, or found by the first `easy` ones. Of a requirement: for each seed the runs
-    that search() and random_search() needed to the first violation, None where they found none."""
+    """Of points: their margins. Without a requirement: whether the scenarios pass, and the requirement that a search
+    finds violated by `screening` runs, None if it was none, or found by the first `easy` ones. Of a requirement: for
+    each seed the runs that search() and random_search() needed to the first violation, None where they found none."""
     from functools import partial
 
     import fledge
