@@ -23,7 +23,7 @@
      isfinite((a).m[2][2]))
 #endif
 
-/* Vectors whose length is bounded have finite numbers, which intervals do not see. */
+/* Vectors whose length is bounded have finite numbers, which intervals do not see: flight/math/vec_proof.c shows it. */
 #if __has_include("flight/msg/sensors.h")
 #include "flight/msg/sensors.h"
 #define gyro_speaks(gyro) ((gyro_speaks)(gyro) && vec_finite((gyro)->omega_BN_B))
@@ -60,7 +60,7 @@ static inline double any_number(double lo, double hi)
     return Frama_C_double_interval(lo, hi);
 }
 
-/* The exponent of a number, which the analyser does not see in its bits. */
+/* The exponent of a number, which the analyser does not see in its bits: of 0.5 it is 1022, of DBL_MAX 2046. */
 static inline int32_t prove_exponent(double x)
 {
     return (int32_t)(0.5 <= x && x <= DBL_MAX ? any_integer(1022, 2046) : any_integer(0, 4095));
