@@ -154,8 +154,8 @@ void add_command(sim::CampaignPlan &plan, const sim::Simulation &nominal, const 
                  const std::variant<double, Distribution> &at)
 {
     DrawnCommand command{path, {}, 0.0};
-    for (const auto &one : packets) {
-        command.known.push_back(list_of(one, [](const py::bytes &packet) { return octets(packet); }));
+    for (const auto &choice : packets) {
+        command.known.push_back(list_of(choice, [](const py::bytes &packet) { return octets(packet); }));
     }
     sim::Composition composition;
     composition.process = process;

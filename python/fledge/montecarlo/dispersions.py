@@ -424,8 +424,8 @@ class Dispersions:
         draw = packets if isinstance(packets, Draw) else Draw("choice", (packets,))
         if draw.kind != "choice" or draw.scale:
             raise SetupError(f"d.command: expected packets, or d.choice(...) of some; found {draw!r}")
-        sent = [[] if one is None else [one] if isinstance(one, bytes) else one for one in draw.numbers]
-        if not all(isinstance(one, list) and all(isinstance(packet, bytes) for packet in one) for one in sent):
+        sent = [[] if choice is None else [choice] if isinstance(choice, bytes) else choice for choice in draw.numbers]
+        if not all(isinstance(choice, list) and all(isinstance(packet, bytes) for packet in choice) for choice in sent):
             raise SetupError("d.command: expected packets, as d.packets.mode(...) gives them")
         known = [packets for packets in sent if packets]
         process = next((p for p in self.simulation.flights if known and
