@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planted bug that the scenarios of sun_safe pass, and what both searches need to find it."""
+import math
+
+import numpy as np
 import pytest
 
 from fledge.verify.decisions import has_clang
@@ -28,7 +31,7 @@ def test_a_bug_that_the_scenarios_pass_is_found(program):
     bug = mutant("flight/sensing/sun_line.c", "vec_norm2(u) - along * along;", "vec_norm2(u) - along / along;")
     *rows, seen = falsify.study(program, [bug], 1, 2, 200)
     assert len(rows) == 1 and rows[0]["requirement"] == "SUN-3" and not any(seen.values())
-    assert all(min(filter(None, pair)) <= 200 for pair in rows[0]["needed"]) and rows[0]["ratio"] > 0
+    assert all(min(filter(None, pair)) <= 200 for pair in rows[0]["needed"])
     assert any("along / along" in line for line in falsify.lines_of(rows[0]))
 
 
@@ -50,5 +53,24 @@ def test_without_a_change_nothing_is_found(tmp_path):
     assert falsify.ask(tmp_path, requirement="SUN-1", seeds=[2], runs=240) == [[None, None]]
 
 
-def test_what_a_search_needed_counts_all_runs_where_it_found_nothing():
-    assert falsify.needed([[3, 7], [None, 9], [5, None]], 100) == (5, 9)
+def test_the_median_of_draws_follows_from_their_rate():
+    """Of a geometric distribution, whatever part of it is cut off."""
+    random = np.random.default_rng(0)
+    drawn = random.geometric(0.002, 4000)
+    for runs in (100, 300, 10_000):
+        found = [[3, int(x) if x <= runs else None] for x in drawn]
+        search, draws, more = falsify.needed(found, runs)
+        assert draws == pytest.approx(np.median(drawn), rel=0.15) and search == 3 and not more
+
+
+def test_a_search_that_finds_nothing_counts_with_all_its_runs():
+    search, draws, more = falsify.needed([[3, None], [None, None], [5, None]], 100)
+    assert search == 5 and draws == pytest.approx(math.log(2) * 100) and more
+
+
+def test_the_rarer_half_is_that_of_the_draws():
+    rows = [{"file": "flight/a.c", "line": n, "requirement": "R-1", "needed": [[10, draws]] * 3}
+            for n, draws in ((1, 1000), (2, 10), (3, 20), (4, 800))]
+    *lines, last = falsify.table(rows, 2000)
+    assert [line.split()[0] for line in lines] == ["mutant", "a.c:2", "a.c:3", "a.c:4", "a.c:1"]
+    assert last == f"median ratio {math.log(2) * 41:.3g}, of the rarer half {math.log(2) * 90:.3g}"
