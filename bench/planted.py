@@ -4,8 +4,8 @@
     ./fledge bench planted                          # 20 faults
     ./fledge bench planted --faults 8 --seed 2 flight/control
 
-A seed draws as many faults of each kind from modules that `fledge prove` proves as they are, so that each alarm is one
-of the fault; where these have too few of a kind, the rest is from modules with alarms, and new alarms count:
+A seed draws as many faults of each kind from modules that stay proved (python/fledge/prove/prove_test.py), so that each
+alarm is one of the fault; where these have too few of a kind, the rest is from others, and new alarms count:
 
     index       the bound of a loop, or a subscript, is off by one
     division    the comparison of a divisor with a number is constant, so that the division always happens
@@ -42,6 +42,7 @@ from typing import Any
 from fledge import prove
 from fledge.columns import columns
 from fledge.errors import Failure
+from fledge.prove.prove_test import PROVED
 from fledge.prove.sources import Tree
 from fledge.verify import decisions
 
@@ -285,7 +286,8 @@ def study(bench: Bench, count: int, seed: int, kept: Path) -> Iterator[dict[str,
     known: dict[str, dict[str, str]] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
     for kind in KINDS:
         drawn = candidates(kind, bench.sources, seed)
-        order = (mutant for proved in (True, False) for mutant in drawn if bench.proved(mutant.file)[0] == proved)
+        order = (mutant for proved in (True, False) for mutant in drawn
+                 if (set(bench.units[mutant.file]) <= set(PROVED)) == proved)
         taken = 0
         while taken < count and (mutant := next(order, None)):
             key = hashlib.sha256("\0".join([mutant.file, mutant.text, mutant.changed()]).encode()).hexdigest()
