@@ -12,9 +12,16 @@ void attitude_miscompare_reset(AttitudeMiscompare *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
-static int good_numbers(const NavAttitude *attitude)
+/* Pass an attitude on; 0 where it was never written or its numbers are not finite. */
+static int pass_on(NavAttitude *out, const NavAttitude *from, Quality quality)
 {
-    return head_written(attitude->head) && vec_finite(attitude->sigma_BN) && vec_finite(attitude->omega_BN_B);
+    NavAttitude passed = *from;
+    if (!head_written(passed.head) || !vec_finite(passed.sigma_BN) || !vec_finite(passed.omega_BN_B)) {
+        return 0;
+    }
+    passed.head = head_next(out->head, passed.head.t, quality);
+    *out = passed;
+    return 1;
 }
 
 void attitude_miscompare_update(AttitudeMiscompare *m, Tick t)
@@ -30,16 +37,8 @@ void attitude_miscompare_update(AttitudeMiscompare *m, Tick t)
           m->par.release);
 
     const NavAttitude *used = m->par.prefer_b ? b : a, *other = m->par.prefer_b ? a : b;
-    Quality passed = quality_through(used->head);
-    if (!good_numbers(used)) {
-        used = other;
-        passed = quality_min(quality_through(used->head), QUALITY_DEGRADED);
-    }
-    if (good_numbers(used)) {
-        const Head last = out->head;
-        *out = *used;
-        out->head = head_next(last, used->head.t, passed);
-    } else {
+    if (!pass_on(out, used, quality_through(used->head)) &&
+        !pass_on(out, other, quality_min(quality_through(other->head), QUALITY_DEGRADED))) {
         out->head = head_held(out->head);
     }
 }

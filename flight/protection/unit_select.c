@@ -6,18 +6,14 @@
 /* Pass on the message of the first of n <= UNIT_CHOICES units that is in use and speaks, else of the first that is in
  * use; if none is, or it has written nothing yet, the output holds what it has. The message keeps its time and
  * quality, as on a wire; the output counts its own writings, one for each of those that it passes on.
- * table: never written: all are in use. places: of the units in it. in, out: messages of a size, heads first.
- * finite: whether the numbers of each message are; one whose numbers are not counts as never written. */
+ * table: never written: all are in use. places: of the units in it. in, out: messages of a size, heads first. */
 static void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const UnitTable *table, const uint32_t *places, int n,
-                        const void *const *in, const int *finite, void *out, size_t size, int64_t t)
+                        const void *const *in, void *out, size_t size, int64_t t)
 {
     Head heads[UNIT_CHOICES], last;
     int taken = -1;
-    memset(heads, 0, sizeof heads);
     for (int i = 0; i < n; i++) {
-        if (finite[i]) {
-            memcpy(&heads[i], in[i], sizeof heads[i]);
-        }
+        memcpy(&heads[i], in[i], sizeof heads[i]);
         choice->age[i] = tick_seconds(tick_since(t, heads[i].t));
         const int used = !head_written(table->head) || unit_used(table, places[i]);
         const int speaks = heads[i].quality >= QUALITY_DEGRADED;
@@ -42,9 +38,23 @@ static void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const UnitTabl
     memcpy(out, &last, sizeof last);
 }
 
-static int stars_finite(const StarAttitude *stars)
+/* A message; one whose numbers are not finite counts as never written. */
+static StarAttitude stars_heard(const StarAttitude *stars)
 {
-    return vec_finite(stars->sigma_BN) && mat_finite(stars->P_B);
+    StarAttitude heard = *stars;
+    if (!vec_finite(heard.sigma_BN) || !mat_finite(heard.P_B)) {
+        memset(&heard, 0, sizeof heard);
+    }
+    return heard;
+}
+
+static GyroRate gyro_heard(const GyroRate *gyro)
+{
+    GyroRate heard = *gyro;
+    if (!vec_finite(heard.omega_BN_B)) {
+        memset(&heard, 0, sizeof heard);
+    }
+    return heard;
 }
 
 void star_select_reset(StarSelect *m)
@@ -55,9 +65,9 @@ void star_select_reset(StarSelect *m)
 
 void star_select_update(StarSelect *m, Tick t)
 {
-    const void *const in[] = {&m->in.a, &m->in.b};
-    const int finite[] = {stars_finite(&m->in.a), stars_finite(&m->in.b)};
-    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, finite, &m->out.attitude,
+    const StarAttitude a = stars_heard(&m->in.a), b = stars_heard(&m->in.b);
+    const void *const in[] = {&a, &b};
+    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, &m->out.attitude,
                 sizeof m->out.attitude, t.t);
 }
 
@@ -69,8 +79,8 @@ void gyro_select_reset(GyroSelect *m)
 
 void gyro_select_update(GyroSelect *m, Tick t)
 {
-    const void *const in[] = {&m->in.a, &m->in.b};
-    const int finite[] = {vec_finite(m->in.a.omega_BN_B), vec_finite(m->in.b.omega_BN_B)};
-    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, finite, &m->out.rate,
-                sizeof m->out.rate, t.t);
+    const GyroRate a = gyro_heard(&m->in.a), b = gyro_heard(&m->in.b);
+    const void *const in[] = {&a, &b};
+    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, &m->out.rate, sizeof m->out.rate,
+                t.t);
 }
