@@ -38,7 +38,7 @@ QUESTIONS = ["SUN-1", "SUN-3"]
 ORIGINAL = "FLEDGE_ORIGINAL"        # the folder of the extension without a change
 EASY = 5                # runs: a violation that so few runs find needs no search
 SCREENING = 150         # runs of each search for each requirement
-LIMIT = 60.0            # [s] of the scenarios and the screening: a change may make an endless loop
+LIMIT = 300.0           # [s] of the scenarios and the screening: a change may make an endless loop
 
 
 def ask(folder: Path, limit: float = LIMIT, **question: Any) -> Any:
@@ -163,7 +163,7 @@ def study(program: Program, order: list[Mutant], count: int, seeds: int, runs: i
                 continue
             passes, requirement = ask(folder, easy=easy, screening=screening) or (False, None)
             begun = time.monotonic()
-            found = requirement and ask(folder, 30 * LIMIT, requirement=requirement,
+            found = requirement and ask(folder, 10 * LIMIT, requirement=requirement,
                                         seeds=list(range(1, seeds + 1)), runs=runs)
             if not found:
                 seen["not found" if passes else "scenarios fail"] += 1
