@@ -3,13 +3,14 @@
 
 #include <string.h>
 
-void packet_zone_begin(PacketZone *zone, uint8_t *memory, size_t room, PacketSink sink, void *user)
+int packet_zone_begin(PacketZone *zone, uint8_t *memory, size_t room, PacketSink sink, void *user)
 {
     memset(zone, 0, sizeof *zone);
     zone->memory = memory;
     zone->room = room;
     zone->sink = sink;
     zone->user = user;
+    return room >= (size_t)ENCAPSULATION_HEADER_MAX;
 }
 
 /* Give up the packet that is not whole. */
@@ -92,6 +93,10 @@ static int follow(PacketZone *zone, const uint8_t *bytes, size_t n)
 
 void packet_zone_take(PacketZone *zone, const uint8_t *bytes, size_t n, uint32_t first)
 {
+    if (zone->room < (size_t)ENCAPSULATION_HEADER_MAX) { /* a header goes into memory before its length is known */
+        zone->faults[CCSDS_ROOM]++;
+        return;
+    }
     if (first == (uint32_t)PACKET_ZONE_IDLE) {
         drop(zone, CCSDS_LENGTH);
         return;

@@ -35,7 +35,8 @@ typedef struct PacketZone {
                               ///< where the pointer says; VERSION; STRAY: zones from which nothing could be used
 } PacketZone;
 
-void packet_zone_begin(PacketZone *zone, uint8_t *memory, size_t room, PacketSink sink, void *user);
+/** Returns 0 if the memory has no room for a header, ENCAPSULATION_HEADER_MAX bytes; each zone then counts as ROOM. */
+int packet_zone_begin(PacketZone *zone, uint8_t *memory, size_t room, PacketSink sink, void *user);
 
 /** Frames before the next one are missing. */
 void packet_zone_gap(PacketZone *zone);

@@ -425,7 +425,7 @@ void space_link_ground_begin(SpaceLinkGround *ground, const SpaceLinkSetup *setu
               ground);
     fop_directive(&ground->fop, SERVICE, FOP_SET_WINDOW, half < (uint32_t)SPACE_LINK_WINDOW ? half : SPACE_LINK_WINDOW);
     fop_directive(&ground->fop, SERVICE, FOP_SET_LIMIT, limit);
-    tm_receiver_begin(&ground->receiver, 256, ground->whole, sizeof ground->whole, sinks->packet, sinks->user);
+    (void)tm_receiver_begin(&ground->receiver, 256, ground->whole, sizeof ground->whole, sinks->packet, sinks->user);
 }
 
 int space_link_ground_is_ready(const SpaceLinkGround *ground)

@@ -84,11 +84,11 @@ CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, size_t before, int con
     return CCSDS_OK;
 }
 
-void tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user)
+int tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user)
 {
     memset(receiver, 0, sizeof *receiver);
     receiver->counts = counts;
-    packet_zone_begin(&receiver->zone, memory, room, sink, user);
+    return packet_zone_begin(&receiver->zone, memory, room, sink, user);
 }
 
 void tm_receive(TmReceiver *receiver, const TmFrame *frame)

@@ -109,9 +109,8 @@ typedef struct TmReceiver {
     uint8_t begun;
 } TmReceiver;
 
-/** memory: for the packet that spans frames. */
-void tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink,
-                       void *user);
+/** memory: for the packet that spans frames. Returns 0 if it has less than ENCAPSULATION_HEADER_MAX bytes. */
+int tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user);
 
 /** Take a frame of this virtual channel. */
 void tm_receive(TmReceiver *receiver, const TmFrame *frame);

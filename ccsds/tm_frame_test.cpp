@@ -274,6 +274,27 @@ TEST(PacketZone, packets_that_are_too_long_or_end_elsewhere_are_counted)
     EXPECT_EQ(zone.faults[CCSDS_STRAY], 2u);
 }
 
+TEST(PacketZone, memory_without_room_for_a_header_is_refused)
+{
+    std::mt19937 random(4);
+    const Bytes packet = packet_of(random, 1, 0, 20);
+    for (std::size_t room = 0; room < 10; room++) {
+        std::vector<Bytes> found;
+        Bytes memory(16, 0xA5);
+        PacketZone zone{};
+        const int good = packet_zone_begin(&zone, memory.data(), room, keep, &found);
+        EXPECT_EQ(good, room >= 8 ? 1 : 0) << room;
+        packet_zone_take(&zone, packet.data(), packet.size(), 0); // whole: it needs no memory
+        const std::array<std::uint8_t, 8> header{0xFF, 0, 0, 0, 0, 0, 0, 30};
+        packet_zone_take(&zone, header.data(), header.size(), 0); // spans zones, and is longer than the memory
+        EXPECT_EQ(found.size(), good ? 1u : 0u) << room;
+        EXPECT_EQ(zone.faults[CCSDS_ROOM], good ? 1u : 2u) << room;
+        EXPECT_EQ(Bytes(memory.begin() + static_cast<std::ptrdiff_t>(room), memory.end()), Bytes(16 - room, 0xA5));
+        TmReceiver receiver{};
+        EXPECT_EQ(tm_receiver_begin(&receiver, 256, memory.data(), room, keep, &found), good);
+    }
+}
+
 /// An encapsulation packet as 133.1-B-3, 4.1.2 draws it: its protocol, the size of its header, its data.
 Bytes encapsulation(unsigned protocol, std::size_t header, const Bytes &data)
 {
