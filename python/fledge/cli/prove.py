@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge prove [MODULE...]`: no run-time errors in flight C, and loops that end, for all that headers allow.
 
-Exit codes: 0 all is proved, or named open in the source; 1 an alarm or a loop without a bound is left; 2 the command
+Exit codes: 0 all is proved, or named open in the source, and with --table; 1 an alarm or a loop without a bound is left; 2 the command
 line is wrong; 130 Ctrl-C.
 """
 from __future__ import annotations
@@ -13,7 +13,8 @@ from fledge.cli.console import say
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from fledge.prove import Result
 
@@ -30,7 +31,10 @@ def add(command: Callable) -> None:
     sub.add_argument("--machine", default="gcc_x86_64", metavar="NAME", help="as Frama-C names it (-machdep); ppc_32 "
                      "has 32 bits and the order of bytes of a LEON3; default: gcc_x86_64")
     sub.add_argument("--jobs", type=int, metavar="N", help="analyses at a time; default: one for each core")
-    sub.add_argument("--json", action="store_true", help="print the results as JSON, and nothing else")
+    printed = sub.add_mutually_exclusive_group()
+    printed.add_argument("--json", action="store_true", help="print the results as JSON, and nothing else")
+    printed.add_argument("--table", action="store_true", help="prove nothing; print what is kept as tables in Markdown, "
+                         "beside the conditions that the last `fledge test --coverage` counted")
     sub.set_defaults(needs=lambda _: ["prove"])
 
 
@@ -47,6 +51,11 @@ def prove(options: argparse.Namespace) -> int:
     if options.export and options.modules:
         raise Failure("prove: --export proves a mission's executive; prove modules by another command")
     version = eva.version()
+    if options.table:
+        if options.export or options.again or options.machine != eva.MACHINE:
+            raise Failure("prove: --table prints what is kept of modules; leave out --export, --again and --machine")
+        print("\n".join(table(options.modules, project())))
+        return 0
     rows: list[Result] = []
 
     def ended(result: Result) -> None:
@@ -93,6 +102,45 @@ def executive(options: argparse.Namespace, ended: Callable[[Result], None]) -> R
         say(f"  of its {len(types)} modules, {len(types) - len(left)} are proved by themselves"
             + (f"; not yet: {listed(left, 6)}" if left else ""))
     return result
+
+
+def table(names: Sequence[str], project: Path | None) -> list[str]:
+    """What is kept of the proofs, and of the decisions in the same sources: the sums of folders, then each module or
+    driver, in Markdown. names: as select() takes them. Raises Failure."""
+    import json
+
+    from fledge import prove as proofs
+    from fledge.prove.sources import Tree
+
+    tree = Tree.of(project)
+    kept = {(result.name, result.file): result for result in proofs.kept(project)}
+    try:
+        decisions = json.loads((tree.roots[0] / "build/decisions.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        decisions = {}
+    columns = "proved | alarms | open | beyond | loops | seconds | conditions | have decided |"
+    sums: dict[str, list[float]] = {}
+    rows, seen = [], set[str]()
+    for unit in proofs.select(proofs.units(tree), names):
+        result, stem = kept.get((unit.name, unit.file)), unit.file.removesuffix(".h").removesuffix("_proof.c")
+        states = [alarm.state for alarm in result.alarms] if result else []
+        proof = [int(result.proved), *map(states.count, ("alarm", "open", "beyond")), len(result.loops),
+                 result.seconds] if result else [0] * 6
+        counted = decisions.get(f"{stem}.c", {"conditions": 0, "decided": 0})
+        numbers = [*proof, counted["conditions"], counted["decided"]]
+        state = "not kept" if not result else "yes" if result.proved else "no"
+        rows.append(f"| `{stem}` | {unit.name} | {result.inputs if result else ''} | {state} | "
+                    + " | ".join("" if not result and i < 6 else f"{n:g}" for i, n in enumerate(numbers) if i) + " |")
+        if stem in seen:                # modules of one source share its decisions
+            numbers[-2:] = 0, 0
+        seen.add(stem)
+        for folder in (f"`{stem.rpartition('/')[0]}`", "all"):
+            sum_ = sums.setdefault(folder, [0] * 10)
+            sums[folder] = [a + b for a, b in zip(sum_, [1, int(result is not None), *numbers])]
+    sums["all"] = sums.pop("all")       # behind the folders
+    return [f"| folder | modules | kept | {columns}", "|---|" + "---:|" * 10,
+            *(f"| {folder} | " + " | ".join(f"{n:,.0f}" for n in numbers) + " |" for folder, numbers in sums.items()),
+            "", f"| source | module | inputs | {columns}", "|---|---|---|---|" + "---:|" * 7, *rows]
 
 
 def _row(result: Result) -> None:
