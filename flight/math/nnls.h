@@ -112,7 +112,8 @@ static inline int nnls_search(const Nnls *p, uint32_t m, uint32_t *set, double *
         double y[NNLS_ROWS] = {0.0};
         nnls_factor(p, m, P, ridge, &f);
         nnls_step(&f, m, p->b, y);
-        const double small = 1e-28 * size * nnls_dot(y, y, m); /* squared: of rounding */
+        /* Squared: of rounding, of z alone, and where the search goes to and fro between sets, of y along the ridge. */
+        const double small = (round < 32 ? 1e-28 : 1e-12) * size * nnls_dot(y, y, m);
         uint32_t wrong = 0, count = 0, last = 0;
         for (uint32_t i = 0; i < p->n; i++) {
             const uint32_t bit = 1u << i;

@@ -125,6 +125,23 @@ TEST(Nnls, equal_columns_share_and_columns_of_zero_have_none)
     EXPECT_EQ(solved(A, Eigen::Vector2d(0, 0), 15).x.norm(), 0.0);
 }
 
+/// Pairs that push both ways along axes that are turned: across an axis, only rounding says where a pair pushes.
+TEST(Nnls, columns_across_what_is_asked_for_stay_zero)
+{
+    Random random{4};
+    for (int k = 0; k < 500; k++) {
+        MatrixXd A(3, 6);
+        const Matrix3d axes = random.attitude();
+        A << axes, -axes;
+        VectorXd x(6);
+        x << random.real(1, 2), 0, k % 2, 0, 0, 0;
+        const Solution s = solved(A, A.lazyProduct(x));
+        ASSERT_TRUE(s.ended) << k;
+        EXPECT_LT((s.x - x).norm(), 1e-12) << k;
+        EXPECT_LT(s.r.norm(), 1e-14);
+    }
+}
+
 TEST(Nnls, ends_whatever_it_is_given)
 {
     Random random{3};
