@@ -87,6 +87,22 @@ TEST(BurnExecution, cuts_off_at_the_commanded_change_within_a_step)
     }
 }
 
+TEST(BurnExecution, an_update_before_the_end_that_was_foreseen_does_not_end_it)
+{
+    Craft craft;
+    while (craft.m.out.state.ended == 0 && craft.t < 60'000 * ms) {
+        craft.step();
+    }
+    const std::int64_t last = craft.t - period, end = craft.m.out.state.ended;
+    ASSERT_GT(end, last + 2);
+    BurnExecution m = craft.m;
+    burn_execution_update(&m, {last + 1, 1});
+    EXPECT_EQ(m.out.state.phase, BURN_RUNS);
+    EXPECT_EQ(m.out.engines.off[2], last + 3) << "two periods, since the end is not within this one";
+    burn_execution_update(&m, {end, end - last - 1});
+    EXPECT_NEAR(static_cast<double>(m.out.state.ended - end), 0, 2);
+}
+
 TEST(BurnExecution, a_direction_that_turns_counts_the_path)
 {
     Craft craft;
@@ -259,6 +275,21 @@ TEST(BurnExecution, what_was_cut_off_is_not_resumed_too_late_or_as_another_burn)
     other.m.in.kept = {good(), BURN_CUT, BURN_NOT_ABORTED, 12, 0, 1001 * ms, 1001 * ms, 0};
     EXPECT_EQ(other.fly(40).phase, BURN_COMPLETE);
     EXPECT_NEAR(other.dv, 20, 1e-2);
+}
+
+TEST(BurnExecution, what_was_cut_off_is_not_resumed_if_nobody_knows_how_much_is_left)
+{
+    for (const double gained : {static_cast<double>(NAN), HUGE_VAL}) {
+        for (const BurnPhase phase : {BURN_CUT, BURN_COMPLETE}) {
+            Craft craft;
+            craft.m.in.kept = {good(), phase, BURN_NOT_ABORTED, gained, 0, 1000 * ms, 1000 * ms, 0};
+            const BurnState &state = craft.fly(5);
+            EXPECT_EQ(state.to_go, 20.0);
+            EXPECT_EQ(state.phase, phase == BURN_CUT ? BURN_ABORTED : BURN_COMPLETE);
+            EXPECT_EQ(state.abort, phase == BURN_CUT ? BURN_BLIND : BURN_NOT_ABORTED);
+            EXPECT_EQ(craft.dv, 0.0);
+        }
+    }
 }
 
 TEST(BurnExecution, the_engines_close_without_the_module)

@@ -220,6 +220,22 @@ std::pair<double, double> fly(bool profiled)
     return {error, torque};
 }
 
+TEST(SlewProfile, at_the_last_instant_it_is_at_the_target)
+{
+    Random random{9};
+    for (int i = 0; i < 300; i++) { // so slow that an instant is no longer than the rounding of the slew's length
+        Slew slew = any(random, 0, 1e-8);
+        slew.begun.mem.running = 0;
+        slew.begun.par.accel_max = 1e-16;
+        slew_profile_update(&slew.begun, {0, 0});
+        const double last = std::nextafter(slew.length(), 0);
+        const SlewProfile m = slew.at(last);
+        EXPECT_LT(difference(dcm(m.out.reference.sigma_RN), dcm(m.in.target.sigma_RN)), 1e-13);
+        EXPECT_GE(m.out.status.angle, 0.0);
+        EXPECT_LT(m.out.status.angle, 1e-13);
+    }
+}
+
 TEST(SlewProfile, a_body_follows_with_little_torque)
 {
     const auto [error, torque] = fly(true);
