@@ -192,7 +192,7 @@ static int use(SunLine *m, const SunCosines *cosines, uint32_t *misfits)
 {
     double rows[SUN_SENSORS_MAX][4] = {{0.0}};
     *misfits = choose(m, cosines, rows, &m->mem.used);
-    if (*misfits > m->mem.used || m->mem.used == 0u || !bright(m, rows, m->mem.used)) {
+    if (*misfits > m->mem.used || !bright(m, rows, m->mem.used)) {
         return 0;
     }
     correct(m, rows, (int)m->mem.used);
@@ -283,9 +283,11 @@ void sun_line_update(SunLine *m, Tick t)
         m->mem.running = 0u;
         m->mem.t = t.t;
         m->out.heading.head = head_held(m->out.heading.head);
-        m->out.rate = turning && gyro_speaks(gyro)
-                          ? (GyroRate){head_next(m->out.rate.head, t.t, QUALITY_DEGRADED), gyro->omega_BN_B}
-                          : (GyroRate){head_held(m->out.rate.head), m->out.rate.omega_BN_B};
+        if (turning && gyro_speaks(gyro)) {
+            m->out.rate = (GyroRate){head_next(m->out.rate.head, t.t, QUALITY_DEGRADED), gyro->omega_BN_B};
+        } else {
+            m->out.rate.head = head_held(m->out.rate.head);
+        }
         m->out.state.head = head_held(m->out.state.head);
         return;
     }

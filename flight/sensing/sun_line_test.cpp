@@ -433,6 +433,9 @@ TEST(SunLine, in_the_dark_the_gyro_gives_the_rate)
     f.fault = [](Flown &flown) { flown.m.in.cosines.lit = 0, flown.m.in.gyro.head.quality = QUALITY_STALE; };
     f.run(2);
     EXPECT_EQ(f.m.out.rate.head.sequence, last.sequence);
+    f.fault = [](Flown &flown) { flown.m.in.cosines.lit = 0, flown.m.in.gyro.head = {0, QUALITY_DEGRADED, 1}; };
+    f.run(2);
+    EXPECT_EQ(f.m.out.rate.head.sequence, last.sequence) << "old rates are none";
 }
 
 TEST(SunLine, old_cosines_begin_nothing)

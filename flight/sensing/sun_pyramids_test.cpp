@@ -338,6 +338,26 @@ TEST(SunPyramids, a_fault_that_grows_takes_the_whole_pyramid_and_one_of_the_othe
     EXPECT_LT(s.error(beside), 0.01) << "it is held";
 }
 
+TEST(SunPyramids, one_more_sensor_of_a_faulty_converter_takes_its_rest)
+{
+    for (const bool first : {true, false}) {
+        for (const double reads : {0.0, 0.6, 0.9, 1.2}) {
+            Sensors s;
+            const std::size_t known = first ? 1 : 5, next = first ? 3 : 7;
+            s.see(20, beside, broken(s, 1u << known, Fault::high));
+            ASSERT_EQ(s.status().unused, 1u << known);
+            s.see(25, beside, [&](Counts &counts) {
+                counts[known] = 4095;
+                counts[next] = s.count(next, reads);
+            });
+            EXPECT_EQ(s.status().unused, first ? 0xFu : 0xF0u) << reads;
+            EXPECT_EQ(s.status().faulty, first ? 1u : 2u);
+            EXPECT_EQ(s.quality(), QUALITY_GOOD);
+            EXPECT_LT(s.error(beside), 0.01);
+        }
+    }
+}
+
 TEST(SunPyramids, of_both_at_once_neither_is_blamed)
 {
     for (const Fault fault : {Fault::high, Fault::low, Fault::babble}) {
