@@ -267,6 +267,22 @@ TEST(GroundPass, flies_a_day_beside_the_truth)
     EXPECT_LT(worst[1], 0.5);
 }
 
+TEST(GroundPass, a_horizon_within_a_step_has_no_end_of_a_pass)
+{
+    Random random{6};
+    Case c(random);
+    c.m.par.latitude = c.m.par.longitude = c.m.par.mask = 0;
+    c.put_about_pole((State() << 7e6, 0, 0, 0, 7.5e3, 0).finished()); // overhead
+    c.m.par.horizon = 60;
+    c.m.par.step = 600;
+    EXPECT_EQ(c.found(), 1);
+    EXPECT_EQ(c.m.out.forecast.state, PASS_NONE);
+    c.m.par.step = 30;
+    ground_pass_update(&c.m, {1, 1});
+    EXPECT_EQ(c.m.out.forecast.state, PASS_NOW) << "until the horizon";
+    EXPECT_EQ(c.m.out.forecast.set, 120 * second);
+}
+
 TEST(GroundPass, missing_stale_and_bad_data)
 {
     Random random{5};

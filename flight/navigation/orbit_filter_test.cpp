@@ -408,6 +408,72 @@ TEST(OrbitFilter, faults)
     }
 }
 
+TEST(OrbitFilter, wrong_fixes_that_do_not_agree_begin_nothing)
+{
+    Flown velocities(11);
+    velocities.run(600);
+    int k = 0;
+    velocities.spoil = [&](NavOrbit &fix) { fix.v_BN_N.v[2] += k++ % 2 ? 2 : -2; };
+    velocities.run(300);
+    EXPECT_EQ(velocities.state().rejected, 30u);
+    EXPECT_EQ(velocities.state().restarts, 0u) << "their positions agree, their velocities do not";
+
+    Flown same(12);
+    same.run(600);
+    same.speaks = false;
+    same.step();
+    OrbitFilter &m = same.m;
+    m.in.fix.head = good(same.t);
+    for (std::uint32_t i = 0; i < 2 * m.par.persistence; i++) {
+        m.in.fix.head.sequence = 1000 + i;
+        m.in.fix.r_BN_N = vec_add(m.in.fix.r_BN_N, vec3(1e5, 0, 0));
+        m.in.fix.r_BN_N.v[0] -= i == 0 ? 0 : 1e5 - 1e-3;
+        orbit_filter_update(&m, {same.t, 10 * second});
+    }
+    EXPECT_EQ(same.state().rejected, 2 * m.par.persistence);
+    EXPECT_EQ(same.state().restarts, 0u) << "of one time, they say nothing of a motion";
+}
+
+TEST(OrbitFilter, a_position_that_is_repeated_counts_where_the_velocity_is_new)
+{
+    Flown f(13);
+    f.every = second / 1000;
+    f.m.par.position_std = 100;
+    f.spoil = [](NavOrbit &fix) {
+        for (double &r : fix.r_BN_N.v) {
+            r = 200 * std::round(r / 200);
+        }
+    };
+    f.run(0.1);
+    int repeated = 0;
+    for (std::size_t i = 1; i < f.sent.size(); i++) {
+        repeated += vec_norm(vec_sub(f.sent[i].r_BN_N, f.sent[i - 1].r_BN_N)) == 0.0;
+    }
+    EXPECT_GT(repeated, 50);
+    EXPECT_EQ(f.state().used, f.sent.size());
+    EXPECT_EQ(f.state().rejected, 0u);
+}
+
+TEST(OrbitFilter, absurd_numbers_leave_no_infinite_misfit_and_no_infinite_orbit)
+{
+    Flown sure(14);
+    sure.m.par.velocity_std = 1e-3;
+    sure.step();
+    sure.spoil = [](NavOrbit &fix) { fix.v_BN_N = vec3(1e154, 0, 0); };
+    sure.step();
+    EXPECT_EQ(sure.state().used, 1u);
+    EXPECT_EQ(sure.state().rejected, 1u);
+    EXPECT_EQ(sure.state().misfit, 0.0) << "it overflows";
+
+    Flown fast(15);
+    fast.spoil = [](NavOrbit &fix) { fix.v_BN_N = vec3(1e152, 0, 0); };
+    fast.step();
+    const OrbitFilter before = fast.m;
+    orbit_filter_update(&fast.m, {fast.t + 3600 * second, 3600 * second});
+    EXPECT_TRUE(vec_finite(fast.m.out.orbit.r_BN_N));
+    EXPECT_EQ(fast.m.out.orbit.head.sequence, before.out.orbit.head.sequence) << "it is held";
+}
+
 TEST(OrbitFilter, bad_numbers_never_leave_it)
 {
     Random random{5};

@@ -170,11 +170,10 @@ static int lost(const VectorFilter *m)
 static void process(VectorFilter *m, const Seen *seen, int source, int64_t now)
 {
     const int64_t t = seen->head.t;
-    if (seen->head.quality != QUALITY_GOOD || t > now || (m->mem.known[source] != 0u && t <= m->mem.seen[source])) {
+    if (seen->head.quality != QUALITY_GOOD || t > now || t <= m->mem.seen[source]) {
         return;
     }
-    const int repeated = m->mem.known[source] != 0u && vec_norm2(vec_sub(seen->as_B, m->mem.last[source])) == 0.0;
-    m->mem.known[source] = 1u;
+    const int repeated = vec_norm2(vec_sub(seen->as_B, m->mem.last[source])) == 0.0;
     m->mem.seen[source] = t;
     m->mem.last[source] = seen->as_B;
     if (!(tick_seconds(tick_since(m->mem.at.t, t)) <= m->par.age_max)) {

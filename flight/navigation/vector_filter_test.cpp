@@ -258,6 +258,51 @@ TEST(VectorFilter, old_measurements_are_late_and_those_to_come_wait)
     EXPECT_EQ(f.quality(), QUALITY_GOOD);
 }
 
+TEST(VectorFilter, a_direction_along_the_expected_one_turns_nothing)
+{
+    Mission f(12);
+    f.phase = 0;
+    f.run(60);
+    VectorFilter m = f.m;
+    m.mem.at.sigma_BN = vec3(0, 0, 0);
+    m.in.field = {};
+    m.in.start = {};
+    m.in.first = {good(f.t), vec3(1, 0, 0), vec3(1, 0, 0), f.sun_std};
+    VectorFilter opposite = m;
+    vector_filter_update(&m, {f.t, 0});
+    EXPECT_EQ(m.out.state.used[0], f.state().used[0] + 1);
+    EXPECT_EQ(m.out.state.misfit[0], 0.0);
+    EXPECT_EQ(vec_norm(m.mem.at.sigma_BN), 0.0);
+    opposite.in.first.d_B = vec3(-1, 0, 0);
+    vector_filter_update(&opposite, {f.t, 0});
+    EXPECT_EQ(opposite.out.state.rejected[0], f.state().rejected[0] + 1);
+    EXPECT_GT(opposite.out.state.misfit[0], m.par.gate * m.par.gate) << "to some side";
+}
+
+TEST(VectorFilter, a_start_from_before_the_last_measurement_makes_none_count_twice)
+{
+    Mission f(13);
+    f.phase = 0;
+    f.m.par.age_max = 4;
+    f.run(100);
+    f.fault = [](Mission &now) { now.m.in.gyro.head.quality = now.sun.head.quality = QUALITY_STALE; };
+    f.run(0.5);
+    const NavAttitude then = f.m.out.attitude;
+    f.run(2);
+    VectorFilter m = f.m;
+    ASSERT_EQ(m.mem.running, 0u) << "too long without a rate";
+    ASSERT_GT(m.mem.seen[3], then.head.t);
+    m.in.field.head.t = m.mem.seen[3];
+    m.in.field.B_B.v[0] += 1e-9;
+    m.in.gyro.head = good(f.t);
+    m.in.start = {good(then.head.t), then.sigma_BN, mat(Matrix3d(1e-4 * Matrix3d::Identity()))};
+    vector_filter_update(&m, {f.t, Mission::step_ns});
+    EXPECT_EQ(m.mem.running, 1u);
+    EXPECT_EQ(m.mem.used[3], f.m.mem.used[3]);
+    EXPECT_EQ(m.mem.rejected[3], f.m.mem.rejected[3]);
+    EXPECT_EQ(m.mem.restarts, f.m.mem.restarts);
+}
+
 TEST(VectorFilter, bad_numbers_leave_it_sound)
 {
     VectorFilter nothing = Mission(1).m;

@@ -380,6 +380,18 @@ template <class Filter> void expect_faults(UpdateOf<Filter> update)
         EXPECT_EQ(f.quality(), QUALITY_GOOD);
     }
     {
+        SCOPED_TRACE("the star tracker jumps and is stuck there, while the body is at rest");
+        Flown<Filter> f(update, 8);
+        f.turns = false;
+        f.run(60);
+        const Vec3 stuck = f.random.mrp();
+        f.fault = [&](auto &flown) { flown.m.in.stars.sigma_BN = stuck; };
+        f.run(60);
+        EXPECT_EQ(f.state().restarts, 0u) << "what is repeated agrees with nothing";
+        EXPECT_EQ(f.state().rejected, 60u);
+        EXPECT_LT(f.error(), 5e-3);
+    }
+    {
         SCOPED_TRACE("outliers");
         Flown<Filter> f(update, 3);
         f.fault = [](auto &flown) {
