@@ -19,8 +19,7 @@ static int same(const DeltaVCommand *a, const DeltaVCommand *b)
 
 static int usable(const DeltaVCommand *command)
 {
-    return head_written(command->head) && vec_norm(command->dv_N) > 0.0 && isfinite(vec_norm(command->dv_N)) &&
-           vec_finite(command->rate_N);
+    return head_written(command->head) && vec_finite(command->rate_N);
 }
 
 /* Whether the attitude allows a burn. */
@@ -78,6 +77,7 @@ static void run(BurnExecution *m, Tick t, int blind)
         end(state, state->ended, BURN_COMPLETE, BURN_NOT_ABORTED);
         return;
     }
+    state->ended = 0;
     if (blind) {
         end(state, t.t, BURN_ABORTED, BURN_BLIND);
     } else if (burnt >= m->par.longest) {
@@ -88,11 +88,13 @@ static void run(BurnExecution *m, Tick t, int blind)
         end(state, t.t, BURN_ABORTED, BURN_NO_THRUST);
     } else if (state->to_go <= 0.0) {
         end(state, t.t, BURN_COMPLETE, BURN_NOT_ABORTED);
-    } else if (a > 0.0 && state->to_go / a < tick_seconds(t.dt)) {
-        state->ended = tick_since(t.t, -(int64_t)(state->to_go / a * 1e9 + 0.5)); /* before the next update */
-        off = state->ended;
-    } else {
-        state->ended = 0;
+    } else if (a > 0.0) {
+        const double left = state->to_go / a; /* [s] */
+        if (left < tick_seconds(t.dt)) {
+            /* open: not NaN, since what is gained, a sum with a, is finite here */
+            state->ended = tick_since(t.t, -(int64_t)(left * 1e9 + 0.5)); /* before the next update */
+            off = state->ended;
+        }
     }
     for (uint32_t i = 0; i < THRUSTERS_MAX; i++) {
         if (m->par.engines_used >> i & 1u) {
@@ -118,8 +120,9 @@ static void begin(BurnExecution *m, Tick t)
     }
 }
 
-/* The command is executed from now on. */
-static void take(BurnExecution *m)
+/* The command, whose change has this size [m/s], is executed from now on; what is left of a burn that went on before
+ * must be known. */
+static void take(BurnExecution *m, int64_t t, double size)
 {
     BurnState *state = &m->out.state;
     const BurnState *kept = &m->in.kept;
@@ -128,21 +131,28 @@ static void take(BurnExecution *m)
     m->mem.taken = m->in.command;
     state->phase = ended ? kept->phase : BURN_WAITS;
     state->abort = ended ? kept->abort : BURN_NOT_ABORTED;
-    state->gained = known ? kept->gained : 0.0;
-    state->to_go = vec_norm(m->mem.taken.dv_N) - state->gained;
     state->start = m->mem.taken.start;
     state->begun = known ? kept->begun : 0;
     state->ended = ended ? kept->ended : 0;
+    state->gained = 0.0;
+    if (known && isfinite(kept->gained)) {
+        state->gained = kept->gained;
+    } else if (known && !ended) {
+        end(state, t, BURN_ABORTED, BURN_BLIND);
+    }
+    state->to_go = size - state->gained;
 }
 
+/* open state: to_go is finite where gained is, since a length is below 1.4e154 */
 void burn_execution_update(BurnExecution *m, Tick t)
 {
     BurnState *state = &m->out.state;
     const Head sum = m->in.sum.head;
     const int blind = !head_written(sum) || data_lost(t, sum.t, m->par.hold);
-    if (state->phase != BURN_RUNS && usable(&m->in.command) && !same(&m->in.command, &m->mem.taken) &&
-        quality_optional(m->in.kept.head) == QUALITY_GOOD) {
-        take(m);
+    const double size = vec_norm(m->in.command.dv_N);
+    if (state->phase != BURN_RUNS && size > 0.0 && isfinite(size) && usable(&m->in.command) &&
+        !same(&m->in.command, &m->mem.taken) && quality_optional(m->in.kept.head) == QUALITY_GOOD) {
+        take(m, t.t, size);
     }
     const int resumes = state->begun != 0;
     const double late = tick_seconds(tick_since(t.t, resumes ? state->begun : m->mem.taken.start));

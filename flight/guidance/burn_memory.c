@@ -56,12 +56,14 @@ static void pack(const BurnState *kept, uint32_t *words)
 static void unpack(BurnMemory *m, const uint32_t *words, int64_t t)
 {
     const int has = nvm_has(words, MARK);
-    if (has < 0) {
+    double gained;
+    get64(words + GAINED, &gained);
+    if (has < 0 || (has > 0 && !isfinite(gained))) {
         publish(m, t, BURN_MEMORY_DAMAGED, EVENT_MEDIUM, m->par.slot - 1u, 0.0, 0.0);
     } else if (has > 0 && m->mem.burn.phase == BURN_NONE) {
         get64(words + START, &m->mem.burn.start);
         get64(words + BEGUN, &m->mem.burn.begun);
-        get64(words + GAINED, &m->mem.burn.gained);
+        m->mem.burn.gained = gained;
         m->mem.burn.phase = (BurnPhase)(words[PHASE] & ((1u << ABORT_SHIFT) - 1u));
         m->mem.burn.abort = (BurnAbort)(words[PHASE] >> ABORT_SHIFT);
         cut(m, t);
@@ -89,7 +91,8 @@ static void follow(BurnMemory *m, Tick t)
 {
     const BurnState *state = &m->in.state;
     BurnState *kept = &m->mem.burn;
-    const int fresh = head_written(state->head) && state->head.sequence != m->mem.seen;
+    const int fresh = head_written(state->head) && state->head.sequence != m->mem.seen && isfinite(state->gained) &&
+                      isfinite(state->to_go);
     const BurnPhase before = kept->phase;
     m->mem.seen = state->head.sequence;
     if (fresh && (state->phase == BURN_RUNS || state->phase == BURN_COMPLETE || state->phase == BURN_ABORTED)) {

@@ -158,6 +158,36 @@ TEST(BurnMemory, a_memory_that_is_silent_damaged_or_empty_is_not_waited_for)
     EXPECT_EQ(craft.m.out.kept.head.quality, QUALITY_GOOD);
 }
 
+TEST(BurnMemory, numbers_that_are_not_finite_are_not_kept)
+{
+    for (double BurnState::*number : {&BurnState::gained, &BurnState::to_go}) {
+        Craft craft;
+        craft.m.par.silent = 1;
+        craft.burn(BURN_RUNS, 5);
+        craft.m.in.state.*number = NAN;
+        craft.burn(BURN_RUNS, 5);
+        EXPECT_EQ(craft.m.out.kept.gained, 5.0);
+        EXPECT_EQ(craft.m.out.kept.phase, BURN_RUNS);
+        craft.burn(BURN_RUNS, 10);
+        EXPECT_EQ(craft.m.out.kept.phase, BURN_ABORTED) << "as if it said nothing";
+        EXPECT_EQ(craft.events.back(), (std::vector<double>{BURN_MEMORY_ABORTED, BURN_LEFT}));
+    }
+}
+
+TEST(BurnMemory, a_number_that_is_not_finite_in_the_memory_is_damage)
+{
+    Craft craft;
+    craft.burn(BURN_RUNS, 20);
+    craft.m.mem.burn.gained = HUGE_VAL;
+    craft.m.mem.changed = 1;
+    craft.burn(BURN_NONE, 9); // it is stored
+    craft.reset_computer();
+    craft.burn(BURN_NONE, 9);
+    EXPECT_EQ(craft.events.back()[0], BURN_MEMORY_DAMAGED);
+    EXPECT_EQ(craft.m.out.kept.phase, BURN_NONE);
+    EXPECT_EQ(craft.m.out.kept.gained, 0.0);
+}
+
 TEST(BurnMemory, a_burn_that_is_aborted_is_reported_once_and_kept)
 {
     Craft craft;

@@ -11,6 +11,7 @@ void delta_v_accumulation_reset(DeltaVAccumulation *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
+/* open sum: a_N is finite where its length is, as flight/math/vec_proof.c shows */
 void delta_v_accumulation_update(DeltaVAccumulation *m, Tick t)
 {
     DeltaVSum *out = &m->out.sum;

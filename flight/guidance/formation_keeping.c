@@ -97,30 +97,27 @@ void formation_keeping_update(FormationKeeping *m, Tick t)
     HillState state;
     const Vec3 force_N = keep(m, t.t, n, tick_seconds(tick_since(t.t, origin)), &state);
     const Vec3 force_B = mat_vec(mrp_to_dcm(m->in.attitude.sigma_BN), force_N);
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int computed = quality != QUALITY_NONE && isfinite(n) && vec_finite(force_B) && vec_finite(state.rho_H) &&
-                         vec_finite(state.drho_H) && vec_finite(state.rho_error_H) && vec_finite(state.drho_error_H);
     int64_t newest = data_time(orbit, t.t);
     newest = data_time(attitude, t.t) < newest ? data_time(attitude, t.t) : newest;
     newest = data_time(chief, t.t) < newest ? data_time(chief, t.t) : newest;
-    newest = computed ? newest : m->mem.newest;
-    if (computed) {
+    const Head last = out->head;
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
+    if (quality != QUALITY_NONE && isfinite(n) && vec_finite(force_B) && vec_finite(state.rho_H) &&
+        vec_finite(state.drho_H) && vec_finite(state.rho_error_H) && vec_finite(state.drho_error_H)) {
         state.head = head_next(m->out.relative.head, t.t, quality);
         m->out.relative = state;
         m->mem.n = n;
         m->mem.origin = origin;
         m->mem.newest = newest;
         m->mem.running = 1;
-    } else {
-        m->out.relative.head = head_held(m->out.relative.head);
-    }
-    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
-        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
-        out->force_B = vec3(0.0, 0.0, 0.0);
-    } else if (computed) {
-        out->head = head_next(out->head, t.t, quality);
+        out->head = head_next(last, t.t, quality);
         out->force_B = force_B;
     } else {
-        out->head = head_held(out->head);
+        m->out.relative.head = head_held(m->out.relative.head);
+        out->head = head_held(last);
+    }
+    if (head_written(last) && data_lost(t, m->mem.newest, m->par.hold)) {
+        out->head = head_next(last, t.t, QUALITY_DEGRADED);
+        out->force_B = vec3(0.0, 0.0, 0.0);
     }
 }

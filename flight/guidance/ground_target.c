@@ -47,6 +47,7 @@ static void see(GroundContact *contact, Vec3 d, Vec3 dd, const Vec3 local[3])
     contact->spare = 0u;
 }
 
+/* open contact: where `spans` holds, so are `local` unit vectors, in which a d of finite length has finite parts */
 void ground_target_update(GroundTarget *m, Tick t)
 {
     const NavOrbit *orbit = &m->in.orbit;

@@ -109,6 +109,7 @@ static void compose(SlewProfile *m, double t)
     m->out.status.angle = phi.x;
 }
 
+/* open status: each is finite where the length is, and the reference, which is turned by the angle */
 void slew_profile_update(SlewProfile *m, Tick t)
 {
     SlewProfile next = *m;
