@@ -126,7 +126,7 @@ TEST(Nnls, equal_columns_share_and_columns_of_zero_have_none)
 }
 
 /// Pairs that push both ways along axes that are turned: across an axis, only rounding says where a pair pushes.
-TEST(Nnls, columns_across_what_is_asked_for_stay_zero)
+TEST(Nnls, columns_across_b_stay_zero)
 {
     Random random{4};
     for (int k = 0; k < 500; k++) {
