@@ -358,6 +358,27 @@ TEST(SunPyramids, one_more_sensor_of_a_faulty_converter_takes_its_rest)
     }
 }
 
+TEST(SunPyramids, another_sun_is_laid_to_the_converter_that_was_faulty_before)
+{
+    const Vector3d elsewhere = Vector3d(1, 0.5, 0.05).normalized();
+    for (const std::size_t dark : {0, 4}) {
+        for (const bool faulty : {true, false}) {
+            Sensors s;
+            s.see(20, beside, faulty ? broken(s, 1u << dark, Fault::high) : Break{});
+            ASSERT_EQ(s.status().unused, faulty ? 1u << dark : 0u);
+            s.see(25, beside, [&](Counts &counts) {
+                for (std::size_t i = dark; i < dark + 4; i++) {
+                    counts[i] = s.count(i, std::max(0.0, s.cosine(i, elsewhere)));
+                }
+            });
+            EXPECT_EQ(s.status().unused, faulty ? 0xFu << dark : 0u);
+            EXPECT_EQ(s.status().suspects, faulty ? 0u : 3u) << "each has a Sun, and neither was faulty";
+            EXPECT_EQ(s.quality(), faulty ? QUALITY_GOOD : QUALITY_DEGRADED);
+            EXPECT_LT(s.error(beside), 0.01);
+        }
+    }
+}
+
 TEST(SunPyramids, of_both_at_once_neither_is_blamed)
 {
     for (const Fault fault : {Fault::high, Fault::low, Fault::babble}) {
