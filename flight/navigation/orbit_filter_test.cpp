@@ -466,10 +466,10 @@ TEST(OrbitFilter, absurd_numbers_leave_no_infinite_misfit_and_no_infinite_orbit)
     EXPECT_EQ(sure.state().misfit, 0.0) << "it overflows";
 
     Flown fast(15);
-    fast.spoil = [](NavOrbit &fix) { fix.v_BN_N = vec3(1e152, 0, 0); };
+    fast.spoil = [](NavOrbit &fix) { fix.v_BN_N = vec3(1.2e154, 0, 0); };
     fast.step();
     const OrbitFilter before = fast.m;
-    orbit_filter_update(&fast.m, {fast.t + 3600 * second, 3600 * second});
+    orbit_filter_update(&fast.m, {fast.t + 10 * second, 10 * second});
     EXPECT_TRUE(vec_finite(fast.m.out.orbit.r_BN_N));
     EXPECT_EQ(fast.m.out.orbit.head.sequence, before.out.orbit.head.sequence) << "it is held";
 }
