@@ -52,6 +52,7 @@ typedef struct UnitTable {
 /** Whether the unit at a place is in use, as far as is known. */
 static inline int unit_used(const UnitTable *table, uint32_t place)
 {
+    /* undecided: a guard of the array; the bounds of the places are within */
     return table->waits == 0u && place < UNITS_MAX && table->state[place] == UNIT_PRIMARY;
 }
 
