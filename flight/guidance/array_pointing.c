@@ -15,6 +15,7 @@ void array_pointing_reset(ArrayPointing *m)
 /* The nearest whole number. */
 static int32_t whole(double x)
 {
+    /* open: no NaN, since angles of finite numbers are none */
     return (int32_t)(x < 0.0 ? x - 0.5 : x + 0.5);
 }
 
@@ -41,20 +42,33 @@ static int is_stuck(ArrayPointing *m, uint32_t i, double left, int64_t t, int mo
     return m->par.persistence > 0 && tick_since(t, m->mem.nearer[i]) >= m->par.persistence;
 }
 
-/* The Sun's direction across the axis of the array i: along the normal at the angle 0, and along axis x normal. */
-static void across(const ArrayPointing *m, uint32_t i, double *cosine, double *sine, double *along)
+/* The Sun's direction, for the array i: across its axis along the normal at the angle 0, and along axis x normal; what is
+ * left of the normal's part. */
+typedef struct Seen {
+    double cosine, sine, along;
+} Seen;
+
+/* 0 where a number is not finite. */
+static int see(const ArrayPointing *m, Seen seen[ARRAYS_MAX])
 {
-    const Vec3 axis = vec_unit(m->par.axes_B[i]), normal = vec_unit(m->par.normals_B[i]), s = m->in.sun.s_B;
-    *along = vec_dot(axis, normal) * vec_dot(axis, s);
-    *cosine = vec_dot(normal, s) - *along;
-    *sine = vec_dot(axis, vec_cross(normal, s));
+    const Vec3 s = m->in.sun.s_B;
+    /* undecided: a guard of the array; the bounds of the parameter are within */
+    for (uint32_t i = 0; i < m->par.n && i < ARRAYS_MAX; i++) {
+        const Vec3 axis = vec_unit(m->par.axes_B[i]), normal = vec_unit(m->par.normals_B[i]);
+        const double along = vec_dot(axis, normal) * vec_dot(axis, s);
+        const Vec3 parts = vec3(vec_dot(normal, s) - along, vec_dot(axis, vec_cross(normal, s)), along);
+        if (!vec_finite(parts)) {
+            return 0;
+        }
+        seen[i] = (Seen){parts.v[0], parts.v[1], parts.v[2]};
+    }
+    return 1;
 }
 
-static void point(ArrayPointing *m, uint32_t i, int64_t t, int first)
+static void point(ArrayPointing *m, uint32_t i, int64_t t, int first, Seen sun)
 {
     int32_t *target = &m->out.command.target[i];
-    double cosine, sine, along;
-    across(m, i, &cosine, &sine, &along);
+    const double cosine = sun.cosine, sine = sun.sine;
     const double here = m->par.count * (double)m->in.drive.position[i];
     if (first) {
         *target = whole(nearest(m, here, here));
@@ -71,23 +85,18 @@ static void point(ArrayPointing *m, uint32_t i, int64_t t, int first)
     const double left = fabs(m->par.step * (double)*target - here);
     m->out.state.stuck |= is_stuck(m, i, left, t, moved) ? 1u << i : 0u;
     /* The normal turned to `here`: its part along the axis stays, that across it turns. */
-    const double seen = along + fm_cos(here) * cosine + fm_sin(here) * sine;
+    const double seen = sun.along + fm_cos(here) * cosine + fm_sin(here) * sine;
     m->out.state.off[i] = fm_acos(seen > 1.0 ? 1.0 : seen < -1.0 ? -1.0 : seen);
 }
 
+/* open state: a sum of three finite parts may be infinite, and is then 1 or -1, but is no NaN */
 void array_pointing_update(ArrayPointing *m, Tick t)
 {
     ArrayDriveCommand *command = &m->out.command;
     ArrayPointingState *state = &m->out.state;
     const Quality quality = quality_min(quality_through(m->in.sun.head), quality_through(m->in.drive.head));
-    int finite = 1;
-    /* undecided: a guard of the array; the bounds of the parameter are within */
-    for (uint32_t i = 0; i < m->par.n && i < ARRAYS_MAX; i++) {
-        double cosine, sine, along;
-        across(m, i, &cosine, &sine, &along);
-        finite = finite && isfinite(cosine * cosine + sine * sine + along);
-    }
-    if (quality == QUALITY_NONE || !finite) {
+    Seen seen[ARRAYS_MAX];
+    if (quality == QUALITY_NONE || !see(m, seen)) {
         command->head = head_held(command->head);
         state->head = head_held(state->head);
         return;
@@ -96,7 +105,7 @@ void array_pointing_update(ArrayPointing *m, Tick t)
     state->stuck = 0u;
     /* undecided: a guard of the array; the bounds of the parameter are within */
     for (uint32_t i = 0; i < m->par.n && i < ARRAYS_MAX; i++) {
-        point(m, i, t.t, first);
+        point(m, i, t.t, first, seen[i]);
     }
     command->head = head_next(command->head, t.t, quality);
     state->head = head_next(state->head, t.t, quality);
