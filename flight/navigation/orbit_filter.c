@@ -234,29 +234,24 @@ static OrbitFilterState state_of(const OrbitFilter *m, const OrbitEstimate *e)
     return s;
 }
 
-static int state_finite(const OrbitFilterState *s)
-{
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    return vec_finite(s->position_std) && vec_finite(s->velocity_std) && isfinite(s->along) && isfinite(s->along_std);
-}
-
 void orbit_filter_update(OrbitFilter *m, Tick t)
 {
-    const NavOrbit *fix = &m->in.fix;
+    OrbitFilter next = *m;
+    const NavOrbit *fix = &next.in.fix;
     Quality placed;
     const Vec3 pole = orbit_pole(&m->in.planet, &placed);
     const OrbitField field = {m->par.mu, m->par.radius, m->par.J2, m->par.J3, m->par.J4, pole};
     const double reach = (double)m->par.steps * m->par.step;
     const double kept = (m->par.latency < reach ? m->par.latency : reach) + m->par.step;
 
-    OrbitFilter next = *m;
     if (t.t < next.mem.now) { /* the clock went back */
         next.mem.restarts += next.mem.running != 0u ? 1u : 0u;
         next.mem.running = next.mem.agree = next.mem.any = 0u;
     }
     next.mem.now = t.t;
-    /* undecided: a guard of the array; the bounds of the parameter are within */
-    for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && next.mem.running != 0u; k++) {
+    /* undecided: guards; the bounds of the parameter are within, and what is not behind leaves below */
+    for (uint32_t k = 0u; k < ORBIT_STEPS_MAX && k < m->par.steps && next.mem.running != 0u && next.mem.at.t < t.t;
+         k++) {
         const int64_t step = orbit_step_ns(m->par.step);
         if (step == 0 || !(tick_seconds(tick_since(t.t, next.mem.at.t)) >= kept)) {
             break;
@@ -280,7 +275,9 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
     const int running = next.mem.running != 0u;
     const double std = vec_norm(state.position_std);
     m->out.orbit.head = head_held(m->out.orbit.head);
-    if (next.mem.any != 0u && state_finite(&state)) {
+    /* undecided: a guard; no inputs are known at which this alone is not finite */
+    if (next.mem.any != 0u && vec_finite(state.position_std) && vec_finite(state.velocity_std) &&
+        isfinite(state.along) && isfinite(state.along_std)) {
         if (running && orbit_step_ns(m->par.step) > 0 && estimate_finite(&now) && vec_finite(a)) {
             const int good = now.t == t.t && next.mem.running >= m->par.persistence && std <= m->par.good;
             const Quality quality = good ? quality_min(placed, next.mem.quality) : QUALITY_DEGRADED;
