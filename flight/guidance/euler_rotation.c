@@ -68,7 +68,7 @@ void euler_rotation_update(EulerRotation *m, Tick t)
     double seconds = tick_seconds(tick_since(t.t, command.start));
     euler.rates = command.rates;
     euler.angles = vec_add(command.angles, vec_scale(seconds, command.rates));
-    if (quality != QUALITY_NONE && vec_finite(euler.angles) && vec_finite(euler.rates) &&
+    if (quality != QUALITY_NONE && vec_finite(euler.rates) && vec_finite(euler.angles) &&
         turn(base, &euler, &reference)) {
         euler.head = head_next(m->out.euler.head, t.t, quality);
         reference.head = head_next(m->out.reference.head, t.t, quality);

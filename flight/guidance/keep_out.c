@@ -51,6 +51,7 @@ static int see(const KeepOut *m, Cones *cones)
     const BodyState *body[BODIES] = {&m->in.first, &m->in.second};
     const Vec3 here = head_written(m->in.orbit.head) ? m->in.orbit.r_BN_N : vec3(0.0, 0.0, 0.0);
     int seen = 1;
+    memset(cones, 0, sizeof *cones);
     cones->boresights = m->par.n < KEEP_OUT_BORESIGHTS ? m->par.n : KEEP_OUT_BORESIGHTS;
     cones->bodies = head_written(m->in.second.head) && m->par.second_angle > 0.0 ? 2u : 1u;
     for (uint32_t b = 0; b < cones->bodies; b++) {
@@ -167,7 +168,7 @@ static void choices(const Cones *cones, Nearest nearest, double least, Vec3 a, V
 static int search(KeepOut *m, const Cones *cones, Vec3 a, Vec3 z)
 {
     Vec3 ways[WAYS];
-    double first[WAYS], last[WAYS], best = INFINITY;
+    double first[WAYS] = {0.0}, last[WAYS] = {0.0}, best = INFINITY;
     m->mem.next = m->mem.points = 0u;
     const Nearest nearest = turn(cones, a, z);
     if (nearest.excess <= 0.0) {
@@ -328,25 +329,27 @@ static int lead_or_stay(KeepOut *m, Cones *cones)
     m->mem.last = *target;
     m->mem.running = 1u;
     *way = *target;
-    if (status->points > 0u) {
+    if (m->mem.next < m->mem.points) {
         way->sigma_RN = m->mem.sigma_WN[m->mem.next];
         way->omega_RN_N = way->domega_RN_N = vec3(0.0, 0.0, 0.0);
     }
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    return isfinite(status->clearance) && isfinite(status->length) && isfinite(status->direct) &&
-           vec_finite(target->omega_RN_N) && vec_finite(target->domega_RN_N);
+    return isfinite(status->clearance) && isfinite(status->length) && isfinite(status->direct);
 }
 
+/* open way: a way-point that is not finite is not free, and so none that is gone to */
 void keep_out_update(KeepOut *m, Tick t)
 {
     KeepOut next = *m;
+    const AttReference *target = &next.in.target;
     Quality quality = quality_min(quality_through(m->in.target.head), quality_through(m->in.attitude.head));
     quality = quality_min(quality, quality_through(m->in.first.head));
     quality = quality_min(quality, quality_optional(m->in.second.head));
     quality = quality_min(quality, quality_optional(m->in.orbit.head));
 
     Cones cones;
-    if (quality != QUALITY_NONE && see(m, &cones) && lead_or_stay(&next, &cones)) {
+    if (quality != QUALITY_NONE && vec_finite(target->sigma_RN) && vec_finite(target->omega_RN_N) &&
+        vec_finite(target->domega_RN_N) && see(m, &cones) && lead_or_stay(&next, &cones)) {
         const KeepOutResult result = next.out.status.result;
         const int kept = result == KEEP_OUT_CLEAR || result == KEEP_OUT_DETOUR;
         quality = quality_min(quality, kept ? QUALITY_GOOD : QUALITY_DEGRADED);
