@@ -205,7 +205,7 @@ PROVED = """
 ArrayDriveCommandChoice ArrayPointing AttitudeMiscompare BDot BaseReference BodyDirection BootCount BurnExecution
 BurnMemory BurnPlan BurnPointing BurnSchedule DeltaVAccumulation EarthOnBoard EclipseOnBoard ElementEphemeris
 EulerRotation FieldDirection FieldOnBoard FormationKeeping FormationRoll GimbalRatesChoice GimbalSteering
-GimbalTorquesChoice GroundPass GroundTarget GyroRates GyroSelect HillPointing InertialPointing InertialSpin
+GimbalTorquesChoice GroundPass GroundTarget GyroRates GyroSelect HillPointing InertialPointing InertialSpin KeepOut
 MagneticPointing MomentumDump MoonOnBoard MrpSteering NvmShare OrbitBeacon OrbitFilter OrbitOnBoard OrbitPropagator
 PanelCommandChoice PowerManager PropulsionManager Quest RateServo RodCommandChoice RodConfig RodTorques RodWindow
 SeenTarget SlewProfile StarSelect StarTrackerAttitude SunDirection SunLine SunOnBoard SunPyramids SunSafe
