@@ -85,7 +85,8 @@ static void search_step(GroundPass *m, const OrbitField *field, Vec3 up, int64_t
     if (culminates) {
         ends[1] = halve(&w, 0.0, 1.0, 1, 0.0);
     }
-    for (int k = 0; k < (culminates ? 2 : 1); k++) { /* where it climbs, no pass ends */
+    /* undecided: what climbs does not set, but in a step that is long beside the orbit, which tests do not take */
+    for (int k = 0; k < (culminates ? 2 : 1) && m->mem.search != SEARCH_DONE; k++) {
         const double x = ends[k], y = ends[k + 1], s = height(between(&w, y), up);
         const int above = s >= m->mem.sine;
         const int64_t end = m->mem.t + (int64_t)(y * h * 1e9);
