@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge prove [MODULE...]`: no run-time errors in flight C, and loops that end, for all that headers allow.
 
-Exit codes: 0 all is proved, or named open in the source, and with --table; 1 an alarm or a loop without a bound is left; 2 the command
-line is wrong; 130 Ctrl-C.
+Exit codes: 0 all is proved, or named open in the source, and with --table; 1 an alarm or a loop without a bound is left;
+2 the command line is wrong; 130 Ctrl-C.
 """
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def add(command: Callable) -> None:
     sub.add_argument("--jobs", type=int, metavar="N", help="analyses at a time; default: one for each core")
     printed = sub.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print the results as JSON, and nothing else")
-    printed.add_argument("--table", action="store_true", help="prove nothing; print what is kept as tables in Markdown, "
-                         "beside the conditions that the last `fledge test --coverage` counted")
+    printed.add_argument("--table", action="store_true", help="prove nothing; print what is kept as tables in "
+                         "Markdown, beside the conditions that the last `fledge test --coverage` counted")
     sub.set_defaults(needs=lambda _: ["prove"])
 
 
