@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge prove [MODULE...]`: no run-time errors in flight C, and loops that end, for all that headers allow.
 
-Exit codes: 0 all is proved, or named open in the source, and with --table; 1 an alarm or a loop without a bound is left;
-2 the command line is wrong; 130 Ctrl-C.
+Exit codes: 0 all is proved, or named open in the source, and with --table; 1 an alarm or a loop without a bound is
+left; 2 the command line is wrong; 130 Ctrl-C.
 """
 from __future__ import annotations
 
