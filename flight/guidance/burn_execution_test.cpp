@@ -277,7 +277,7 @@ TEST(BurnExecution, what_was_cut_off_is_not_resumed_too_late_or_as_another_burn)
     EXPECT_NEAR(other.dv, 20, 1e-2);
 }
 
-TEST(BurnExecution, what_was_cut_off_is_not_resumed_if_nobody_knows_how_much_is_left)
+TEST(BurnExecution, what_was_cut_off_is_not_resumed_where_what_is_left_is_not_known)
 {
     for (const double gained : {static_cast<double>(NAN), HUGE_VAL}) {
         for (const BurnPhase phase : {BURN_CUT, BURN_COMPLETE}) {
