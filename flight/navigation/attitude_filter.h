@@ -440,6 +440,7 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
     AttitudeFilterMemory next = *mem;
     NavAttitude result = *attitude;
     AttitudeFilterState is = *state;
+    /* open: n is GYRO_HISTORY at most: keep_rate(), which alone adds a rate, makes room first; widening forgets it */
     const int64_t newest = next.n > 0u ? next.times[next.n - 1u] : INT64_MIN;
     const int fresh = gyro_speaks(gyro) && gyro->head.t <= t.t && gyro->head.t > newest &&
                       tick_seconds(tick_since(t.t, gyro->head.t)) <= par->hold;
