@@ -35,13 +35,15 @@ static BodyState evaluate(const Vec3 *c, uint32_t n, double in, double duration)
 static int covers(int64_t start, int64_t duration, uint32_t count, int64_t time, uint32_t *which, int64_t *in)
 {
     const int64_t since = tick_since(time, start);
-    if (since < 0 || duration <= 0 || count == 0u || since / duration > count ||
-        (since / duration == count && since % duration != 0)) {
+    if (since < 0 || duration <= 0) {
         return 0;
     }
-    const int last = since / duration == count; /* its very end */
-    *which = last ? count - 1u : (uint32_t)(since / duration);
-    *in = last ? duration : since % duration;
+    const int64_t whole = since / duration, rest = since % duration;
+    if (count == 0u || whole > count || (whole == count && rest != 0)) {
+        return 0;
+    }
+    *which = whole < count ? (uint32_t)whole : count - 1u;
+    *in = whole < count ? rest : duration; /* its very end */
     return 1;
 }
 
