@@ -27,7 +27,7 @@ from fledge.units import s
 from bench.rows import Rows, options
 
 NEEDS = ["leon3", "build _emulator"]
-GUEST = build.ROOT / "bench/guest/flown_requirements.c"
+GUEST, MONITOR = "bench/guest/flown_requirements.c", "flight/services/requirement_monitor"
 TICKS = 200         # samples, of which those count that find all windows full
 FULL = 130
 NODE, REQUIREMENT, NUMBER = 64, 40, 8       # [bytes]
@@ -69,7 +69,7 @@ def formulas() -> dict[str, Compiled]:
 
 
 def written(compiled: list[Compiled | None]) -> str:
-    """The header of the guest; None: no requirement."""
+    """The guest with formulas before it; None: no requirement."""
     def node(row: dict) -> str:
         numbers = {"scale": 1.0, **row}
         return "{" + ", ".join(f".{name} = {value!r}" if isinstance(value, float) else f".{name} = {value}"
@@ -78,6 +78,7 @@ def written(compiled: list[Compiled | None]) -> str:
     lists = ",\n".join(f"    {{{len(each.rows)}u, {{{', '.join(map(node, each.rows))}}}}}" if each
                        else "    {0u, {{0}}}" for each in compiled)
     return f"""\
+#include "{MONITOR}.h"
 enum {{ FORMULAS = {len(compiled)}, TICKS = {TICKS}, NODE = {NODE}, REQUIREMENT = {REQUIREMENT} }};
 #define EVERY INT64_C(1000000000)
 static const struct {{
@@ -86,16 +87,18 @@ static const struct {{
 }} formulas[FORMULAS] = {{
 {lists}
 }};
+#include "{GUEST}"
 """
 
 
 def counted(compiled: list[Compiled | None]) -> list[list[int]]:
     """The instructions on the LEON3 of each sample at which windows are full."""
     with TemporaryDirectory() as folder:
-        Path(folder, "formulas.h").write_text(written(compiled), encoding="utf-8")
+        program = Path(folder, "program.c")
+        program.write_text(written(compiled), encoding="utf-8")
         elf = board.program(Path(folder, "built"), "flown_requirements",
-                            [GUEST, build.ROOT / "flight/services/requirement_monitor.c", *build.math_sources()],
-                            [Path(folder)], ["-O2"])
+                            [program, build.ROOT / f"{MONITOR}.c", *build.math_sources()],
+                            [], ["-O2"])
         computer = Board(board.BOARD, elf)
         computer.breakpoint(begin := computer.address("judge"))
         end, before, found = 0, 0, []

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Flown requirements at each of TICKS samples: bench/flown_requirements.py writes their formulas and counts what each
- * call of judge() takes. All outputs are the same: a head, and numbers that wander. */
+/* Flown requirements at each of TICKS samples: bench/flown_requirements.py writes their formulas before this text, and
+ * counts what each call of judge() takes. All outputs are the same: a head, and numbers that wander. */
 #include "flight/services/requirement_monitor.h"
-
-#include "formulas.h"
 
 static struct {
     Head head;
