@@ -216,9 +216,9 @@ flight/math/elementary flight/math/vec ccsds/space_packet ccsds/sync ccsds/tc_fr
 flight/exec/exec""".split()
 
 
-@pytest.mark.long("80 analyses")
-def test_what_is_proved_stays_proved() -> None:
+@pytest.mark.long("an analysis")
+@pytest.mark.parametrize("name", PROVED)
+def test_what_is_proved_stays_proved(name: str) -> None:
     """An alarm that is left names its place."""
-    results = prove.prove(PROVED)
-    assert len(results) >= len(PROVED)
-    assert [(result.name, alarm) for result in results for alarm in (*result.left, *result.endless)] == []
+    for result in prove.prove([name]):
+        assert [*result.left, *result.endless] == []
