@@ -42,8 +42,8 @@ static int is_stuck(ArrayPointing *m, uint32_t i, double left, int64_t t, int mo
     return m->par.persistence > 0 && tick_since(t, m->mem.nearer[i]) >= m->par.persistence;
 }
 
-/* The Sun's direction, for the array i: across its axis along the normal at the angle 0, and along axis x normal; what is
- * left of the normal's part. */
+/* The Sun's direction, for the array i: across its axis along the normal at the angle 0, and along axis x normal; what
+ * is left of the normal's part. */
 typedef struct Seen {
     double cosine, sine, along;
 } Seen;
