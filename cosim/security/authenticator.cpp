@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/security/authenticator.h"
 
+#include "cosim/security/uninterrupted.h"
+
 #include <array>
 #include <cstdio>
 #include <utility>
@@ -34,24 +36,21 @@ Authenticator::Authenticator(zmq::context_t &context, std::filesystem::path fold
     char name[64];
     std::snprintf(name, sizeof name, "inproc://fledge-authenticator-%p", static_cast<void *>(this));
     try {
-        requests_.bind("inproc://zeromq.zap.01");
+        uninterrupted([&] { requests_.bind("inproc://zeromq.zap.01"); });
     } catch (const zmq::error_t &) {
         throw KeyError("there is another controller with keys in this program; give each a context of its own");
     }
-    end_.bind(name);
-    ended_.connect(name);
+    uninterrupted([&] { end_.bind(name); });
+    uninterrupted([&] { ended_.connect(name); });
     thread_ = std::thread([this] { serve(); });
 }
 
 Authenticator::~Authenticator()
 {
-    for (bool interrupted = true; interrupted;) {
-        try {
-            end_.send(zmq::message_t(), zmq::send_flags::dontwait);
-            interrupted = false;
-        } catch (const zmq::error_t &error) {
-            interrupted = error.num() == EINTR; // otherwise the context ends, and its thread with it
-        }
+    try {
+        uninterrupted([&] { end_.send(zmq::message_t(), zmq::send_flags::dontwait); });
+    } catch (const zmq::error_t &) {
+        // The context ends, and its thread with it.
     }
     thread_.join();
 }
@@ -95,17 +94,15 @@ std::vector<std::string> Authenticator::take_reports()
 void Authenticator::serve()
 {
     zmq::pollitem_t items[] = {{requests_.handle(), 0, ZMQ_POLLIN, 0}, {ended_.handle(), 0, ZMQ_POLLIN, 0}};
-    while (!items[1].revents) {
-        try {
-            zmq::poll(items, 2, -1ms);
+    try {
+        while (!items[1].revents) {
+            uninterrupted([&] { zmq::poll(items, 2, -1ms); });
             if (items[0].revents) {
                 answer();
             }
-        } catch (const zmq::error_t &error) {
-            if (error.num() != EINTR) {
-                return; // the context is gone
-            }
         }
+    } catch (const zmq::error_t &) {
+        // The context is gone.
     }
 }
 
@@ -115,7 +112,7 @@ void Authenticator::answer()
     std::vector<zmq::message_t> parts;
     do {
         zmq::message_t part;
-        (void)requests_.recv(part);
+        uninterrupted([&] { (void)requests_.recv(part); });
         parts.push_back(std::move(part));
     } while (parts.back().more());
     std::string key;
@@ -148,9 +145,9 @@ void Authenticator::answer()
     const std::string user = why.empty() ? key : "";
     const std::array<const std::string *, 5> reply{&version, &number, &code, &text, &user};
     for (const std::string *part : reply) {
-        requests_.send(zmq::buffer(*part), zmq::send_flags::sndmore);
+        uninterrupted([&] { requests_.send(zmq::buffer(*part), zmq::send_flags::sndmore); });
     }
-    requests_.send(zmq::message_t(), zmq::send_flags::none); // no metadata
+    uninterrupted([&] { requests_.send(zmq::message_t(), zmq::send_flags::none); }); // no metadata
 }
 
 const AllowedKey *Authenticator::find(const std::string &key) const

@@ -15,11 +15,11 @@
 #pragma once
 
 #include "cosim/protocol/words.h"
+#include "cosim/security/uninterrupted.h"
 #include "cosim/transport/link_error.h"
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <memory>
 #include <span>
@@ -56,20 +56,6 @@ void allow_silence(zmq::socket_t &socket);
 
 /// Before a socket is bound: over "ipc://", only programs of this user can connect.
 void refuse_other_users(zmq::socket_t &socket);
-
-/// Call libzmq again if a signal interrupted it: it has done nothing then.
-template <class Call> auto uninterrupted(Call call)
-{
-    for (;;) {
-        try {
-            return call();
-        } catch (const zmq::error_t &error) {
-            if (error.num() != EINTR) {
-                throw;
-            }
-        }
-    }
-}
 
 /// Send one part of a message; false if the socket takes no more and `flags` forbid to wait.
 bool send_part(zmq::socket_t &socket, zmq::const_buffer bytes, zmq::send_flags flags);
