@@ -10,8 +10,9 @@ scenarios pass with it, and if one of the searches, which screen it with --scree
 campaign that violates a requirement which holds without the change, but not by its first --easy runs. Then both look
 for it again with --seeds seeds: how many runs each needs to the first violation, at most --runs.
 
-The table has medians. A search that finds nothing counts with all its runs. Draws have no memory: the median of theirs
-follows from their rate, all finds over all runs. Where they find none, it is above what is printed, with 95 %.
+The table has medians. A search that finds nothing counts with all its runs. Draws have no memory, so their median
+follows from their rate, all finds over all runs. Where they find none, the median exceeds what is printed, with a
+confidence of 95 %.
 """
 from __future__ import annotations
 
@@ -119,7 +120,8 @@ def answer(question: dict[str, Any]) -> Any:
 # --- the study -------------------------------------------------------------------------------------
 
 class Needed(NamedTuple):
-    """Medians of runs to the first violation. more: draws found none, and need more than `draws`, with 95 %"""
+    """Medians of runs to the first violation. more: draws found none, and need more than `draws`, with a
+    confidence of 95 %"""
     search: float
     draws: float
     more: bool

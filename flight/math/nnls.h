@@ -112,7 +112,8 @@ static inline int nnls_search(const Nnls *p, uint32_t m, uint32_t *set, double *
         double y[NNLS_ROWS] = {0.0};
         nnls_factor(p, m, P, ridge, &f);
         nnls_step(&f, m, p->b, y);
-        /* Squared: of rounding, of z alone, and where the search goes to and fro between sets, of y along the ridge. */
+        /* The square of what rounding makes of z = 0. After 32 rounds the search goes round between sets, since the
+         * ridge makes the rounding of y larger, up to 1e-6. */
         const double small = (round < 32 ? 1e-28 : 1e-12) * size * nnls_dot(y, y, m);
         uint32_t wrong = 0, count = 0, last = 0;
         for (uint32_t i = 0; i < p->n; i++) {
