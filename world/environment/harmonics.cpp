@@ -14,8 +14,9 @@
 // by z, where A'_nm ~ A_{n,m+1}, sum p_{n,m+1} kappa C_nm, with kappa C put beside the
 // coefficients of the column m + 1 in advance. The second sum comes from the partial sums s_k of
 // the first, without a multiplication: sum_k k t_k = K s_K - sum_{k<K} s_k. That is 7 products and
-// 7 sums for each n and m. Four columns run at a time, in two SIMD pairs, whose dependencies are
-// independent of one another.
+// 7 sums for each n and m. Four columns are a block; they run in one wide register or in two narrow ones. Two registers
+// of columns go side by side, since a column waits for itself: two blocks, of which the second is four degrees
+// shorter, or the two halves of one. Each column has the same operations in all widths.
 //
 // With (q (x + i y))^m = rho_m + i sigma_m, the columns make the gradient (Pines 1973; the sums
 // written for C stand for sum C rho + S sigma):
@@ -26,6 +27,7 @@
 #include "world/environment/harmonics.h"
 
 #include "sim/error.h"
+#include "world/dynamics/lanes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,29 +46,38 @@ constexpr int highest_degree = 2400;
 
 constexpr int order_block = 4; // orders at a time
 
-/// The sums of two columns.
-template <typename Pair> struct Columns {
-    Pair before = {}, p = {1.0, 1.0}; // p_{n-1}, p_n
-    Pair C = {}, S = {};              // sum p C, sum p S
-    Pair CC = {}, SS = {};            // sums of the partial sums of these
-    Pair dC = {}, dS = {};            // sum p dC, sum p dS
+using Pair [[gnu::vector_size(16)]] = double; // two orders side by side
 
-    template <typename Terms> __attribute__((always_inline)) void add(const Terms &t)
+/// The sums of the columns in the lanes of a register.
+template <typename Lanes> struct Columns {
+    Lanes p = Lanes{} + 1.0;
+    Lanes C = {}, S = {};   // sum p C, sum p S
+    Lanes CC = {}, SS = {}; // sums of the partial sums of these
+    Lanes dC = {}, dS = {}; // sum p dC, sum p dS
+    Lanes before = {};      // the p before
+
+    LANES_INLINE static const Lanes &at(const double *numbers)
+    {
+        using Aliased [[gnu::may_alias]] = Lanes;
+        return *reinterpret_cast<const Aliased *>(numbers);
+    }
+
+    template <typename Terms> LANES_INLINE void add(const Terms &t, int lane)
     {
         CC += C;
         SS += S;
-        C += p * t.C;
-        S += p * t.S;
-        dC += p * t.dC;
-        dS += p * t.dS;
+        C += p * at(t.C + lane);
+        S += p * at(t.S + lane);
+        dC += p * at(t.dC + lane);
+        dS += p * at(t.dS + lane);
     }
 
-    template <typename Terms> __attribute__((always_inline)) void step(const Terms &t, Pair two_z, Pair q2)
+    template <typename Terms> LANES_INLINE void step(const Terms &t, int lane, Lanes two_z, Lanes q2)
     {
-        const Pair next = two_z * p - (t.beta * q2) * before;
+        const Lanes next = two_z * p - (at(t.beta + lane) * q2) * before;
         before = p;
         p = next;
-        add(t);
+        add(t, lane);
     }
 };
 
@@ -89,15 +100,15 @@ Harmonics::Harmonics(const HarmonicField &field, int degree) : mu_(field.mu), ra
     double sectoral = small;
     for (int first = 0; first <= degree; first += order_block) {
         const std::size_t begin = terms_.size();
-        terms_.resize(begin + 2 * at(degree - first + 1), Terms{});
+        terms_.resize(begin + at(degree - first + 1), Terms{});
         for (int m = first; m < std::min(first + order_block, degree + 1); m++) {
             if (m > 0) {
                 sectoral *= std::sqrt(m == 1 ? 3.0 : (2.0 * m + 1.0) / (2.0 * m));
             }
             scale[at(m)] = sectoral;
             for (int n = m; n <= degree; n++) {
-                Terms &t = terms_[begin + 2 * at(n - m) + at((m - first) / 2)];
-                const int lane = (m - first) % 2;
+                Terms &t = terms_[begin + at(n - m)];
+                const int lane = m - first;
                 if (n > m) {
                     scale[at(n)] = scale[at(n - 1)] * 0.5 *
                                    std::sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / (double(n - m) * double(n + m)));
@@ -117,54 +128,107 @@ Harmonics::Harmonics(const HarmonicField &field, int degree) : mu_(field.mu), ra
     }
 }
 
-Vector3d Harmonics::gravity(const Vector3d &r_P, double *potential) const
+void Harmonics::combine(const Harmonics &a, double factor, const Harmonics &b)
 {
-    const double r2 = r_P.squaredNorm(), r = std::sqrt(r2), q = radius_ / r;
-    const double x = r_P[0] / r, y = r_P[1] / r, z = r_P[2] / r;
+    for (std::size_t i = 0; i < terms_.size(); i++) {
+        for (const auto part : {&Terms::C, &Terms::S, &Terms::dC, &Terms::dS}) {
+            for (int lane = 0; lane < order_block; lane++) {
+                (terms_[i].*part)[lane] = (a.terms_[i].*part)[lane] + factor * (b.terms_[i].*part)[lane];
+            }
+        }
+    }
+}
+
+/// Each in two parts, of the even and the odd orders.
+struct Harmonics::Sums {
+    Pair value, radial, u, v, w;
+};
+
+template <typename Lanes> LANES_INLINE void Harmonics::add_up(double x, double y, double z, double q, Sums &sums) const
+{
+    constexpr bool wide = sizeof(Lanes) == 4 * sizeof(double);
     const double w_re = q * x, w_im = q * y; // w = q (x + i y)
     const double w2_re = w_re * w_re - w_im * w_im;
     const double w2_im = 2.0 * w_re * w_im;
     const Pair w2_rho = {w2_re, w2_re}, w2_sigma = {w2_im, w2_im};
-    const Pair two_z = {2.0 * z * q, 2.0 * z * q}, q2 = {q * q, q * q};
+    const Lanes two_z = Lanes{} + 2.0 * z * q, q2 = Lanes{} + q * q;
 
     Pair rho = {large, large * w_re}, sigma = {0.0, large * w_im}; // of the orders m and m + 1
     Pair rho_last = {0.0, 0.0}, sigma_last = {0.0, 0.0};           // of the two before
     Pair value = {}, radial = {}, u = {}, v = {}, w = {};
     Pair order = {0.0, 1.0};
-    const Terms *t = terms_.data();
-    for (int first = 0; first <= degree_; first += order_block) {
-        const int last = degree_ - first; // the highest n - m
-        Columns<Pair> low, high;
-        low.add(t[0]);
-        high.add(t[1]);
-        t += 2;
-        for (int k = 1; k <= last; k++, t += 2) {
-            low.step(t[0], two_z, q2);
-            high.step(t[1], two_z, q2);
+    const auto half = [](Lanes a, int which) __attribute__((always_inline))
+    {
+        if constexpr (wide) {
+            return which == 0 ? __builtin_shufflevector(a, a, 0, 1) : __builtin_shufflevector(a, a, 2, 3);
+        } else {
+            return a;
         }
+    };
+    const auto take = [&](const Columns<Lanes> &columns, int last) __attribute__((always_inline))
+    {
         const Pair k_last = {double(last), double(last)};
-        for (const Columns<Pair> *columns : {&low, &high}) {
+        for (int which = 0; which < (wide ? 2 : 1); which++) {
+            const Pair C = half(columns.C, which), S = half(columns.S, which);
             const Pair rho_before = __builtin_shufflevector(rho_last, rho, 1, 2);
             const Pair sigma_before = __builtin_shufflevector(sigma_last, sigma, 1, 2);
-            const Columns<Pair> &c = *columns;
             const Pair weight = k_last + order + order + 1.0;
-            value += c.C * rho + c.S * sigma;
-            radial += (weight * c.C - c.CC) * rho + (weight * c.S - c.SS) * sigma;
-            u += order * (c.C * rho_before + c.S * sigma_before);
-            v += order * (c.S * rho_before - c.C * sigma_before);
-            w += c.dC * rho_before + c.dS * sigma_before;
+            value += C * rho + S * sigma;
+            radial += (weight * C - half(columns.CC, which)) * rho + (weight * S - half(columns.SS, which)) * sigma;
+            u += order * (C * rho_before + S * sigma_before);
+            v += order * (S * rho_before - C * sigma_before);
+            w += half(columns.dC, which) * rho_before + half(columns.dS, which) * sigma_before;
             order += 2.0;
             rho_last = rho;
             sigma_last = sigma;
             rho = rho_last * w2_rho - sigma_last * w2_sigma;
             sigma = rho_last * w2_sigma + sigma_last * w2_rho;
         }
+    };
+
+    const Terms *t = terms_.data();
+    for (int last = degree_; last >= 0;) { // the highest n - m of the block
+        Columns<Lanes> first, second;
+        const int shorter = wide ? last - order_block : last, lane = wide ? 0 : 2;
+        const Terms *const other = wide ? t + last + 1 : t;
+        first.add(t[0], 0);
+        if (shorter >= 0) {
+            second.add(other[0], lane);
+        }
+        int k = 1;
+        for (; k <= shorter; k++) {
+            first.step(t[k], 0, two_z, q2);
+            second.step(other[k], lane, two_z, q2);
+        }
+        for (; k <= last; k++) {
+            first.step(t[k], 0, two_z, q2);
+        }
+        take(first, last);
+        if (shorter >= 0) {
+            take(second, shorter);
+        }
+        t = wide ? other + shorter + 1 : t + last + 1;
+        last = shorter - order_block;
     }
+    sums = {value, radial, u, v, w};
+}
+
+Vector3d Harmonics::gravity(const Vector3d &r_P, double *potential) const
+{
+    const double r2 = r_P.squaredNorm(), r = std::sqrt(r2), q = radius_ / r;
+    const double x = r_P[0] / r, y = r_P[1] / r, z = r_P[2] / r;
+    Sums sums;
+    if (sim::wide > 0) {
+        sim::in_registers<&Harmonics::add_up<Quad>>(*this, x, y, z, q, sums);
+    } else {
+        add_up<Pair>(x, y, z, q, sums);
+    }
+    const auto &[value, radial, u, v, w] = sums;
     const double along = q * (w[0] + w[1]);
-    const double outward = 1.0 + ((radial[0] + radial[1]) + z * along);
+    const double outward = point_ + ((radial[0] + radial[1]) + z * along);
     const double scale = mu_ / r2;
     if (potential) {
-        *potential = mu_ / r * (1.0 + (value[0] + value[1]));
+        *potential = mu_ / r * (point_ + (value[0] + value[1]));
     }
     return {scale * (q * (u[0] + u[1]) - outward * x), scale * (q * (v[0] + v[1]) - outward * y),
             scale * (along - outward * z)};

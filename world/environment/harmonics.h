@@ -34,6 +34,12 @@ public:
     explicit Harmonics(const HarmonicField &field);
     Harmonics(const HarmonicField &field, int degree);
 
+    /// Without the point mass mu / r, for fields that have none.
+    void leave_out_the_point() { point_ = 0.0; }
+
+    /// Take the coefficients a + factor b of two fields of this degree.
+    void combine(const Harmonics &a, double factor, const Harmonics &b);
+
     int degree() const { return degree_; }
     double mu() const { return mu_; }
     double radius() const { return radius_; }
@@ -55,17 +61,18 @@ public:
     std::optional<HarmonicsSetup> setup; ///< none if no file has it
 
 private:
-    /// Two orders side by side.
-    typedef double Pair __attribute__((vector_size(16)));
-
-    /// What one degree of two neighbouring orders m needs.
-    struct Terms {
-        Pair beta;   ///< of the recursion
-        Pair C, S;   ///< the order's own coefficients
-        Pair dC, dS; ///< those of the order before, for the derivative by s
+    /// What one degree of four neighbouring orders m needs.
+    struct alignas(32) Terms {
+        double beta[4];      ///< of the recursion
+        double C[4], S[4];   ///< the order's own coefficients
+        double dC[4], dS[4]; ///< those of the order before, for the derivative by s
     };
 
+    struct Sums;
+    template <typename Lanes> void add_up(double x, double y, double z, double q, Sums &sums) const;
+
     double mu_, radius_;
+    double point_ = 1.0; ///< the share of the point mass
     int degree_;
     std::vector<Terms> terms_;
 };

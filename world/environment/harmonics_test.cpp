@@ -2,6 +2,7 @@
 #include "world/environment/harmonics.h"
 
 #include "sim/error.h"
+#include "sim/wide.h"
 #include "world/environment/gravity.h"
 #include "world/environment/orientation.h"
 #include "world/environment/testing/files.h"
@@ -282,6 +283,24 @@ TEST(Harmonics, TurnsWithThePlanet)
     // In axes fixed in the body and in inertial ones it is one vector.
     const Matrix3d dcm = mars.at({0}).dcm_PN;
     EXPECT_LT((dcm * at(0.0) - field.gravity(dcm * r_N)).norm(), 1e-14);
+}
+
+TEST(Harmonics, AreTheSameBitForBitInNarrowRegisters)
+{
+    const int widest = sim::wide;
+    for (const int degree : {0, 1, 2, 3, 4, 7, 12, 20, 70}) { // blocks of four orders, alone and two by two
+        const Harmonics field(random_field(degree, 11));
+        for (const Vector3d &r : points(R, 20)) {
+            double U, other_U;
+            sim::wide = 0;
+            const Vector3d narrow = field.gravity(r, &U);
+            for (sim::wide = 1; sim::wide <= widest; sim::wide++) {
+                EXPECT_EQ(field.gravity(r, &other_U), narrow) << degree << ": " << r.transpose();
+                EXPECT_EQ(other_U, U);
+            }
+        }
+    }
+    sim::wide = widest;
 }
 
 TEST(Harmonics, MoreThanTheFieldHasIsRefused)
