@@ -114,11 +114,11 @@ class Variable(Measured):
         shape = self.field_path.shape
         return [self.summary, *(self[index] for index in np.ndindex(shape))] if shape else [self.summary]
 
-    def values(self, result: Series) -> np.ndarray:
-        """(runs, samples): its number in each run at each sample, also outside its part of the time."""
+    def values(self, result: Series, part: slice = slice(None)) -> np.ndarray:
+        """(runs, samples): its number in each run at each of these samples, also outside its part of the time."""
         import numpy as np
 
-        values = result.retained[self.path]
+        values = result.retained[self.path][:, part]
         if self._measure == "norm":
             return np.sqrt(np.sum(np.square(values.reshape(*values.shape[:2], -1)), axis=2))
         if self._measure == "max_abs":
@@ -155,11 +155,11 @@ class Requirement:
         import numpy as np
 
         part = self.variable.samples(result.ns)
-        values = self.variable.values(result)[:, part]
+        values = self.variable.values(result, part)
         there = np.ones(values.shape, bool)
         good = there[:, 0]
         if self.quality:
-            quality = self.quality.values(result)[:, part]
+            quality = self.quality.values(result, part)
             there, good = ~(quality == NONE), (quality == GOOD).any(axis=1) | np.isnan(quality).any(axis=1)
         if self.comparison in ("==", "!="):
             badness = ((values != self.limit) == (self.comparison == "==")).astype(float)

@@ -131,7 +131,7 @@ class Store:
         runs = share.first + np.flatnonzero(new)
         if not len(runs):
             return
-        retained = [values[new] for values in share.retained]
+        retained = share.retained if new.all() else [values[new] for values in share.retained]
         series = Series(d.ns, {path: self._shaped(variable, values)
                                for (path, variable), values in zip(d.retained.items(), retained)})
         errors = [error for error, chosen in zip(share.errors, new) if chosen]
@@ -140,7 +140,7 @@ class Store:
         good = complete & ~np.array([self.strict and bool(findings) for findings in health])
         columns = [np.where(complete, _COMPLETE, _ERROR), [len(findings) for findings in health],
                    *share.draws[new].T, *share.entered[new].T,
-                   *(measure.values(series)[:, -1] for measure in d.measures())]
+                   *(measure.values(series, slice(-1, None))[:, 0] for measure in d.measures())]
         for requirement in d.requirements:
             worst, times, holds = requirement.worst(series)
             columns += [worst, times]
