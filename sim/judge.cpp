@@ -17,27 +17,6 @@ namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
-/// How far a number is from the other side of a limit; never 0, so that its sign says whether the relation holds.
-double distance(Judge::Relation relation, double x, double limit)
-{
-    constexpr double tiny = std::numeric_limits<double>::denorm_min();
-    switch (relation) {
-    case Judge::LESS: return x == limit ? -tiny : limit - x;
-    case Judge::LESS_EQUAL: return x == limit ? tiny : limit - x;
-    case Judge::GREATER: return x == limit ? -tiny : x - limit;
-    case Judge::GREATER_EQUAL: return x == limit ? tiny : x - limit;
-    case Judge::EQUAL: return x == limit ? unbounded : -unbounded;
-    case Judge::NOT_EQUAL: return x == limit ? -unbounded : unbounded;
-    }
-    return unknown;
-}
-
-double scaled(double distance, double scale)
-{
-    const double scaled = distance / scale;
-    return scaled == 0.0 ? distance : scaled;
-}
-
 } // namespace
 
 int Judge::source(std::shared_ptr<Instance> instance, std::uint32_t offset, FledgeType type, std::size_t elements,
@@ -67,10 +46,16 @@ int Judge::source(std::size_t elements)
     return add(std::move(source));
 }
 
+std::size_t Judge::rows(std::size_t elements)
+{
+    const std::size_t at = columns_.size() / Instants::most;
+    columns_.resize(columns_.size() + elements * Instants::most, unknown);
+    return at;
+}
+
 int Judge::add(Source source)
 {
-    source.at = numbers_.size();
-    numbers_.resize(numbers_.size() + source.elements, unknown);
+    source.at = rows(source.elements);
     sources_.push_back(std::move(source));
     return static_cast<int>(sources_.size()) - 1;
 }
@@ -80,8 +65,10 @@ int Judge::constant(std::span<const double> numbers)
     Expression added;
     added.operation = CONSTANT;
     added.elements = numbers.size();
-    added.at = numbers_.size();
-    numbers_.insert(numbers_.end(), numbers.begin(), numbers.end());
+    added.at = rows(added.elements);
+    for (std::size_t i = 0; i < numbers.size(); i++) {
+        std::fill_n(row(added.at + i), Instants::most, numbers[i]);
+    }
     expressions_.push_back(added);
     return static_cast<int>(expressions_.size()) - 1;
 }
@@ -109,7 +96,9 @@ int Judge::expression(Operation operation, int a, int b, double number)
     added.a = first.at;
     if (operation == ELEMENT) {
         fits(b >= 0 && static_cast<std::size_t>(b) < elements);
-        added.b = static_cast<std::size_t>(b);
+        added.at = first.at + static_cast<std::size_t>(b);
+        expressions_.push_back(added);
+        return static_cast<int>(expressions_.size()) - 1;
     } else if (operation == SUM || operation == DIFFERENCE || operation == ANGLE || operation == TURNED) {
         fits(b >= 0 && static_cast<std::size_t>(b) < expressions_.size());
         const Expression &second = expressions_[static_cast<std::size_t>(b)];
@@ -122,8 +111,7 @@ int Judge::expression(Operation operation, int a, int b, double number)
         added.b = elements; // so many are read, and one is written
     }
     added.elements = each ? elements : 1;
-    added.at = numbers_.size();
-    numbers_.resize(numbers_.size() + added.elements, unknown);
+    added.at = rows(added.elements);
     expressions_.push_back(added);
     return static_cast<int>(expressions_.size()) - 1;
 }
@@ -135,37 +123,42 @@ int Judge::atom(int value, Relation relation, double limit, double scale)
         throw std::invalid_argument("a comparison is of one number, and its scale is above 0");
     }
     atoms_.push_back({expressions_[static_cast<std::size_t>(value)].at, relation, limit, scale});
-    robustness_.emplace_back();
+    margins_.resize(margins_.size() + Instants::most, unknown);
     return static_cast<int>(atoms_.size()) - 1;
 }
 
-int Judge::formula(std::vector<FormulaNode> nodes)
+int Judge::formula(const std::vector<FormulaNode> &nodes)
 {
     for (const FormulaNode &node : nodes) {
         if (node.kind == FormulaNode::ATOM && (node.a < 0 || static_cast<std::size_t>(node.a) >= atoms_.size())) {
             throw std::invalid_argument("a formula has an atom that is not there");
         }
     }
-    formulas_.emplace_back(std::move(nodes));
-    return static_cast<int>(formulas_.size()) - 1;
+    return formulas_.formula(nodes);
 }
 
 void Judge::read(Source &source)
 {
-    double *to = numbers_.data() + source.at;
+    double *to = row(source.at) + count_;
     if (source.instance) {
         const std::byte *from = source.instance->memory();
+        Head head;
         if (source.head) {
-            Head head;
             std::memcpy(&head, from + *source.head, sizeof head);
-            if (head.quality <= QUALITY_STALE) {
-                std::fill_n(to, source.elements, unknown);
-                return;
-            }
         }
         from += source.offset;
-        for (std::size_t i = 0; i < source.elements; i++) {
-            to[i] = element_read(source.type, from + i * element_size(source.type));
+        if (source.head && head.quality <= QUALITY_STALE) {
+            for (std::size_t i = 0; i < source.elements; i++) {
+                to[i * Instants::most] = unknown;
+            }
+        } else if (source.type == FLEDGE_F64) {
+            for (std::size_t i = 0; i < source.elements; i++) {
+                std::memcpy(to + i * Instants::most, from + i * sizeof *to, sizeof *to);
+            }
+        } else {
+            for (std::size_t i = 0; i < source.elements; i++) {
+                to[i * Instants::most] = element_read(source.type, from + i * element_size(source.type));
+            }
         }
     } else if (source.event) {
         const std::uint64_t fired = source.process->fired(*source.event).count;
@@ -176,90 +169,129 @@ void Judge::read(Source &source)
 
 void Judge::compute(const Expression &expression)
 {
-    const double *a = numbers_.data() + expression.a, *b = numbers_.data() + expression.b;
-    double *to = numbers_.data() + expression.at;
+    constexpr std::size_t n = Instants::most; // also of a block that is not full, for the compiler
+    const double *a = row(expression.a), *b = row(expression.b);
+    double *to = row(expression.at);
+    const std::size_t all = expression.elements * n;
     switch (expression.operation) {
     case SOURCE:
-    case CONSTANT: break;
-    case ELEMENT: *to = a[expression.b]; break;
-    case NORM: {
-        double sum = 0.0;
-        for (std::size_t i = 0; i < expression.b; i++) {
-            sum += a[i] * a[i];
+    case CONSTANT:
+    case ELEMENT: break;
+    case NORM:
+        std::fill_n(to, n, 0.0);
+        for (std::size_t i = 0; i < expression.b; i++, a += n) {
+            for (std::size_t k = 0; k < n; k++) {
+                to[k] += a[k] * a[k];
+            }
         }
-        *to = std::sqrt(sum);
-        break;
-    }
-    case MAX_ABS: {
-        double most = 0.0;
-        for (std::size_t i = 0; i < expression.b; i++) {
-            most = std::isnan(a[i]) || std::fabs(a[i]) > most ? std::fabs(a[i]) : most;
+        for (std::size_t k = 0; k < n; k++) {
+            to[k] = std::sqrt(to[k]);
         }
-        *to = most;
         break;
-    }
+    case MAX_ABS:
+        std::fill_n(to, n, 0.0);
+        for (std::size_t i = 0; i < expression.b; i++, a += n) {
+            for (std::size_t k = 0; k < n; k++) {
+                const double x = std::fabs(a[k]);
+                to[k] = !(x <= to[k]) && to[k] == to[k] ? x : to[k]; // what is unknown stays so
+            }
+        }
+        break;
     case MAGNITUDE:
-        for (std::size_t i = 0; i < expression.elements; i++) {
-            to[i] = std::fabs(a[i]);
+        for (std::size_t k = 0; k < all; k++) {
+            to[k] = std::fabs(a[k]);
         }
         break;
     case SUM:
-        for (std::size_t i = 0; i < expression.elements; i++) {
-            to[i] = a[i] + b[i];
+        for (std::size_t k = 0; k < all; k++) {
+            to[k] = a[k] + b[k];
         }
         break;
     case DIFFERENCE:
-        for (std::size_t i = 0; i < expression.elements; i++) {
-            to[i] = a[i] - b[i];
+        for (std::size_t k = 0; k < all; k++) {
+            to[k] = a[k] - b[k];
         }
         break;
     case SCALED:
-        for (std::size_t i = 0; i < expression.elements; i++) {
-            to[i] = expression.number * a[i];
+        for (std::size_t k = 0; k < all; k++) {
+            to[k] = expression.number * a[k];
         }
         break;
-    case ANGLE: {
-        const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
-        *to = fm_atan2(std::sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
-        break;
-    }
-    case TURNED: { // v + (8 s x (s x v) - 4 (1 - s.s) s x v) / (1 + s.s)^2
-        const double s2 = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
-        const double c[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-        const double cc[3] = {a[1] * c[2] - a[2] * c[1], a[2] * c[0] - a[0] * c[2], a[0] * c[1] - a[1] * c[0]};
-        const double by = 1.0 / ((1.0 + s2) * (1.0 + s2));
-        for (int i = 0; i < 3; i++) {
-            to[i] = b[i] + (8.0 * cc[i] - 4.0 * (1.0 - s2) * c[i]) * by;
+    case ANGLE:
+        for (std::size_t k = 0; k < count_; k++) {
+            const double u[3] = {a[k], a[n + k], a[2 * n + k]}, v[3] = {b[k], b[n + k], b[2 * n + k]};
+            const double x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2], z = u[0] * v[1] - u[1] * v[0];
+            to[k] = fm_atan2(std::sqrt(x * x + y * y + z * z), u[0] * v[0] + u[1] * v[1] + u[2] * v[2]);
         }
         break;
-    }
+    case TURNED: // v + (8 s x (s x v) - 4 (1 - s.s) s x v) / (1 + s.s)^2
+        for (std::size_t k = 0; k < count_; k++) {
+            const double s[3] = {a[k], a[n + k], a[2 * n + k]}, v[3] = {b[k], b[n + k], b[2 * n + k]};
+            const double s2 = s[0] * s[0] + s[1] * s[1] + s[2] * s[2];
+            const double c[3] = {s[1] * v[2] - s[2] * v[1], s[2] * v[0] - s[0] * v[2], s[0] * v[1] - s[1] * v[0]};
+            const double cc[3] = {s[1] * c[2] - s[2] * c[1], s[2] * c[0] - s[0] * c[2], s[0] * c[1] - s[1] * c[0]};
+            const double by = 1.0 / ((1.0 + s2) * (1.0 + s2));
+            for (std::size_t i = 0; i < 3; i++) {
+                to[i * n + k] = v[i] + (8.0 * cc[i] - 4.0 * (1.0 - s2) * c[i]) * by;
+            }
+        }
+        break;
     }
 }
 
-void Judge::judge(Ns t)
+/// How far the numbers are from the other side of the limit; never 0, so that the sign says whether the relation holds.
+void Judge::compare(std::size_t number)
 {
+    constexpr double tiny = std::numeric_limits<double>::denorm_min();
+    const Atom &atom = atoms_[number];
+    const double *x = row(atom.at), limit = atom.limit;
+    double *to = margins_.data() + number * Instants::most;
+    const auto measured = [&](double sign, double on_the_limit) {
+        for (std::size_t k = 0; k < Instants::most; k++) {
+            to[k] = x[k] == limit ? on_the_limit : sign * (limit - x[k]);
+        }
+        for (std::size_t k = 0; atom.scale != 1.0 && k < Instants::most; k++) {
+            const double scaled = to[k] / atom.scale;
+            to[k] = scaled == 0.0 ? to[k] : scaled;
+        }
+    };
+    const auto named = [&](double equal) {
+        for (std::size_t k = 0; k < Instants::most; k++) {
+            to[k] = x[k] == limit ? equal : x[k] == x[k] ? -equal : unknown;
+        }
+    };
+    switch (atom.relation) {
+    case LESS: measured(1.0, -tiny); break;
+    case LESS_EQUAL: measured(1.0, tiny); break;
+    case GREATER: measured(-1.0, -tiny); break;
+    case GREATER_EQUAL: measured(-1.0, tiny); break;
+    case EQUAL: named(unbounded); break;
+    case NOT_EQUAL: named(-unbounded); break;
+    }
+}
+
+/// The samples that wait.
+void Judge::judge()
+{
+    if (count_ == 0) {
+        return;
+    }
     for (const Expression &expression : expressions_) {
         compute(expression);
     }
     for (std::size_t i = 0; i < atoms_.size(); i++) {
-        const Atom &atom = atoms_[i];
-        const double x = numbers_[atom.at];
-        const Witness at{t, static_cast<int>(i), std::isnan(x)};
-        robustness_[i] = std::isnan(x)
-                             ? Robustness{-unbounded, unbounded, at, at}
-                             : Robustness::known(scaled(distance(atom.relation, x, atom.limit), atom.scale), at);
-        if (traces) {
-            traces_.push_back(x);
-        }
+        compare(i);
     }
     if (traces) {
-        times_.push_back(t);
+        for (std::size_t k = 0; k < count_; k++) {
+            for (const Atom &atom : atoms_) {
+                traces_.push_back(row(atom.at)[k]);
+            }
+        }
+        times_.insert(times_.end(), waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count_));
     }
-    last_ = t;
-    for (TemporalMonitor &formula : formulas_) {
-        formula.step(t, robustness_);
-        stop = stop || (stops && formula.value().high < 0.0);
-    }
+    formulas_.take({waiting_.data(), count_}, margins_.data());
+    count_ = 0;
 }
 
 void Judge::take(Ns t)
@@ -267,7 +299,13 @@ void Judge::take(Ns t)
     for (Source &source : sources_) {
         read(source);
     }
-    judge(t);
+    waiting_[count_++] = last_ = t;
+    if (stops || count_ == Instants::most) {
+        judge();
+        for (std::size_t i = 0; stops && i < formulas_.size(); i++) {
+            stop = stop || formulas_.value(static_cast<int>(i)).high < 0.0;
+        }
+    }
 }
 
 void Judge::rewind(Ns now)
@@ -282,12 +320,11 @@ void Judge::rewind(Ns now)
 
 void Judge::forget()
 {
-    for (TemporalMonitor &formula : formulas_) {
-        formula.reset();
-    }
+    formulas_.reset();
     for (Source &source : sources_) {
         source.fired = 0;
     }
+    count_ = 0;
     times_.clear();
     traces_.clear();
     last_ = -1;
@@ -308,26 +345,43 @@ void Judge::play(std::span<const Ns> times, const std::vector<std::span<const do
     for (std::size_t k = 0; k < times.size(); k++) {
         for (std::size_t i = 0; i < sources.size(); i++) {
             const std::size_t n = sources_[i].elements;
-            std::copy_n(sources[i].data() + k * n, n, numbers_.data() + sources_[i].at);
+            for (std::size_t j = 0; j < n; j++) {
+                row(sources_[i].at + j)[count_] = sources[i][k * n + j];
+            }
         }
-        judge(times[k]);
+        waiting_[count_++] = last_ = times[k];
+        if (count_ == Instants::most) {
+            judge();
+        }
     }
 }
 
 void Judge::finish(Ns t)
 {
-    for (TemporalMonitor &formula : formulas_) {
-        formula.finish(t);
-    }
+    judge();
+    formulas_.finish(t);
 }
 
-std::vector<double> Judge::trace(int atom) const
+Robustness Judge::value(int formula)
 {
-    std::vector<double> rows;
+    judge();
+    return formulas_.value(formula);
+}
+
+const std::vector<Ns> &Judge::times()
+{
+    judge();
+    return times_;
+}
+
+std::vector<double> Judge::trace(int atom)
+{
+    judge();
+    std::vector<double> found;
     for (std::size_t i = static_cast<std::size_t>(atom); i < traces_.size(); i += atoms_.size()) {
-        rows.push_back(traces_[i]);
+        found.push_back(traces_[i]);
     }
-    return rows;
+    return found;
 }
 
 } // namespace fledge::sim

@@ -7,6 +7,7 @@
 #include "sim/recorder.h"
 #include "sim/temporal.h"
 
+#include <array>
 #include <memory>
 #include <span>
 #include <string>
@@ -49,11 +50,11 @@ public:
     int expression(Operation operation, int a, int b = -1, double number = 0.0);
     /// value, an expression of one number, against a limit; the robustness is divided by the scale.
     int atom(int value, Relation relation, double limit, double scale);
-    int formula(std::vector<FormulaNode> nodes);
+    int formula(const std::vector<FormulaNode> &nodes);
 
     // ---- judge
 
-    bool stops = false;  ///< end the run at the first violation
+    bool stops = false;  ///< end the run at the first violation: no sample waits
     bool traces = false; ///< keep what the atoms' expressions were
     void take(Ns t) override;
     void rewind(Ns now) override;
@@ -61,10 +62,10 @@ public:
     void play(std::span<const Ns> times, const std::vector<std::span<const double>> &sources);
     void finish(Ns t);
 
-    Robustness value(int formula) const { return formulas_[static_cast<std::size_t>(formula)].value(); }
+    Robustness value(int formula);
     bool went_back() const { return went_back_; } ///< the simulation did, so that nothing is known
-    const std::vector<Ns> &times() const { return times_; }
-    std::vector<double> trace(int atom) const; ///< by times()
+    const std::vector<Ns> &times();
+    std::vector<double> trace(int atom); ///< by times()
 
 private:
     struct Source {
@@ -73,13 +74,13 @@ private:
         std::shared_ptr<const Event> event;
         std::uint32_t offset = 0;
         FledgeType type = FLEDGE_F64;
-        std::size_t elements = 1, at = 0; ///< at: in numbers_
+        std::size_t elements = 1, at = 0; ///< at: its first row of columns_
         std::optional<std::uint32_t> head;
         std::uint64_t fired = 0; ///< so far
     };
     struct Expression {
         Operation operation = SOURCE;
-        std::size_t a = 0, b = 0; ///< places of the operands in numbers_
+        std::size_t a = 0, b = 0; ///< the first rows of the operands
         std::size_t elements = 1, at = 0;
         double number = 0.0;
     };
@@ -89,18 +90,23 @@ private:
         double limit, scale;
     };
 
+    std::size_t rows(std::size_t elements); ///< more of columns_
     int add(Source source);
     void read(Source &source);
     void compute(const Expression &expression);
-    void judge(Ns t);
+    void compare(std::size_t atom);
+    void judge();
     void forget();
+    double *row(std::size_t at) { return columns_.data() + at * Instants::most; }
 
     std::vector<Source> sources_;
     std::vector<Expression> expressions_;
     std::vector<Atom> atoms_;
-    std::vector<TemporalMonitor> formulas_;
-    std::vector<double> numbers_;
-    std::vector<Robustness> robustness_; ///< of the atoms
+    TemporalMonitor formulas_;
+    std::vector<double> columns_; ///< of each number a row of the samples that wait
+    std::vector<double> margins_; ///< of each atom
+    std::array<Ns, Instants::most> waiting_{};
+    std::size_t count_ = 0; ///< how many wait
     std::vector<Ns> times_;
     std::vector<double> traces_;
     Ns last_ = -1;

@@ -2,14 +2,12 @@
 #include "sim/temporal.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace fledge::sim {
 
 namespace {
-
-constexpr Robustness true_now{unbounded, unbounded, {}, {}};
-constexpr Robustness false_now{-unbounded, -unbounded, {}, {}};
 
 bool binary(FormulaNode::Kind kind)
 {
@@ -19,6 +17,11 @@ bool binary(FormulaNode::Kind kind)
 bool leaf(FormulaNode::Kind kind)
 {
     return kind == FormulaNode::ATOM || kind == FormulaNode::CONSTANT || kind == FormulaNode::CLOCK;
+}
+
+bool window(FormulaNode::Kind kind)
+{
+    return kind == FormulaNode::ALWAYS || kind == FormulaNode::EVENTUALLY || kind == FormulaNode::UNTIL;
 }
 
 Ns after(Ns t, Ns duration)
@@ -34,226 +37,371 @@ Robustness turned(const FormulaNode &what, const Robustness &value)
 
 } // namespace
 
-Robustness least(const Robustness &a, const Robustness &b)
-{
-    const auto less = [](double y, const Witness &of_y, double x, const Witness &of_x) {
-        return y < x || (y == x && of_y.unknown && !of_x.unknown);
-    };
-    const bool low = less(b.low, b.at_low, a.low, a.at_low), high = less(b.high, b.at_high, a.high, a.at_high);
-    return {low ? b.low : a.low, high ? b.high : a.high, low ? b.at_low : a.at_low, high ? b.at_high : a.at_high};
-}
+/// What an operand of a window gives it: a part at the samples of a block.
+struct TemporalMonitor::Part {
+    const Instants &instants;
+    int part;
+    bool turned;
+    const double *lows, *highs;
 
-Robustness greatest(const Robustness &a, const Robustness &b)
-{
-    return -least(-a, -b);
-}
+    Part(Instants &of, int number, bool is_turned) : instants(of), part(number), turned(is_turned)
+    {
+        const Instants::Column &column = of.column(part);
+        lows = turned ? column.high : column.low;
+        highs = turned ? column.low : column.high;
+    }
+    std::size_t size() const { return instants.times().size(); }
+    Ns t(std::size_t k) const { return instants.times()[k]; }
+    bool known() const { return lows == highs; }
+    double bound(std::size_t k, bool high) const
+    {
+        const double x = (high ? highs : lows)[k];
+        return turned ? -x : x;
+    }
+    Witness at(std::size_t k, bool high) const { return instants.witness(part, k, high != turned); }
+    double least(std::size_t from, std::size_t to, bool high) const
+    {
+        const double *x = high ? highs : lows;
+        const double sign = turned ? -1.0 : 1.0;
+        double found[8]; // as many at once as registers hold
+        std::fill_n(found, 8, unbounded);
+        for (; from + 8 <= to; from += 8) {
+            for (std::size_t i = 0; i < 8; i++) {
+                const double y = sign * x[from + i];
+                found[i] = y < found[i] ? y : found[i];
+            }
+        }
+        for (; from < to; from++) {
+            found[0] = std::min(found[0], sign * x[from]);
+        }
+        return *std::min_element(found, found + 8);
+    }
+};
 
-TemporalMonitor::TemporalMonitor(std::vector<FormulaNode> nodes)
+/// The same of what another node has given.
+struct TemporalMonitor::Rows {
+    std::span<const Sample> samples;
+    bool turned;
+
+    std::size_t size() const { return samples.size(); }
+    Ns t(std::size_t k) const { return samples[k].t; }
+    bool known() const { return false; }
+    double bound(std::size_t k, bool high) const
+    {
+        return turned ? -(high ? samples[k].value.low : samples[k].value.high)
+                      : (high ? samples[k].value.high : samples[k].value.low);
+    }
+    const Witness &at(std::size_t k, bool high) const
+    {
+        return high != turned ? samples[k].value.at_high : samples[k].value.at_low;
+    }
+    double least(std::size_t from, std::size_t to, bool high) const
+    {
+        double found = unbounded;
+        for (; from < to; from++) {
+            found = std::min(found, bound(from, high));
+        }
+        return found;
+    }
+};
+
+int TemporalMonitor::formula(const std::vector<FormulaNode> &nodes)
 {
+    std::vector<int> parents(nodes.size(), -1);
     for (std::size_t i = 0; i < nodes.size(); i++) {
-        const FormulaNode &what = nodes[i];
-        Node node;
-        node.what = what;
-        node.instant =
-            what.kind != FormulaNode::ALWAYS && what.kind != FormulaNode::EVENTUALLY && what.kind != FormulaNode::UNTIL;
-        const auto operand = [&](int at, bool second) {
-            if (at < 0 || static_cast<std::size_t>(at) >= i || nodes_[static_cast<std::size_t>(at)].parent >= 0) {
+        const auto operand = [&](int of) {
+            if (of < 0 || static_cast<std::size_t>(of) >= i || parents[static_cast<std::size_t>(of)] >= 0) {
                 throw std::invalid_argument("a node of a formula has no operand of its own before it");
             }
-            Node &child = nodes_[static_cast<std::size_t>(at)];
-            child.parent = static_cast<int>(i);
-            child.second = second;
-            node.instant = node.instant && child.instant;
+            parents[static_cast<std::size_t>(of)] = static_cast<int>(i);
         };
-        if (!leaf(what.kind)) {
-            operand(what.a, false);
+        if (!leaf(nodes[i].kind)) {
+            operand(nodes[i].a);
         }
-        if (binary(what.kind)) {
-            operand(what.b, true);
+        if (binary(nodes[i].kind)) {
+            operand(nodes[i].b);
         }
-        if (what.from < 0 || what.to < what.from) {
+        if (nodes[i].from < 0 || nodes[i].to < nodes[i].from) {
             throw std::invalid_argument("a window of a formula ends before it begins");
         }
-        nodes_.push_back(std::move(node));
     }
-    if (nodes_.empty()) {
+    if (nodes.empty()) {
         throw std::invalid_argument("a formula has no node");
     }
-    for (std::size_t i = nodes_.size(); i-- > 0;) {
-        Node &node = nodes_[i];
-        const bool last = i + 1 == nodes_.size();
-        if (!last && node.parent < 0) {
-            throw std::invalid_argument("a node of a formula is no operand");
-        }
-        const Node *parent = last ? nullptr : &nodes_[static_cast<std::size_t>(node.parent)];
-        node.front = last || (parent->front && parent->what.kind != FormulaNode::ALWAYS &&
-                              parent->what.kind != FormulaNode::EVENTUALLY && parent->what.kind != FormulaNode::UNTIL);
+    if (std::count(parents.begin(), parents.end(), -1) > 1) {
+        throw std::invalid_argument("a node of a formula is no operand");
     }
-    reset();
+
+    const std::size_t begin = nodes_.size();
+    struct Place {
+        bool instant; ///< it has a value at a sample at once, and so have its operands
+        int number;   ///< of its part, else of its node
+    };
+    std::vector<Place> places;
+    const auto place = [&](int i) -> const Place & { return places[static_cast<std::size_t>(i)]; };
+    const auto node_of = [&](int i) {
+        if (!place(i).instant) {
+            return place(i).number;
+        }
+        nodes_.emplace_back().instant = place(i).number;
+        return static_cast<int>(nodes_.size()) - 1;
+    };
+    for (FormulaNode what : nodes) {
+        const bool has_a = !leaf(what.kind), has_b = binary(what.kind);
+        const bool instant =
+            !window(what.kind) && (!has_a || place(what.a).instant) && (!has_b || place(what.b).instant);
+        if (has_a) {
+            what.a = instant ? place(what.a).number : node_of(what.a);
+        }
+        if (has_b) {
+            what.b = instant ? place(what.b).number : node_of(what.b);
+        }
+        if (instant) {
+            places.push_back({true, instants_.add(what)});
+            continue;
+        }
+        const int number = static_cast<int>(nodes_.size());
+        nodes_.emplace_back().what = what;
+        at(what.a).parent = number;
+        if (has_b) {
+            at(what.b).parent = number;
+            at(what.b).second = true;
+        }
+        places.push_back({false, number});
+    }
+    roots_.push_back(node_of(static_cast<int>(nodes.size()) - 1));
+    for (std::size_t i = nodes_.size(); i-- > begin;) {
+        Node &node = nodes_[i];
+        const Node *parent = node.parent < 0 ? nullptr : &at(node.parent);
+        const bool in_window = parent && window(parent->what.kind);
+        node.front = !parent || (parent->front && !in_window);
+        node.wanted = !parent ? 0 : in_window ? after(parent->wanted, parent->what.to) : parent->wanted;
+        restart(node);
+    }
+    return static_cast<int>(roots_.size()) - 1;
+}
+
+void TemporalMonitor::restart(Node &node) const
+{
+    Node anew;
+    anew.what = node.what, anew.instant = node.instant, anew.parent = node.parent, anew.second = node.second;
+    anew.front = node.front, anew.wanted = node.wanted;
+    const bool least_yet = node.what.kind == FormulaNode::ALWAYS || node.what.kind == FormulaNode::EVENTUALLY;
+    anew.value = least_yet ? true_always : false_always; // of EVENTUALLY: of the negation
+    anew.before = node.what.kind == FormulaNode::UNTIL ? true_always : false_always;
+    node = std::move(anew);
 }
 
 void TemporalMonitor::reset()
 {
     first_ = end_ = -1;
-    instants_.clear();
-    for (std::size_t i = 0; i < nodes_.size(); i++) {
-        Node &node = nodes_[i];
-        Node anew;
-        anew.what = node.what;
-        anew.parent = node.parent, anew.second = node.second, anew.instant = node.instant, anew.front = node.front;
-        switch (node.what.kind) {
-        case FormulaNode::ALWAYS:
-        case FormulaNode::EVENTUALLY: anew.value = true_now; break; // of the negation
-        case FormulaNode::UNTIL: anew.value = false_now, anew.before = true_now; break;
-        case FormulaNode::ONCE: anew.value = false_now; break;
-        default: break;
-        }
-        node = std::move(anew);
-        if (node.instant) {
-            instants_.push_back(static_cast<int>(i));
-        }
+    instants_.reset();
+    for (Node &node : nodes_) {
+        restart(node);
     }
 }
 
-void TemporalMonitor::step(Ns t, std::span<const Robustness> atoms)
+void TemporalMonitor::take(std::span<const Ns> times, const double *margins)
 {
+    if (times.empty()) {
+        return;
+    }
     const bool begins = first_ < 0;
     if (begins) {
-        first_ = t;
+        first_ = times.front();
     }
-    for (const int i : instants_) {
-        Node &node = nodes_[static_cast<std::size_t>(i)];
-        evaluate(node, t, atoms);
-        if (!node.front) {
-            Node &parent = nodes_[static_cast<std::size_t>(node.parent)];
-            if (!parent.instant) {
-                take(parent, node.second, t, node.value);
-            }
+    instants_.take(times, margins);
+    for (Node &node : nodes_) {
+        if (node.instant < 0) {
+            continue;
         }
-    }
-    if (begins) { // of instant nodes in front, the first value is all that counts
-        std::erase_if(instants_, [&](int i) { return nodes_[static_cast<std::size_t>(i)].front; });
-    }
-}
-
-/// The value of an instant node at a sample.
-void TemporalMonitor::evaluate(Node &node, Ns t, std::span<const Robustness> atoms)
-{
-    const FormulaNode &what = node.what;
-    const auto of = [&](int i) -> const Robustness & { return nodes_[static_cast<std::size_t>(i)].value; };
-    switch (what.kind) {
-    case FormulaNode::ATOM: node.value = atoms[static_cast<std::size_t>(what.a)]; break;
-    case FormulaNode::CONSTANT: node.value = what.a ? true_now : false_now; break;
-    case FormulaNode::CLOCK: node.value = t >= what.from ? true_now : false_now; break;
-    case FormulaNode::NOT: node.value = -of(what.a); break;
-    case FormulaNode::AND: node.value = least(of(what.a), of(what.b)); break;
-    case FormulaNode::OR: node.value = greatest(of(what.a), of(what.b)); break;
-    case FormulaNode::ONCE: node.value = greatest(node.value, of(what.a)); break;
-    case FormulaNode::BEGINS: {
-        const Robustness now = of(what.a);
-        node.value = node.started ? least(now, -node.before) : now;
-        node.before = now;
-        node.started = true;
-        break;
-    }
-    default: break;
+        if (node.front) { // the first value is all that counts
+            if (begins) {
+                node.value = instants_.at(node.instant, 0);
+            }
+            continue;
+        }
+        Node &parent = at(node.parent);
+        if (parent.front && parent.passed) {
+            continue;
+        }
+        if (parent.what.kind == FormulaNode::ALWAYS || parent.what.kind == FormulaNode::EVENTUALLY) {
+            take_window(parent, Part(instants_, node.instant, parent.what.kind == FormulaNode::EVENTUALLY));
+            continue;
+        }
+        node.given.clear();
+        for (std::size_t k = 0; k < times.size(); k++) {
+            node.given.push_back({times[k], instants_.at(node.instant, k), {}});
+        }
+        give(node);
     }
 }
 
-/// The value of an operand at a sample, in the order of samples.
-void TemporalMonitor::take(Node &node, bool second, Ns t, const Robustness &value)
+/// Values of an operand at samples, in the order of samples.
+void TemporalMonitor::take(Node &node, bool second, std::span<const Sample> samples)
 {
     switch (node.what.kind) {
     case FormulaNode::ALWAYS:
-    case FormulaNode::EVENTUALLY:
-        if (node.front) {
-            gather(node, t, turned(node.what, value), {});
-        } else {
-            take_window(node, t, turned(node.what, value));
+    case FormulaNode::EVENTUALLY: take_window(node, Rows{samples, node.what.kind == FormulaNode::EVENTUALLY}); return;
+    case FormulaNode::NOT:
+        for (const Sample &sample : samples) {
+            node.given.push_back({sample.t, -sample.value, {}});
         }
         break;
-    case FormulaNode::NOT: give(node, t, -value); break;
     case FormulaNode::ONCE:
-        node.value = greatest(node.value, value);
-        give(node, t, node.value);
+        for (const Sample &sample : samples) {
+            node.value = greatest(node.value, sample.value);
+            node.given.push_back({sample.t, node.value, {}});
+        }
         break;
-    case FormulaNode::BEGINS: {
-        const Robustness found = node.started ? least(value, -node.before) : value;
-        node.before = value;
-        node.started = true;
-        give(node, t, found);
+    case FormulaNode::BEGINS:
+        for (const Sample &sample : samples) {
+            node.given.push_back({sample.t, least(sample.value, -node.before), {}});
+            node.before = sample.value;
+        }
         break;
+    default: join(node, second, samples); break;
     }
-    default: join(node, second, t, value); break;
-    }
+    give(node);
 }
 
 /// One of two operands: the other may be known earlier or later.
-void TemporalMonitor::join(Node &node, bool second, Ns t, const Robustness &value)
+void TemporalMonitor::join(Node &node, bool second, std::span<const Sample> samples)
 {
-    std::size_t &filled = node.here[second];
-    if (filled == node.waiting.size()) {
-        node.waiting.push({t, value, value});
-    } else {
-        Sample &sample = node.waiting[filled];
-        (second ? sample.other : sample.value) = value;
+    for (const Sample &given : samples) {
+        std::size_t &filled = node.here[second];
+        if (filled == node.waiting.size()) {
+            node.waiting.push({given.t, given.value, given.value});
+        } else {
+            Sample &sample = node.waiting[filled];
+            (second ? sample.other : sample.value) = given.value;
+        }
+        filled++;
+        if (node.here[0] == 0 || node.here[1] == 0) {
+            continue;
+        }
+        const Sample whole = node.waiting.front();
+        node.waiting.pop();
+        node.here[0]--, node.here[1]--;
+        if (node.what.kind == FormulaNode::AND) {
+            node.given.push_back({whole.t, least(whole.value, whole.other), {}});
+        } else if (node.what.kind == FormulaNode::OR) {
+            node.given.push_back({whole.t, greatest(whole.value, whole.other), {}});
+        } else if (node.front) {
+            gather_until(node, whole);
+        } else {
+            give_until(node, whole.t);
+            node.samples.push(whole);
+        }
     }
-    filled++;
-    if (node.here[0] == 0 || node.here[1] == 0) {
+}
+
+void TemporalMonitor::give(Node &node)
+{
+    if (!node.front && !node.given.empty()) {
+        take(at(node.parent), node.second, node.given);
+        node.given.clear();
+    }
+}
+
+/// Samples for a window: of those in front there is one, from the first sample on; of others one from each sample on.
+template <class Samples> void TemporalMonitor::take_window(Node &node, const Samples &samples)
+{
+    if (node.front) {
+        gather(node, samples);
         return;
     }
-    const Sample whole = node.waiting.front();
-    node.waiting.pop();
-    node.here[0]--, node.here[1]--;
-    if (node.what.kind == FormulaNode::AND) {
-        give(node, whole.t, least(whole.value, whole.other));
-    } else if (node.what.kind == FormulaNode::OR) {
-        give(node, whole.t, greatest(whole.value, whole.other));
-    } else if (node.front) {
-        gather(node, whole.t, whole.value, whole.other);
-    } else {
-        give_until(node, whole.t);
-        node.samples.push(whole);
+    const Ns last = after(first_, node.wanted), tail = after(last, node.what.from);
+    if (!samples.known()) {
+        node.highs = node.split ? std::move(node.highs) : node.lows;
+        node.split = true;
+        node.unknown = samples.t(samples.size() - 1);
+    } else if (node.split && (node.pending.empty() || after(node.pending.front(), node.what.from) > node.unknown)) {
+        node.split = false;
+        node.highs.clear();
     }
-}
-
-void TemporalMonitor::give(const Node &node, Ns t, const Robustness &value)
-{
-    if (!node.front) {
-        take(nodes_[static_cast<std::size_t>(node.parent)], node.second, t, value);
-    }
-}
-
-/// A sample for the window from the first sample on. other: of UNTIL, whose first operand is the value.
-void TemporalMonitor::gather(Node &node, Ns t, const Robustness &value, const Robustness &other)
-{
-    if (t > after(first_, node.what.to)) {
-        node.passed = true;
-    } else if (node.what.kind == FormulaNode::UNTIL) {
-        node.value = greatest(node.value, least(other, node.before));
-        node.before = least(node.before, value);
-    } else if (t >= first_ + node.what.from) {
-        node.value = least(node.value, value);
-    }
-}
-
-/// A sample for windows that begin at each sample.
-void TemporalMonitor::take_window(Node &node, Ns t, const Robustness &value)
-{
-    if (node.what.to == no_end) {
-        node.samples.push({t, value, {}});
-        return;
-    }
-    give_windows(node, t);
-    node.pending.push(t);
-    const auto push = [t](Queue<Bound> &bounds, double bound, const Witness &at) {
-        while (!bounds.empty() && bounds.back().value > bound) {
+    const bool endless = node.what.to == no_end;
+    const auto push = [&](Queue<Bound> &bounds, std::size_t k, bool high) {
+        const Bound added{samples.t(k), samples.bound(k, high), samples.at(k, high)};
+        while (!bounds.empty() && (endless ? less(added.value, added.at, bounds.back().value, bounds.back().at)
+                                           : added.value < bounds.back().value)) {
             bounds.pop_back();
         }
-        bounds.push({t, bound, at});
+        bounds.push(added);
     };
-    push(node.lows, value.low, value.at_low);
-    push(node.highs, value.high, value.at_high);
+    if (endless && !node.split && samples.t(0) > tail) { // each window that counts has all of these samples
+        const double found = samples.least(0, samples.size(), false);
+        if (node.lows.empty() || node.lows.back().t <= tail || found < node.lows.back().value) {
+            std::size_t k = 0;
+            while (samples.bound(k, false) != found) {
+                k++;
+            }
+            push(node.lows, k, false);
+        }
+        return;
+    }
+    for (std::size_t k = 0; k < samples.size(); k++) {
+        const Ns t = samples.t(k);
+        give_windows(node, t);
+        if (!endless || t <= last) {
+            node.pending.push(t);
+        }
+        push(node.lows, k, false);
+        if (node.split) {
+            push(node.highs, k, true);
+        }
+    }
+    give(node);
+}
+
+/// The least bounds of the window from the first sample on.
+template <class Samples> void TemporalMonitor::gather(Node &node, const Samples &samples)
+{
+    std::size_t from = 0, to = samples.size();
+    for (const Ns end = after(first_, node.what.to); to > 0 && samples.t(to - 1) > end; to--) {
+        node.passed = true;
+    }
+    while (from < to && samples.t(from) < first_ + node.what.from) {
+        from++;
+    }
+    if (from == to) {
+        return;
+    }
+    const auto lower = [&](double &bound, Witness &at, double found, bool high) {
+        const bool one_decides = samples.known() || std::isfinite(found); // and not rather one without a value
+        bool first = found < bound;
+        if (!first && (found > bound || one_decides || at.unknown)) {
+            return;
+        }
+        bound = found;
+        for (std::size_t k = from; k < to; k++) {
+            if (samples.bound(k, high) != found) {
+                continue;
+            }
+            const Witness witness = samples.at(k, high);
+            if (first || witness.unknown) {
+                at = witness;
+                first = false;
+            }
+            if (one_decides || witness.unknown) {
+                return;
+            }
+        }
+    };
+    const double low = samples.least(from, to, false);
+    lower(node.value.low, node.value.at_low, low, false);
+    lower(node.value.high, node.value.at_high, samples.known() ? low : samples.least(from, to, true), true);
+}
+
+/// A sample for an UNTIL from the first sample on.
+void TemporalMonitor::gather_until(Node &node, const Sample &sample)
+{
+    if (sample.t > after(first_, node.what.to)) {
+        node.passed = true;
+    } else {
+        node.value = greatest(node.value, least(sample.other, node.before));
+        node.before = least(node.before, sample.value);
+    }
 }
 
 /// Give the values of windows that end before this time, whose samples have all come; no_end: of all windows.
@@ -268,10 +416,11 @@ void TemporalMonitor::give_windows(Node &node, Ns before)
     while (!node.pending.empty() && (before == no_end || after(node.pending.front(), node.what.to) < before)) {
         const Ns t = node.pending.front();
         node.pending.pop();
-        const Bound low = least_of(node.lows, t + node.what.from), high = least_of(node.highs, t + node.what.from);
-        const bool whole = before != no_end || after(t, node.what.to) <= end_;
+        const Bound low = least_of(node.lows, t + node.what.from);
+        const Bound high = node.split ? least_of(node.highs, t + node.what.from) : low;
+        const bool whole = before != no_end || node.what.to == no_end || after(t, node.what.to) <= end_;
         const Robustness value{whole ? low.value : -unbounded, high.value, whole ? low.at : Witness{}, high.at};
-        give(node, t, turned(node.what, value));
+        node.given.push_back({t, turned(node.what, value), {}});
     }
 }
 
@@ -283,7 +432,7 @@ void TemporalMonitor::give_until(Node &node, Ns before)
     }
     while (!node.samples.empty() && (before == no_end || after(node.samples.front().t, node.what.to) < before)) {
         const Ns t = node.samples.front().t, last = after(t, node.what.to);
-        Robustness value = false_now, first = true_now;
+        Robustness value = false_always, first = true_always;
         for (std::size_t i = 0; i < node.samples.size() && node.samples[i].t <= last; i++) {
             value = greatest(value, least(node.samples[i].other, first));
             first = least(first, node.samples[i].value);
@@ -292,7 +441,7 @@ void TemporalMonitor::give_until(Node &node, Ns before)
             value.high = first.high, value.at_high = first.at_high;
         }
         node.samples.pop();
-        give(node, t, value);
+        node.given.push_back({t, value, {}});
     }
 }
 
@@ -300,46 +449,40 @@ void TemporalMonitor::finish(Ns t)
 {
     end_ = t;
     for (Node &node : nodes_) {
-        close(node);
+        if (!node.front && window(node.what.kind)) {
+            close(node);
+            give(node);
+        }
     }
 }
 
 /// Give what waits for samples that do not come.
 void TemporalMonitor::close(Node &node)
 {
-    const FormulaNode &what = node.what;
-    if (node.front) {
-        return;
-    }
-    if (what.kind == FormulaNode::UNTIL && what.to != no_end) {
-        give_until(node, no_end);
-    } else if (what.to != no_end) {
+    if (node.what.kind != FormulaNode::UNTIL) {
         give_windows(node, no_end);
-    } else if (!node.samples.empty()) { // without an end: from the last sample back
-        std::vector<Robustness> values(node.samples.size());
-        Robustness value = what.kind == FormulaNode::UNTIL ? false_now : true_now;
-        std::size_t in = values.size(); // the samples from here on are in the window
-        for (std::size_t i = values.size(); i-- > 0;) {
-            const Sample &sample = node.samples[i];
-            if (what.kind == FormulaNode::UNTIL) {
-                value = greatest(sample.other, least(sample.value, value));
-            } else {
-                while (in > 0 && node.samples[in - 1].t >= after(sample.t, what.from)) {
-                    value = least(node.samples[--in].value, value);
-                }
-            }
-            values[i] = turned(what, value);
+        if (node.what.to == no_end) {
+            node.lows.clear();
+            node.highs.clear();
         }
-        for (std::size_t i = 0; i < values.size(); i++) {
-            give(node, node.samples[i].t, values[i]);
+    } else if (node.what.to != no_end) {
+        give_until(node, no_end);
+    } else { // without an end: from the last sample back
+        const std::size_t n = node.samples.size();
+        node.given.resize(n);
+        Robustness value = false_always;
+        for (std::size_t i = n; i-- > 0;) {
+            value = greatest(node.samples[i].other, least(node.samples[i].value, value));
+            node.given[i] = {node.samples[i].t, value, {}};
         }
         node.samples.clear();
     }
 }
 
-Robustness TemporalMonitor::value() const
+Robustness TemporalMonitor::value(int formula) const
 {
-    return first_ < 0 ? Robustness{} : front(nodes_.back());
+    return first_ < 0 ? Robustness{}
+                      : front(nodes_[static_cast<std::size_t>(roots_[static_cast<std::size_t>(formula)])]);
 }
 
 /// The value of a front node at the first sample, by what has come.
@@ -347,7 +490,7 @@ Robustness TemporalMonitor::front(const Node &node) const
 {
     const FormulaNode &what = node.what;
     const auto of = [&](int i) { return front(nodes_[static_cast<std::size_t>(i)]); };
-    if (node.instant) {
+    if (node.instant >= 0) {
         return node.value;
     }
     const bool whole = node.passed || (end_ >= 0 && (what.to == no_end || after(first_, what.to) <= end_));

@@ -35,7 +35,7 @@ int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns
     for (const auto &[kind, a, b, from, to] : rows) {
         nodes.push_back({named<FormulaNode::Kind>(node_kinds, kind), a, b, from, to.value_or(sim::no_end)});
     }
-    return judge.formula(std::move(nodes));
+    return judge.formula(nodes);
 }
 
 /// A field of an output or input of an instance; messages have their head at their beginning. of_message: its quality
@@ -78,7 +78,7 @@ void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<
 }
 
 /// (low, high, t, atom of the lower bound, the same of the upper one); t is -1 and the atom -1 where nothing decided.
-auto value(const Judge &judge, int formula)
+auto value(Judge &judge, int formula)
 {
     const sim::Robustness r = judge.value(formula);
     const sim::Witness &without = r.at_low.unknown ? r.at_low : r.at_high; // if any, the atom without a value
@@ -125,13 +125,13 @@ void bind_judge(py::module_ &m)
         .def("value", value, "formula"_a)
         .def_property_readonly("went_back", &Judge::went_back)
         .def_property_readonly("times",
-                               [](const Judge &judge) {
+                               [](Judge &judge) {
                                    return Array<Ns>(static_cast<py::ssize_t>(judge.times().size()),
                                                     judge.times().data());
                                })
         .def(
             "trace",
-            [](const Judge &judge, int atom) {
+            [](Judge &judge, int atom) {
                 const std::vector<double> found = judge.trace(atom);
                 return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
             },

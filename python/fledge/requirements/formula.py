@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Formulas of signal temporal logic as Python objects, which print as a sentence and as mathematics.
 
-Their semantics are pointwise and quantitative, as in sim/temporal.h: a comparison x < c has the margin c - x, `&` has
+Their semantics are pointwise and quantitative, as in sim/formula.h: a comparison x < c has the margin c - x, `&` has
 the smaller one, `|` the larger one, a window the least or greatest of its samples.
 """
 
@@ -225,7 +225,7 @@ def time_text(ns: int) -> str:
 class Formula:
     """What holds or does not, at each sample. `&`, `|` and `~` join formulas; str() is a sentence."""
 
-    #: ("and", "always", ...) as sim/temporal.h has them, and the operands
+    #: ("and", "always", ...) as sim/formula.h has them, and the operands
     kind: str = ""
     operands: tuple[Formula, ...] = ()
     begin: int = 0              # [ns] of a window, from the sample on
