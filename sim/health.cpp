@@ -182,8 +182,12 @@ void Health::watch(const Instance &instance, const Task &task, const Structure &
         if (field.group == FLEDGE_OUT && field.sub) {
             const std::byte *message = instance.memory() + field.offset;
             if (!instance.model()) {
-                each_double(*field.sub, 0, "",
-                            [&](std::uint32_t at, const std::string &) { doubles_.push_back(message + at); });
+                const std::size_t first = doubles_.size();
+                each_double(*field.sub, 0, "", [&](std::uint32_t at, const std::string &) {
+                    const bool follows = doubles_.size() > first &&
+                                         message + at == doubles_.back().first + doubles_.back().n * sizeof(double);
+                    follows ? (void)doubles_.back().n++ : doubles_.push_back({message + at, 1});
+                });
             }
             const auto reads = std::find_if(structure.wires.begin(), structure.wires.end(), [&](const Wire &wire) {
                 return wire.from.instance.get() == &instance && wire.from.field == &field;
@@ -232,9 +236,9 @@ void Health::note(const Watched &task, bool finite, Ns t)
         if (!head_written(head)) {
             output.tallies.unwritten.add(t);
         } else if (head.quality != QUALITY_GOOD) {
-            (seen_[i].written ? output.tallies.degraded : output.tallies.held).add(t);
+            (seen_[i].written() ? output.tallies.degraded : output.tallies.held).add(t);
         }
-        if (finite || !seen_[i].written || output.instance->model()) {
+        if (finite || !seen_[i].written() || output.instance->model()) {
             continue;
         }
         if (const std::string what = not_finite(*output.field->sub, seen_[i].message); !what.empty()) {

@@ -67,7 +67,7 @@ public:
             std::uint32_t quality, sequence;
             __builtin_memcpy(&quality, seen.message + offsetof(Head, quality), sizeof quality);
             __builtin_memcpy(&sequence, seen.message + offsetof(Head, sequence), sizeof sequence);
-            seen.written = sequence != seen.sequence;
+            seen.before = seen.sequence;
             seen.sequence = sequence;
             good &= quality == QUALITY_GOOD;
         }
@@ -116,7 +116,14 @@ private:
     struct Seen {
         const std::byte *message;
         std::uint32_t sequence; ///< of its last writing
-        std::uint32_t written;  ///< whether the last update wrote it
+        std::uint32_t before;   ///< the same, before the last update
+
+        bool written() const { return sequence != before; } ///< by the last update
+    };
+    /// Doubles of a message that follow each other.
+    struct Doubles {
+        const std::byte *first;
+        std::size_t n;
     };
     struct Output {
         std::uint64_t grace; ///< updates without a writing until the first exchange of wires with latency
@@ -144,14 +151,22 @@ private:
     /// 1 to it carries into the sign.
     bool all_finite(const Watched &task) const
     {
+        using Pair [[gnu::vector_size(16), gnu::aligned(8), gnu::may_alias]] = std::uint64_t;
         constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000u, lowest = 0x0010'0000'0000'0000u;
-        std::uint64_t carry = 0;
+        Pair carry{};
+        std::uint64_t last = 0; // of those that are not in a pair
         for (std::uint32_t i = task.first_double; i < task.last_double; i++) {
-            std::uint64_t bits;
-            __builtin_memcpy(&bits, doubles_[i], sizeof bits);
-            carry |= (bits & exponent) + lowest;
+            const std::byte *at = doubles_[i].first;
+            for (std::size_t n = doubles_[i].n / 2; n > 0; n--, at += sizeof(Pair)) {
+                carry |= (*reinterpret_cast<const Pair *>(at) & exponent) + lowest;
+            }
+            if (doubles_[i].n % 2) {
+                std::uint64_t bits;
+                __builtin_memcpy(&bits, at, sizeof bits);
+                last |= (bits & exponent) + lowest;
+            }
         }
-        return !(carry >> 63);
+        return !((carry[0] | carry[1] | last) >> 63);
     }
     void note(const Watched &task, bool finite, Ns t);
 
@@ -159,7 +174,7 @@ private:
     std::vector<Watched> tasks_;
     std::vector<Seen> seen_;
     /// Of flight's outputs. findings() looks at those of models.
-    std::vector<const std::byte *> doubles_;
+    std::vector<Doubles> doubles_;
     std::vector<Output> outputs_;
     std::vector<Limit> limits_;
     std::vector<Age> ages_;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <span>
 
 namespace fledge::sim {
 
@@ -32,6 +33,9 @@ RunProcess &Runtime::of(const Process &process)
 inline Ns Runtime::next_of(const RunTask &task) const
 {
     const RunProcess &process = *task.process;
+    if (!process.reset && !process.commands && process.requested == process.mode) {
+        return task.state.active ? task.state.next : never;
+    }
     Ns commanded = process.reset ? time() : never; // at which a target ticks, whatever its mode
     if (process.commands && !process.reset) {
         commanded = process.commands->counts_instants() ? time() : process.commands->next(time());
@@ -270,11 +274,11 @@ inline void Runtime::run_task(RunTask &task, Ns t)
     const Tick tick = exec_begin(&task.state, task.rate, t);
     const std::int32_t mode = task.process->mode;
     running_->task.store(task.task, std::memory_order_relaxed);
-    for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
-        const Step &step = steps_[i];
-        for (std::uint32_t k = step.first_copy; k < step.last_copy; k++) {
-            if (carry(wiring_[k], mode, t)) {
-                health.was_stale(wiring_[k].age, t);
+    const Copy *const copies = wiring_.copies();
+    for (const Step &step : std::span(steps_).subspan(task.first_step, task.last_step - task.first_step)) {
+        for (const Copy *copy = copies + step.first_copy; copy != copies + step.last_copy; copy++) {
+            if (carry(*copy, mode, t)) {
+                health.was_stale(copy->age, t);
             }
         }
         running_->instance.store(step.instance, std::memory_order_relaxed);
@@ -323,12 +327,14 @@ void Runtime::instant()
 {
     const Ns t = next;
     running_->t.store(t, std::memory_order_relaxed);
-    for (RunProcess &process : processes_) {
-        if (process.process->executive().plays()) {
-            play(process, t);
+    for (std::size_t i = 0; plays_ && i < processes_.size(); i++) {
+        if (processes_[i].process->executive().plays()) {
+            play(processes_[i], t);
         }
     }
-    wiring_.exchange(t);
+    if (!wiring_.exchanges.empty()) {
+        wiring_.exchange(t);
+    }
     wiring_.feed(t);
     run_tasks(t);
     if (changes_) {

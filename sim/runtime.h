@@ -172,6 +172,7 @@ private:
     std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;
+    bool plays_ = false;         ///< some process flew elsewhere
     bool modes_begin_ = false;   ///< some process with modes has not run since it began
     Running *running_ = nullptr; ///< of the thread that runs
     std::string failure_;        ///< why the run cannot go on; "" if it can

@@ -157,7 +157,9 @@ void Runtime::reset(Ns after)
     wiring_.clear();
     wiring_.feed_again();
     set_begun(false);
+    plays_ = false;
     for (RunProcess &process : processes_) {
+        plays_ |= process.process->executive().plays();
         clear_modules(*process.process);
         begin(process, start);
         const Requests &requests = process.process->requests;

@@ -119,15 +119,6 @@ void Wiring::exchange(Ns t)
     }
 }
 
-void Wiring::feed(Ns t)
-{
-    for (Fed &fed : fed_) {
-        if (t >= fed.due) {
-            deliver(fed, t);
-        }
-    }
-}
-
 /// What an input that is fed gets at t, and when that changes next.
 void Wiring::deliver(Fed &fed, Ns t)
 {
