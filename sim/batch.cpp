@@ -240,7 +240,7 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     if (plan_.every <= 0) {
         throw SetupError("the duration of a step must be > 0, found " + format_time(plan_.every));
     }
-    if (const auto functions = callables(nominal, true); !functions.empty()) {
+    if (const auto functions = callables(nominal, true); !plan_.separate && !functions.empty()) {
         throw SetupError("a simulation that calls Python cannot be stepped in a batch, where clones would share what "
                          "its functions use: " +
                          format_list(functions));
@@ -499,6 +499,11 @@ BatchRun Batch::run(std::size_t clone) const
 const std::vector<double> &Batch::draws(std::size_t clone) const
 {
     return clones_.at(clone).draws;
+}
+
+Simulation &Batch::clone(std::size_t clone) const
+{
+    return *clones_.at(clone).simulation;
 }
 
 std::unique_ptr<Simulation> Batch::copy(std::size_t clone) const

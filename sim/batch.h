@@ -31,6 +31,7 @@ struct BatchPlan {
     unsigned threads = 1; ///< that work, the caller's among them
     std::vector<BatchField> actions, observations;
     CampaignPlan campaign; ///< the seed, and what is dispersed
+    bool separate = false; ///< the caller gives each clone functions of its own, in place of those that all share
 };
 
 /// Which run a clone flies.
@@ -52,7 +53,8 @@ public:
     using Poll = std::function<bool()>;
 
     /// Throws SetupError if an action or observation is no number of this simulation or cannot be acted on, if a module
-    /// or an event calls a function of the user's, or if the simulation itself could not run.
+    /// or an event calls a function of the user's, unless the plan is `separate`, or if the simulation itself could not
+    /// run.
     Batch(const Simulation &nominal, BatchPlan plan);
     ~Batch();
     Batch(const Batch &) = delete;
@@ -82,6 +84,9 @@ public:
     Ns time(std::size_t clone) const;                    ///< -1: it has not begun
     BatchRun run(std::size_t clone) const;
     const std::vector<double> &draws(std::size_t clone) const; ///< NaN of a clone that was set to a snapshot
+
+    /// A clone itself, to give it functions of its own; it lives as long as the batch.
+    Simulation &clone(std::size_t clone) const;
 
     /// A copy of a clone as it stands. Throws SetupError if it has not begun.
     std::unique_ptr<Simulation> copy(std::size_t clone) const;

@@ -21,7 +21,7 @@ typedef enum NeuralActivation {
 /** Track an attitude reference with a small neural network, which was trained elsewhere: dense layers
  *     x = (sigma_BR / sigma_unit, omega_BR_B / omega_unit),   y = f(W0 x + b0),   z = W1 y + b1
  *     u = torque_max z,   each z_i cut to [-1, 1]
- *  or none or two hidden layers f(W x + b). The weights are parameters: a change of the network is an upload of numbers.
+ *  or none or two hidden layers f(W x + b). The weights are parameters, so that a new network is an upload of numbers.
  *  A network without biases is an odd function, which gives no torque where there is no error. Whether the loop is
  *  stable is for its training and its verification to show. Where no torque can be computed, the last one is held,
  *  degraded; after `hold` without new data it is zero, degraded.

@@ -87,10 +87,11 @@ template <class T, class F> Column<T> column(const Batch &batch, const F &number
 void bind_batch(py::module_ &m)
 {
     py::class_<BatchPlan>(m, "BatchPlan")
-        .def(py::init([](std::size_t clones, sim::Ns every, unsigned threads, const sim::CampaignPlan *campaign) {
-                 return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}};
+        .def(py::init([](std::size_t clones, sim::Ns every, unsigned threads, const sim::CampaignPlan *campaign,
+                         bool separate) {
+                 return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}, separate};
              }),
-             "clones"_a, "every"_a, "threads"_a, "campaign"_a)
+             "clones"_a, "every"_a, "threads"_a, "campaign"_a, "separate"_a)
         .def(
             "act",
             [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
@@ -111,6 +112,7 @@ void bind_batch(py::module_ &m)
              "The observations after the step; `actions` must have a row for each clone.")
         .def("observe", observe)
         .def("failure", &Batch::failure, "clone"_a)
+        .def("clone", &Batch::clone, py::return_value_policy::reference_internal, "clone"_a)
         .def("copy", &Batch::copy, "clone"_a)
         .def(
             "repeat",

@@ -247,6 +247,12 @@ PyObject *class_of(const sim::Instance &instance)
     return update ? update->cls() : nullptr;
 }
 
+void give_script(sim::Instance &instance, PyObject *update, PyObject *reset)
+{
+    instance.script.update = Call(update);
+    instance.script.reset = reset == Py_None ? decltype(instance.script.reset)() : Call(reset);
+}
+
 PyObject *script_of(const Root &root)
 {
     const sim::Script &script = root.instance->script;

@@ -17,6 +17,9 @@ void give_class(sim::Instance &instance, PyObject *cls);
 /// The class of a prototype, borrowed; null for other modules and models.
 PyObject *class_of(const sim::Instance &instance);
 
+/// Give a flight module other functions; reset may be None.
+void give_script(sim::Instance &instance, PyObject *update, PyObject *reset);
+
 /// Its functions (update, reset or None), or None: a new reference.
 PyObject *script_of(const Root &root);
 

@@ -8,7 +8,8 @@
     batch.by_name(seen)["flight.tracking.error.sigma_BR"]       # (1024, 3)
     batch.reset(batch.failed)                     # those that failed, each with its next run
 
-A clone is fixed by its seed, its run and its actions: neither threads nor the other clones change a bit of it.
+A clone is fixed by its seed, its run and its actions: neither threads nor the other clones change a bit of it. Where
+events or functions of modules are Python, each clone has its own, which uses that clone (fledge.mission.rebinding).
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.errors import RunError, SetupError, did_you_mean, listed
+from fledge.mission import rebinding
 from fledge.mission.field_path import FieldPath
 from fledge.objects.si import Time, time_ns
+from fledge.units import s
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,13 +74,20 @@ class Batch:
             if not isinstance(value, (int, np.integer)) or value < 1:
                 raise SetupError(f"batch: {what} must be a whole number >= 1, found {value!r}")
         dispersions = getattr(dispersions, "dispersions", dispersions)     # of a campaign
-        plan = _core.BatchPlan(n, period, threads, dispersions._plan if dispersions is not None else None)
+        # Functions of the user's: each clone gets its own, and so does what the batch was made of.
+        self._separate = rebinding.has_functions(simulation)
+        if self._separate:
+            simulation = rebinding.separate(simulation, simulation.clone())
+        plan = _core.BatchPlan(n, period, threads, dispersions._plan if dispersions is not None else None,
+                               self._separate)
         self.n, self.every = int(n), period / 1e9
         self.actions, self.action_names = _blocks(simulation, actions, plan.act, "actions")
         self.observations, self.observation_names = _blocks(simulation, observations, plan.observe, "observations")
+        self._dispersions = dispersions
         self._drawn = list(dispersions.columns) if dispersions is not None else []
         self._simulation = simulation
         self._core = _core.Batch(simulation.kernel, plan)
+        self._clones = [self._around(self._core.clone(i)) for i in range(n)] if self._separate else []
         self._seeds = np.full(n, _seed(seed), np.uint64)
         self._next = np.arange(n, dtype=np.uint64)      # the run that each begins at its next reset
 
@@ -169,7 +179,7 @@ class Batch:
     def simulation(self, clone: int) -> Simulation:
         """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of."""
         self._check_clone(clone)
-        return self._simulation._around(self._core.copy(clone))
+        return self._around(self._core.copy(clone))
 
     def _check_clone(self, clone: int) -> None:
         if not 0 <= clone < self.n:
@@ -188,7 +198,23 @@ class Batch:
         if rows.shape[1:] != (len(self.action_names),):
             raise SetupError(f"batch: actions: expected the shape (steps, {len(self.action_names)}), "
                              f"found {rows.shape}")
-        return self._simulation._around(self._core.repeat(clone, rows))
+        if not self._separate:
+            return self._around(self._core.repeat(clone, rows))
+        if self._core.time[clone] < 0:
+            raise SetupError(f"batch: clone {clone} has not begun")
+        alone = Batch(self._simulation, 1, self.actions, self.observations, self.every * s, 0,
+                      self._dispersions, 1)
+        alone.reset(seed=int(self.seeds[clone]), runs=int(self.runs[clone]))
+        for row in rows:
+            alone.step(row[None])
+        for text in alone.failures.values():
+            raise RunError(text)
+        return alone.simulation(0)
+
+    def _around(self, core: _core.Simulation) -> Simulation:
+        """A clone in the extension as one for users."""
+        clone = self._simulation._around(core)
+        return rebinding.separate(self._simulation, clone) if self._separate else clone
 
     def _chosen(self, which: ArrayLike | None) -> NDArray[np.int64]:
         import numpy as np

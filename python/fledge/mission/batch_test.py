@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clones that are stepped together do what each does alone."""
+import functools
 import gc
 import os
 import re
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, prototype, world
+from fledge import SetupError
+from fledge import flight as fsw
+from fledge import prototype, world
 from fledge.montecarlo import Campaign
 from fledge.units import N, m, minute, s
 
@@ -217,12 +220,100 @@ def test_a_batch_that_cannot_be_is_refused(sim, change, message):
         make(sim, **change)
 
 
-def test_a_mission_that_calls_python_is_refused(sim):
-    other = sim.clone()
-    other.reset()
-    other.world.at(5 * s, lambda: None, name="knock")
-    with pytest.raises(SetupError, match="calls Python cannot be stepped in a batch, .*: event world.knock$"):
-        make(other)
+PLACE = "world.wheels.friction", "flight.control.K"
+
+
+def kicked(limit):
+    """A simulation whose event acts on it by what it has captured, by a helper and by a default."""
+    sim = fledge.load("nadir_spin")
+    wheels, world = sim.world.wheels, sim.world
+
+    def gain():
+        return sim.flight.control.K
+
+    def knock(by=(1e-3, 3.0)):
+        wheels.friction = [by[0] * (2 + world.craft.state.omega_BN_B[0])] * 4
+        sim.flight.control.K = gain() * by[1]
+
+    sim.world.event("knock", when=lambda: abs(world.craft.state.omega_BN_B[1]) > limit, do=knock, once=True)
+    return sim
+
+
+def test_events_in_python_act_on_their_own_clone():
+    sim = kicked(0.02)
+    batch = sim.batch(3, actions=[TORQUE], observations=PLACE, every=1 * s)
+    batch.reset()
+    actions = np.outer([0, 1, -1], [0.2, 0.2, -0.2, -0.2, 0, 0, 0, 0])
+    rows = np.array([batch.step(actions) for _ in range(60)])
+    when = [next((k for k, row in enumerate(rows) if row[i, 0] > 0), None) for i in range(3)]
+    assert len(set(when)) == 3, "clones that turn otherwise meet their event at other times"
+    assert sim.world.wheels.friction[0] == 0 and sim.world.knock.fired_at is None
+    for i in range(3):
+        copy = batch.simulation(i)
+        assert copy.flight.control.K == sim.flight.control.K * (1 if when[i] is None else 3)
+        assert batch.repeat(i, np.broadcast_to(actions[i], (60, 8))).snapshot() == copy.snapshot()
+    batch.reset(seed=0)
+    np.testing.assert_array_equal([batch.step(actions) for _ in range(60)], rows)
+
+
+def test_a_clone_with_python_has_the_bits_of_its_simulation_alone():
+    sim, alone = kicked(0.009), kicked(0.009)
+    batch = sim.batch(2, observations=["world.craft.state.sigma_BN", "world.wheels.friction"], every=10 * s)
+    batch.reset()
+    for _ in range(6):
+        seen = batch.step()
+    alone.run(1 * minute)
+    expected = [*alone.world.craft.state.sigma_BN, *alone.world.wheels.friction]
+    assert expected[3] > 0
+    np.testing.assert_array_equal(seen, [expected, expected])
+
+
+def test_functions_of_modules_fly_in_a_batch():
+    sim = fledge.Simulation("probe")
+    factor = np.array([2.0, 3.0, 4.0])
+    factor.flags.writeable = False
+
+    def push(m, t, dt):
+        m.torque.torque_B = factor * m.gyro.omega_BN_B * sim.flight.vehicle.I_B[0, 0]
+        m.publish(m.torque)
+
+    sim.flight.vehicle = fsw.VehicleConfig(I_B=[5, 5, 5])
+    sim.flight.law = fsw.RateDamping(P=1, update=push)
+    sim.flight.task("gnc", every=1 * s, run=[sim.flight.law])
+    rate, torque = "flight.law.gyro.omega_BN_B", "flight.law.torque.torque_B"
+    batch = sim.batch(2, [rate, "flight.vehicle.I_B[0, 0]"], [torque], every=1 * s)
+    batch.reset()
+    batch.step([[1, 1, 1, 5], [1, 1, 1, 6]])
+    seen = batch.step([[1, 1, 1, 5], [1, 1, 1, 6]])
+    np.testing.assert_array_equal(seen, [[10, 15, 20], [12, 18, 24]])
+
+
+def counting():
+    count = []
+    return lambda: count.append(1)
+
+
+def assigning():
+    n = 0
+
+    def add():
+        nonlocal n
+        n += 1
+    return add
+
+
+@pytest.mark.parametrize("do, message", [
+    (counting(), r"event world.knock: <lambda>.*uses count, a list outside of the simulation, which"),
+    (assigning(), r"event world.knock: add\(\).* assigns n in line \d+, a variable outside of it"),
+    (lambda: np.random.normal(), "draws random numbers that clones would share"),
+    ([].clear, "uses itself, a builtin_function_or_method outside of the simulation"),
+    (functools.partial(print), "uses itself, a partial outside"),
+])
+def test_functions_that_keep_what_clones_would_share_are_refused(do, message):
+    sim = fledge.load("nadir_spin")
+    sim.world.at(5 * s, do, name="knock")
+    with pytest.raises(SetupError, match=message):
+        make(sim)
 
 
 @pytest.mark.parametrize("give, message", [

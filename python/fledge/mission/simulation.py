@@ -464,8 +464,9 @@ class Simulation:
         threads: default: all cores
 
         The batch takes the parameters as they are now; its clones begin at time 0, whatever the time is here.
-        Prototypes make it fly on one thread, since they share Python's lock. Raises SetupError if a path is none, an
-        action would have no effect, or events or functions of modules are Python: clones would share what they use.
+        Python makes it fly on one thread: prototypes, functions of modules, and events. Each clone has functions of its
+        own, which use that clone in place of this simulation. Raises SetupError if a path is none, an action would have
+        no effect, or a function keeps what clones would share.
         """
         from fledge.mission.batch import Batch
 

@@ -33,7 +33,7 @@ class Seen(NamedTuple):
 def functions(cls: Any) -> Iterator[FunctionType]:
     """The functions of a class and its bases, those of Fledge left out."""
     for base in cls.__mro__:
-        if _is_library(base):
+        if is_library(base):
             continue
         for value in vars(base).values():
             if isinstance(value, property):
@@ -46,7 +46,7 @@ def faults(cls: Any) -> Iterator[tuple[str, int, str]]:
     """(file, line, text) of what the code says: `global`, `nonlocal`, and defaults that can change."""
     for function in functions(cls):
         code = function.__code__
-        for name, line in _stores(code, code.co_freevars):
+        for name, line in stores(code, code.co_freevars):
             yield code.co_filename, line, (f"{function.__name__}() assigns {name}, a variable outside of the object, "
                                            f"which no snapshot has: declare {name} = mem(...)")
         for value in (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()):
@@ -67,7 +67,7 @@ def outside_state(cls: Any) -> dict[str, Seen]:
             continue
         done.add(code)
         file = code.co_filename
-        used = {name: (function.__globals__.get(name), line) for name, line in _globals(code)}
+        used = {name: (function.__globals__.get(name), line) for name, line in globals_of(code)}
         for name, cell in zip(code.co_freevars, function.__closure__ or ()):
             try:
                 used[name] = cell.cell_contents, code.co_firstlineno
@@ -75,7 +75,7 @@ def outside_state(cls: Any) -> dict[str, Seen]:
                 continue
         for name, (value, line) in used.items():
             if isinstance(value, FunctionType):
-                todo += [] if _is_library(value) else [value]
+                todo += [] if is_library(value) else [value]
             elif not isinstance(value, (ModuleType, type)):
                 states[name] = Seen(file, line, _mark(value))
         for name, value in vars(function).items():
@@ -83,7 +83,7 @@ def outside_state(cls: Any) -> dict[str, Seen]:
         if "random" in code.co_names and _RANDOM not in states:
             states[_RANDOM] = Seen(file, code.co_firstlineno, _random_state())
     for base in cls.__mro__:
-        for name, value in () if _is_library(base) else vars(base).items():
+        for name, value in () if is_library(base) else vars(base).items():
             if not name.startswith("__") and name not in _TABLE and not hasattr(type(value), "__get__"):
                 states[f"{base.__name__}.{name}"] = Seen(cls._struct.path, cls._struct.line, _mark(value))
     return states
@@ -100,7 +100,7 @@ def changed_outside(cls: Any, before: dict[str, Seen], path: str, when: str) -> 
     return None
 
 
-def _is_library(cls: Any) -> bool:
+def is_library(cls: Any) -> bool:
     """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair."""
     top = (cls.__module__ or "").split(".")[0]
     code = getattr(cls, "__code__", None)
@@ -126,13 +126,15 @@ def _instructions(code: CodeType) -> Iterator[tuple[str, Any, int]]:
             yield step.opname, step.argval, line
 
 
-def _stores(code: CodeType, free: tuple[str, ...]) -> Iterator[tuple[str, int]]:
+def stores(code: CodeType, free: tuple[str, ...]) -> Iterator[tuple[str, int]]:
+    """(name, line) of each assignment to a variable outside of the function. free: those of enclosing functions."""
     for operation, name, line in _instructions(code):
         if operation in ("STORE_GLOBAL", "DELETE_GLOBAL") or operation == "STORE_DEREF" and name in free:
             yield name, line
 
 
-def _globals(code: CodeType) -> Iterator[tuple[str, int]]:
+def globals_of(code: CodeType) -> Iterator[tuple[str, int]]:
+    """(name, line) of each global variable that a function reads."""
     for operation, name, line in _instructions(code):
         if operation in ("LOAD_GLOBAL", "LOAD_NAME"):
             yield name, line
