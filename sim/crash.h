@@ -33,6 +33,7 @@ class Runs {
 public:
     explicit Runs(const Instance *instance = nullptr);
     ~Runs();
+    Running &now() const { return now_; } ///< of this thread
     Runs(const Runs &) = delete;
     Runs &operator=(const Runs &) = delete;
 

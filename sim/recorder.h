@@ -99,6 +99,7 @@ public:
     /// Room for the samples after the instant `now` up to t, so that the loop does not allocate.
     /// `step` is the shortest time between instants.
     void reserve(Ns now, Ns t, Ns step);
+    bool keeps() const { return !logs_.empty(); } ///< else there is nothing to reserve
 
     /// Take the records that are due at t. Throws RunError once, if the archive cannot be written;
     /// its readable part stays, and the logs go on.

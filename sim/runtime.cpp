@@ -388,7 +388,7 @@ void Runtime::publish_modes(Ns t)
 bool Runtime::run_until(Ns t, const RunControl &control)
 {
     const Runs runs;
-    running_ = &running();
+    running_ = &runs.now();
     Pacing pacing(control, std::max<Ns>(time(), 0), pace);
     const auto stopped = [&] {
         reached = time();

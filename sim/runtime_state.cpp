@@ -62,11 +62,17 @@ void Runtime::ready_for(Ns t, bool same_parameters)
             keep_parameters(process);
         }
     }
-    Faults faults;
-    for (Model *model : models_) {
-        faults.collect([&] { model->ensure_data_until(t); });
+    try {
+        for (Model *model : models_) {
+            model->ensure_data_until(t);
+        }
+    } catch (const SetupError &) { // what all of them say
+        Faults faults;
+        for (Model *model : models_) {
+            faults.collect([&] { model->ensure_data_until(t); });
+        }
+        faults.raise();
     }
-    faults.raise();
 }
 
 // --- snapshots

@@ -299,9 +299,13 @@ bool Simulation::run_until(Ns t, const RunControl &control)
     } else {
         ready_for(t);
     }
-    recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
+    if (recorder_.keeps()) {
+        recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
+    }
     const bool whole = runtime_->run_until(t, control);
-    recorder_.save_archive(); // this program may now wait for a user, and be killed
+    if (recorder_.archiving()) {
+        recorder_.save_archive(); // this program may now wait for a user, and be killed
+    }
     return whole;
 }
 

@@ -18,13 +18,21 @@ Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)
 void NavigationModel::prepare(const sim::Setup &setup)
 {
     Sensor::prepare(setup);
-    bias_turn_ = mrp_turn(interface_.par.attitude_bias);
+    take_parameters();
 }
 
 void NavigationModel::refresh()
 {
     Sensor::refresh();
-    bias_turn_ = mrp_turn(interface_.par.attitude_bias);
+    take_parameters();
+}
+
+void NavigationModel::take_parameters()
+{
+    const auto &par = interface_.par;
+    bias_turn_ = mrp_turn(par.attitude_bias);
+    noisy_ = !(is_zero(par.attitude_noise) && is_zero(par.rate_noise) && is_zero(par.position_noise) &&
+               is_zero(par.velocity_noise));
 }
 
 void NavigationModel::update(Tick tick)
@@ -32,8 +40,7 @@ void NavigationModel::update(Tick tick)
     const auto &par = interface_.par;
     Vec3 turn = par.attitude_bias, mrp = bias_turn_, rate = par.rate_bias;
     Vec3 position = par.position_bias, velocity = par.velocity_bias;
-    if (!(is_zero(par.attitude_noise) && is_zero(par.rate_noise) && is_zero(par.position_noise) &&
-          is_zero(par.velocity_noise))) {
+    if (noisy_) {
         // All twelve are drawn, so switching one noise off leaves the others as they were.
         turn = error(par.attitude_bias, par.attitude_noise);
         mrp = mrp_turn(turn);
