@@ -40,12 +40,20 @@ struct Place {
 
     void write(const double *row) const
     {
+        if (type == FLEDGE_F64) {
+            std::memcpy(at, row + column, elements * sizeof(double));
+            return;
+        }
         for (std::size_t i = 0; i < elements; i++) {
             element_write(type, at + i * element_size(type), row[column + i]);
         }
     }
     void read(double *row) const
     {
+        if (type == FLEDGE_F64) {
+            std::memcpy(row + column, at, elements * sizeof(double));
+            return;
+        }
         for (std::size_t i = 0; i < elements; i++) {
             row[column + i] = element_read(type, at + i * element_size(type));
         }
