@@ -156,34 +156,52 @@ template <typename Lanes> LANES_INLINE void Harmonics::add_up(double x, double y
     Pair rho = {large, large * w_re}, sigma = {0.0, large * w_im}; // of the orders m and m + 1
     Pair rho_last = {0.0, 0.0}, sigma_last = {0.0, 0.0};           // of the two before
     Pair value = {}, radial = {}, u = {}, v = {}, w = {};
-    Pair order = {0.0, 1.0};
-    const auto half = [](Lanes a, int which) __attribute__((always_inline))
+    Lanes order = {0.0, 1.0};
+    if constexpr (wide) {
+        order = Lanes{0.0, 1.0, 2.0, 3.0};
+    }
+    const auto add = [](Pair & sum, Lanes a) __attribute__((always_inline))
     {
         if constexpr (wide) {
-            return which == 0 ? __builtin_shufflevector(a, a, 0, 1) : __builtin_shufflevector(a, a, 2, 3);
+            sum += __builtin_shufflevector(a, a, 0, 1);
+            sum += __builtin_shufflevector(a, a, 2, 3);
         } else {
-            return a;
+            sum += a;
         }
     };
-    const auto take = [&](const Columns<Lanes> &columns, int last) __attribute__((always_inline))
+    const auto next_orders = [&]() __attribute__((always_inline))
     {
-        const Pair k_last = {double(last), double(last)};
-        for (int which = 0; which < (wide ? 2 : 1); which++) {
-            const Pair C = half(columns.C, which), S = half(columns.S, which);
-            const Pair rho_before = __builtin_shufflevector(rho_last, rho, 1, 2);
-            const Pair sigma_before = __builtin_shufflevector(sigma_last, sigma, 1, 2);
-            const Pair weight = k_last + order + order + 1.0;
-            value += C * rho + S * sigma;
-            radial += (weight * C - half(columns.CC, which)) * rho + (weight * S - half(columns.SS, which)) * sigma;
-            u += order * (C * rho_before + S * sigma_before);
-            v += order * (S * rho_before - C * sigma_before);
-            w += half(columns.dC, which) * rho_before + half(columns.dS, which) * sigma_before;
-            order += 2.0;
-            rho_last = rho;
-            sigma_last = sigma;
-            rho = rho_last * w2_rho - sigma_last * w2_sigma;
-            sigma = rho_last * w2_sigma + sigma_last * w2_rho;
+        rho_last = rho;
+        sigma_last = sigma;
+        rho = rho_last * w2_rho - sigma_last * w2_sigma;
+        sigma = rho_last * w2_sigma + sigma_last * w2_rho;
+    };
+    const auto take = [&](const Columns<Lanes> &c, int last) __attribute__((always_inline))
+    {
+        // Those of the columns' orders, and of the orders before.
+        Lanes re, im, re_before, im_before;
+        if constexpr (wide) {
+            re_before = Quad{rho_last[1], rho[0], rho[1], 0.0};
+            im_before = Quad{sigma_last[1], sigma[0], sigma[1], 0.0};
+            next_orders();
+            re_before[3] = rho[0];
+            im_before[3] = sigma[0];
+            re = __builtin_shufflevector(rho_last, rho, 0, 1, 2, 3);
+            im = __builtin_shufflevector(sigma_last, sigma, 0, 1, 2, 3);
+        } else {
+            re_before = __builtin_shufflevector(rho_last, rho, 1, 2);
+            im_before = __builtin_shufflevector(sigma_last, sigma, 1, 2);
+            re = rho;
+            im = sigma;
         }
+        const Lanes weight = (Lanes{} + double(last)) + order + order + 1.0;
+        add(value, c.C * re + c.S * im);
+        add(radial, (weight * c.C - c.CC) * re + (weight * c.S - c.SS) * im);
+        add(u, order * (c.C * re_before + c.S * im_before));
+        add(v, order * (c.S * re_before - c.C * im_before));
+        add(w, c.dC * re_before + c.dS * im_before);
+        order += wide ? 4.0 : 2.0;
+        next_orders();
     };
 
     const Terms *t = terms_.data();
