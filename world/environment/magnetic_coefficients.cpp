@@ -2,7 +2,6 @@
 #include "world/environment/magnetic_coefficients.h"
 
 #include "sim/error.h"
-#include "world/environment/gravity.h"
 #include "world/environment/text_input.h"
 
 #include <algorithm>
@@ -94,9 +93,11 @@ MagneticCoefficients MagneticCoefficients::read(const std::string &path, int deg
 
 Eigen::Vector3d MagneticCoefficients::field(const Eigen::Vector3d &r_P, double year) const
 {
-    // Both fields contain the point mass, which is no part of the magnetic one.
-    const Eigen::Vector3d point = point_mass_gravity(reference_radius * reference_radius, r_P);
-    return -1e-9 * ((main_.gravity(r_P) - point) + (year - epoch_) * (rate_.gravity(r_P) - point));
+    if (year != year_) {
+        now_.combine(main_, year - epoch_, rate_);
+        year_ = year;
+    }
+    return -1e-9 * now_.gravity(r_P);
 }
 
 } // namespace fledge::world

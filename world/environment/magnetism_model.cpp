@@ -17,6 +17,7 @@ namespace {
 
 constexpr int earth_id = 399;
 constexpr double seconds_a_year = 365.2425 * 86400.0;
+constexpr Ns held = 1'000'000'000; ///< as long as coefficients stay as they are: the field changes by 1e-5 nT
 
 /// Decimal, as the World Magnetic Model counts: the share of the calendar year that has passed.
 double decimal_year(const TimeSystem &system, Epoch epoch)
@@ -38,6 +39,7 @@ void MagnetismModel::prepare(const sim::Setup &setup)
 void MagnetismModel::refresh()
 {
     EnvironmentModel::refresh();
+    turned_tau_ = std::numeric_limits<double>::quiet_NaN();
     const auto &par = interface_.par;
     const bool dipole = vec_norm2(par.dipole_P) > 0.0;
     model_.reset();
@@ -89,9 +91,31 @@ void MagnetismModel::ensure_data_until(Ns until)
     require_year(until, "ends");
 }
 
+/// How the body of a file stands. Within a step it turns at a constant rate, since the Earth's changes by less than
+/// 1e-15 rad/s in a second.
+const Eigen::Matrix3d &MagnetismModel::dcm_PN(Ns start, double tau) const
+{
+    const BodyAttitude &begin = attitude(start, 0.0);
+    if (tau == 0.0) {
+        return begin.dcm_PN;
+    }
+    if (start != turned_start_ || tau != turned_tau_) {
+        const double rate = begin.omega_PN_P.norm();
+        const Vector3d axis = begin.omega_PN_P / rate;
+        double s, c;
+        fm_sincos(rate * tau, &s, &c);
+        for (int i = 0; i < 3; i++) {
+            const Vector3d column = begin.dcm_PN.col(i);
+            turned_PN_.col(i) = c * column - s * axis.cross(column) + ((1.0 - c) * axis.dot(column)) * axis;
+        }
+        turned_start_ = start;
+        turned_tau_ = tau;
+    }
+    return turned_PN_;
+}
+
 Vector3d MagnetismModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
 {
-    const Eigen::Matrix3d &dcm_PN = attitude(start, tau).dcm_PN;
     const Vector3d r = r_BN_N - r_PN_N(0, start, tau);
     const double r2 = r.squaredNorm();
     if (r2 == 0.0) {
@@ -99,9 +123,10 @@ Vector3d MagnetismModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
                             ", where it has no value; where is the spacecraft?");
     }
     if (model_) {
-        return dcm_PN.transpose() * model_->field(dcm_PN * r, year(start));
+        const Eigen::Matrix3d &PN = dcm_PN(start, tau);
+        return PN.transpose() * model_->field(PN * r, year(start - start % held));
     }
-    const Vector3d m = dcm_PN.transpose() * view(interface_.par.dipole_P);
+    const Vector3d m = attitude(start, tau).dcm_PN.transpose() * view(interface_.par.dipole_P);
     return 1.0 / (r2 * std::sqrt(r2)) * (3.0 * m.dot(r) / r2 * r - m);
 }
 

@@ -8,6 +8,7 @@
 #include "world/environment/magnetic_coefficients.h"
 #include "world/environment/magnetism.h"
 
+#include <limits>
 #include <optional>
 
 namespace fledge::world {
@@ -35,6 +36,7 @@ public:
 private:
     double spin() const override { return interface_.par.spin; }
     void publish(sim::Ns t) override;
+    const Eigen::Matrix3d &dcm_PN(sim::Ns start, double tau) const;
     double year(sim::Ns t) const;
     void require_year(sim::Ns t, const char *what) const;
 
@@ -42,6 +44,9 @@ private:
     std::string path_;
     std::optional<MagneticCoefficients> model_;
     double year_ = 0.0; ///< at time 0
+    mutable Eigen::Matrix3d turned_PN_;
+    mutable sim::Ns turned_start_ = 0; ///< at which turned_PN_ is
+    mutable double turned_tau_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 } // namespace fledge::world

@@ -265,11 +265,14 @@ TEST_F(Field, AFilesFieldTurnsWithTheEarthAndChangesWithTheYears)
     ASSERT_EQ(refusal(), "");
     const auto wanted = MagneticCoefficients::read(file.path(), 0);
     const Vector3d r(5e6, -4e6, 3e6);
-    for (const sim::Ns t : {sim::Ns(0), 40'000 * second, 40'000'000 * second}) {
-        const Eigen::Matrix3d PN = given->orientation(399).at(given->epoch_at(t)).dcm_PN;
-        const double year = 2026.5 + 1e-9 * static_cast<double>(t) / (365.2425 * 86400.0);
-        const Vector3d B = PN.transpose() * wanted.field(PN * r, year);
-        EXPECT_LT((model.at(t, 0.0, r) - B).norm(), 1e-6 * B.norm());
+    // Also within steps, where the model turns the Earth of their beginning, and between whole seconds.
+    for (const sim::Ns t : {sim::Ns(0), 40'000 * second, 40'000'000 * second + second / 3}) {
+        for (const double tau : {0.0, 0.05, 0.05, 0.1, 60.0}) {
+            const Eigen::Matrix3d PN = given->orientation(399).at(given->epoch_at(t), tau).dcm_PN;
+            const double year = 2026.5 + (1e-9 * static_cast<double>(t) + tau) / (365.2425 * 86400.0);
+            const Vector3d B = PN.transpose() * wanted.field(PN * r, year);
+            EXPECT_LT((model.at(t, tau, r) - B).norm(), 3e-9 * B.norm()) << t << " " << tau;
+        }
     }
     MagnetismModel clone(i);
     clone.copy_setup(model, [](const sim::Model *other) { return const_cast<sim::Model *>(other); });
