@@ -37,7 +37,7 @@ RECORDED = {
     "8 thrusters and settled tank": 2461,
     "gyros": 2160,
     "rods": 1038,
-    "rods with WMM": 5622,
+    "rods with WMM": 3488,
     NADIR_SPIN: 3288,
 }
 
