@@ -19,7 +19,8 @@ QUALITY = 60            # of WebP
 FIGURES = {"nadir_spin": ("", "nadir_spin.png"), "asterisk_scan": ("wide", "asterisk_*_plane.png"),
            "rectangular_raster": ("", "*_sphere.png"), "single_spiral": ("", "*_plane.png"),
            "triple_spiral": ("", "*_plane.png"), "inertial_spin": ("", "inertial_spin.png"),
-           "formation": ("", "*_plane.png"), "desaturation": ("", "rods.png")}
+           "formation": ("", "*_plane.png"), "desaturation": ("", "rods.png"),
+           "learned_pointing": ("", "turn.png")}
 BARE = "hide=labels,bodyAxes,directions,path,keepout,cones,estimate"
 FAR = "camera=orbit&show=enlarged"
 SCENES = {"inertial_pointing": ("", "100s", BARE), "mars_orbiter": ("insertion", "4210s", FAR),
