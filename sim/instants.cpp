@@ -36,24 +36,23 @@ bool known(const Robustness &value)
     return value.low == value.high && same(value.at_low, value.at_high);
 }
 
-/// The whole block at once, whatever its samples are: the loops are then of a fixed length.
-void lesser(double *to, const double *a, const double *b)
+void lesser(double *to, const double *a, const double *b, std::size_t n)
 {
-    for (std::size_t k = 0; k < Instants::most; k++) {
+    for (std::size_t k = 0; k < n; k++) {
         to[k] = b[k] < a[k] ? b[k] : a[k];
     }
 }
 
-void larger(double *to, const double *a, const double *b)
+void larger(double *to, const double *a, const double *b, std::size_t n)
 {
-    for (std::size_t k = 0; k < Instants::most; k++) {
+    for (std::size_t k = 0; k < n; k++) {
         to[k] = b[k] > a[k] ? b[k] : a[k];
     }
 }
 
-void negative(double *to, const double *a)
+void negative(double *to, const double *a, std::size_t n)
 {
-    for (std::size_t k = 0; k < Instants::most; k++) {
+    for (std::size_t k = 0; k < n; k++) {
         to[k] = -a[k];
     }
 }
@@ -86,10 +85,11 @@ void Instants::reset()
     }
 }
 
-void Instants::take(std::span<const Ns> times, const double *margins)
+void Instants::take(std::span<const Ns> times, const double *margins, const unsigned char *unknown)
 {
     times_ = times;
     margins_ = margins;
+    unknown_ = unknown;
     block_++;
 }
 
@@ -121,11 +121,7 @@ void Instants::compute(Part &part)
         return;
     case FormulaNode::ATOM: {
         const double *margins = margins_ + static_cast<std::size_t>(what.a) * most;
-        std::int64_t without = 0;
-        for (std::size_t k = 0; k < times_.size(); k++) {
-            without |= margins[k] != margins[k];
-        }
-        if (!without) {
+        if (!unknown_[what.a]) {
             part.column = {margins, margins};
             return;
         }
@@ -144,9 +140,9 @@ void Instants::compute(Part &part)
             part.column = constant(a.fixed < 0);
             return;
         }
-        negative(lows, a.high);
+        negative(lows, a.high, times_.size());
         if (!a.known()) {
-            negative(highs, a.low);
+            negative(highs, a.low, times_.size());
         }
         part.column = {lows, a.known() ? lows : highs};
     } else if (what.kind == FormulaNode::ONCE) {
@@ -173,9 +169,9 @@ void Instants::join(Part &part, const Column &a, const Column &b)
         return;
     }
     const auto joined = both ? lesser : larger;
-    joined(part.lows.data(), a.low, b.low);
+    joined(part.lows.data(), a.low, b.low, times_.size());
     if (!is_known) {
-        joined(part.highs.data(), a.high, b.high);
+        joined(part.highs.data(), a.high, b.high, times_.size());
     }
     part.column = {part.lows.data(), is_known ? part.lows.data() : part.highs.data()};
 }

@@ -23,8 +23,8 @@ public:
 
     /// The number of a part: a kind without a window, whose operands a and b are numbers that this gave before.
     int add(FormulaNode what);
-    /// A block of samples. margins: of each atom a row of `most` numbers, NaN where it has no value.
-    void take(std::span<const Ns> times, const double *margins);
+    /// A block of samples, as TemporalMonitor takes it.
+    void take(std::span<const Ns> times, const double *margins, const unsigned char *unknown);
     void reset();
 
     std::span<const Ns> times() const { return times_; }
@@ -51,6 +51,7 @@ private:
     std::vector<Part> parts_;
     std::span<const Ns> times_;
     const double *margins_ = nullptr;
+    const unsigned char *unknown_ = nullptr;
     std::uint64_t block_ = 0;
 };
 

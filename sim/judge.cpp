@@ -2,7 +2,9 @@
 #include "sim/judge.h"
 
 #include "sim/structure.h"
+#include "sim/wide.h"
 
+#include "flight/command/activity.h"
 #include "flight/math/elementary.h"
 #include "flight/msg/head.h"
 
@@ -10,12 +12,19 @@
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
+#include <string_view>
 
 namespace fledge::sim {
 
 namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+
+/// As many samples as fill registers: what a row has behind those that wait does not count.
+std::size_t whole_registers(std::size_t samples)
+{
+    return (samples + 7) / 8 * 8;
+}
 
 } // namespace
 
@@ -36,6 +45,16 @@ int Judge::source(const Process &process, std::shared_ptr<const Event> event)
     Source source;
     source.process = &process;
     source.event = std::move(event);
+    return add(std::move(source));
+}
+
+int Judge::source(const Recorder &recorder, const Process &process, int code, Became became)
+{
+    Source source;
+    source.recorder = &recorder;
+    source.process = &process;
+    source.code = code;
+    source.became = became;
     return add(std::move(source));
 }
 
@@ -122,8 +141,10 @@ int Judge::atom(int value, Relation relation, double limit, double scale)
         expressions_[static_cast<std::size_t>(value)].elements != 1 || !(scale > 0.0)) {
         throw std::invalid_argument("a comparison is of one number, and its scale is above 0");
     }
-    atoms_.push_back({expressions_[static_cast<std::size_t>(value)].at, relation, limit, scale});
+    expressions_[static_cast<std::size_t>(value)].compared = true;
+    atoms_.push_back({static_cast<std::size_t>(value), relation, limit, scale});
     margins_.resize(margins_.size() + Instants::most, unknown);
+    unknown_.push_back(0);
     return static_cast<int>(atoms_.size()) - 1;
 }
 
@@ -164,22 +185,52 @@ void Judge::read(Source &source)
         const std::uint64_t fired = source.process->fired(*source.event).count;
         *to = fired != source.fired ? 1.0 : 0.0;
         source.fired = fired;
+    } else if (source.recorder) {
+        *to = became(source) ? 1.0 : 0.0;
     }
 }
 
-void Judge::compute(const Expression &expression)
+/// Whether a command has become so since the sample before. The executive's log has all that happened in the process.
+bool Judge::became(Source &source) const
 {
-    constexpr std::size_t n = Instants::most; // also of a block that is not full, for the compiler
+    if (!source.log) {
+        const auto instance = source.process->executive().instance();
+        for (const auto &log : source.recorder->followed()) {
+            if (log->instance == instance && std::string_view(log->field->name) == "activity") {
+                source.log = log;
+            }
+        }
+        if (!source.log) {
+            return false;
+        }
+    }
+    bool found = false;
+    for (; source.fired < source.log->times.size(); source.fired++) {
+        Activity activity;
+        std::memcpy(&activity, source.log->bytes.data() + source.fired * sizeof activity, sizeof activity);
+        const bool executed = activity.kind == ACTIVITY_EXECUTED, good = activity.reason == COMMAND_OK;
+        found = found || ((executed || activity.kind == ACTIVITY_ACCEPTED) &&
+                          (source.code < 0 || static_cast<int>(activity.code) == source.code) &&
+                          (source.became == REFUSED ? !good : good && executed == (source.became == EXECUTED)));
+    }
+    return found;
+}
+
+/// Compute an expression in each sample that waits.
+[[gnu::always_inline]] inline void Judge::compute(Expression &expression)
+{
+    constexpr std::size_t width = Instants::most;
+    const std::size_t n = whole_registers(count_);
     const double *a = row(expression.a), *b = row(expression.b);
     double *to = row(expression.at);
-    const std::size_t all = expression.elements * n;
+    const double number = expression.number;
     switch (expression.operation) {
     case SOURCE:
     case CONSTANT:
     case ELEMENT: break;
     case NORM:
         std::fill_n(to, n, 0.0);
-        for (std::size_t i = 0; i < expression.b; i++, a += n) {
+        for (std::size_t i = 0; i < expression.b; i++, a += width) {
             for (std::size_t k = 0; k < n; k++) {
                 to[k] += a[k] * a[k];
             }
@@ -190,83 +241,109 @@ void Judge::compute(const Expression &expression)
         break;
     case MAX_ABS:
         std::fill_n(to, n, 0.0);
-        for (std::size_t i = 0; i < expression.b; i++, a += n) {
+        for (std::size_t i = 0; i < expression.b; i++, a += width) {
             for (std::size_t k = 0; k < n; k++) {
-                const double x = std::fabs(a[k]);
-                to[k] = !(x <= to[k]) && to[k] == to[k] ? x : to[k]; // what is unknown stays so
+                const double x = std::fabs(a[k]), most = x > to[k] ? x : to[k];
+                to[k] = x == x ? most : x; // what is unknown stays so
             }
         }
         break;
     case MAGNITUDE:
-        for (std::size_t k = 0; k < all; k++) {
-            to[k] = std::fabs(a[k]);
+        for (std::size_t i = 0; i < expression.elements; i++, a += width, b += width, to += width) {
+            for (std::size_t k = 0; k < n; k++) {
+                to[k] = std::fabs(a[k]);
+            }
         }
         break;
     case SUM:
-        for (std::size_t k = 0; k < all; k++) {
-            to[k] = a[k] + b[k];
+        for (std::size_t i = 0; i < expression.elements; i++, a += width, b += width, to += width) {
+            for (std::size_t k = 0; k < n; k++) {
+                to[k] = a[k] + b[k];
+            }
         }
         break;
     case DIFFERENCE:
-        for (std::size_t k = 0; k < all; k++) {
-            to[k] = a[k] - b[k];
+        for (std::size_t i = 0; i < expression.elements; i++, a += width, b += width, to += width) {
+            for (std::size_t k = 0; k < n; k++) {
+                to[k] = a[k] - b[k];
+            }
         }
         break;
     case SCALED:
-        for (std::size_t k = 0; k < all; k++) {
-            to[k] = expression.number * a[k];
+        for (std::size_t i = 0; i < expression.elements; i++, a += width, b += width, to += width) {
+            for (std::size_t k = 0; k < n; k++) {
+                to[k] = number * a[k];
+            }
         }
         break;
     case ANGLE:
         for (std::size_t k = 0; k < count_; k++) {
-            const double u[3] = {a[k], a[n + k], a[2 * n + k]}, v[3] = {b[k], b[n + k], b[2 * n + k]};
+            const double u[3] = {a[k], a[width + k], a[2 * width + k]}, v[3] = {b[k], b[width + k], b[2 * width + k]};
             const double x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2], z = u[0] * v[1] - u[1] * v[0];
             to[k] = fm_atan2(std::sqrt(x * x + y * y + z * z), u[0] * v[0] + u[1] * v[1] + u[2] * v[2]);
         }
         break;
     case TURNED: // v + (8 s x (s x v) - 4 (1 - s.s) s x v) / (1 + s.s)^2
         for (std::size_t k = 0; k < count_; k++) {
-            const double s[3] = {a[k], a[n + k], a[2 * n + k]}, v[3] = {b[k], b[n + k], b[2 * n + k]};
+            const double s[3] = {a[k], a[width + k], a[2 * width + k]}, v[3] = {b[k], b[width + k], b[2 * width + k]};
             const double s2 = s[0] * s[0] + s[1] * s[1] + s[2] * s[2];
             const double c[3] = {s[1] * v[2] - s[2] * v[1], s[2] * v[0] - s[0] * v[2], s[0] * v[1] - s[1] * v[0]};
             const double cc[3] = {s[1] * c[2] - s[2] * c[1], s[2] * c[0] - s[0] * c[2], s[0] * c[1] - s[1] * c[0]};
             const double by = 1.0 / ((1.0 + s2) * (1.0 + s2));
             for (std::size_t i = 0; i < 3; i++) {
-                to[i * n + k] = v[i] + (8.0 * cc[i] - 4.0 * (1.0 - s2) * c[i]) * by;
+                to[i * width + k] = v[i] + (8.0 * cc[i] - 4.0 * (1.0 - s2) * c[i]) * by;
             }
         }
         break;
     }
+    if (expression.compared) {
+        expression.unknown = 0;
+        const double *x = row(expression.at);
+        for (std::size_t k = 0; k < n; k++) {
+            expression.unknown |= x[k] != x[k];
+        }
+    }
 }
 
 /// How far the numbers are from the other side of the limit; never 0, so that the sign says whether the relation holds.
-void Judge::compare(std::size_t number)
+[[gnu::always_inline]] inline void Judge::compare(const Atom &atom, double *to)
 {
     constexpr double tiny = std::numeric_limits<double>::denorm_min();
-    const Atom &atom = atoms_[number];
-    const double *x = row(atom.at), limit = atom.limit;
-    double *to = margins_.data() + number * Instants::most;
-    const auto measured = [&](double sign, double on_the_limit) {
-        for (std::size_t k = 0; k < Instants::most; k++) {
-            to[k] = x[k] == limit ? on_the_limit : sign * (limit - x[k]);
+    const std::size_t n = whole_registers(count_);
+    const double *x = row(expressions_[atom.expression].at), limit = atom.limit, scale = atom.scale;
+    const bool below = atom.relation == LESS || atom.relation == LESS_EQUAL;
+    if (atom.relation == EQUAL || atom.relation == NOT_EQUAL) {
+        const double equal = atom.relation == EQUAL ? unbounded : -unbounded;
+        for (std::size_t k = 0; k < n; k++) {
+            const double found = x[k] == limit ? equal : -equal;
+            to[k] = x[k] == x[k] ? found : unknown;
         }
-        for (std::size_t k = 0; atom.scale != 1.0 && k < Instants::most; k++) {
-            const double scaled = to[k] / atom.scale;
+        return;
+    }
+    const double sign = below ? 1.0 : -1.0;
+    const double on_the_limit = atom.relation == LESS || atom.relation == GREATER ? -tiny : tiny;
+    for (std::size_t k = 0; k < n; k++) {
+        to[k] = sign * (limit - x[k]);
+    }
+    for (std::size_t k = 0; k < n; k++) {
+        to[k] = to[k] == 0.0 ? on_the_limit : to[k];
+    }
+    if (scale != 1.0) {
+        for (std::size_t k = 0; k < n; k++) {
+            const double scaled = to[k] / scale;
             to[k] = scaled == 0.0 ? to[k] : scaled;
         }
-    };
-    const auto named = [&](double equal) {
-        for (std::size_t k = 0; k < Instants::most; k++) {
-            to[k] = x[k] == limit ? equal : x[k] == x[k] ? -equal : unknown;
-        }
-    };
-    switch (atom.relation) {
-    case LESS: measured(1.0, -tiny); break;
-    case LESS_EQUAL: measured(1.0, tiny); break;
-    case GREATER: measured(-1.0, -tiny); break;
-    case GREATER_EQUAL: measured(-1.0, tiny); break;
-    case EQUAL: named(unbounded); break;
-    case NOT_EQUAL: named(-unbounded); break;
+    }
+}
+
+[[gnu::always_inline]] inline void Judge::compute_all()
+{
+    for (Expression &expression : expressions_) {
+        compute(expression);
+    }
+    for (std::size_t i = 0; i < atoms_.size(); i++) {
+        compare(atoms_[i], margins_.data() + i * Instants::most);
+        unknown_[i] = expressions_[atoms_[i].expression].unknown != 0;
     }
 }
 
@@ -276,21 +353,16 @@ void Judge::judge()
     if (count_ == 0) {
         return;
     }
-    for (const Expression &expression : expressions_) {
-        compute(expression);
-    }
-    for (std::size_t i = 0; i < atoms_.size(); i++) {
-        compare(i);
-    }
+    in_registers<&Judge::compute_all>(*this);
     if (traces) {
         for (std::size_t k = 0; k < count_; k++) {
             for (const Atom &atom : atoms_) {
-                traces_.push_back(row(atom.at)[k]);
+                traces_.push_back(row(expressions_[atom.expression].at)[k]);
             }
         }
         times_.insert(times_.end(), waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count_));
     }
-    formulas_.take({waiting_.data(), count_}, margins_.data());
+    formulas_.take({waiting_.data(), count_}, margins_.data(), unknown_.data());
     count_ = 0;
 }
 
@@ -314,6 +386,9 @@ void Judge::rewind(Ns now)
         forget();
     } else if (now < last_) {
         went_back_ = true;
+        for (Source &source : sources_) { // the recorder has dropped what came later
+            source.fired = source.log ? std::min<std::uint64_t>(source.fired, source.log->times.size()) : source.fired;
+        }
     }
     stop = false;
 }
@@ -323,6 +398,7 @@ void Judge::forget()
     formulas_.reset();
     for (Source &source : sources_) {
         source.fired = 0;
+        source.log = nullptr;
     }
     count_ = 0;
     times_.clear();

@@ -44,6 +44,9 @@ public:
                std::optional<std::uint32_t> head);
     /// 1 at a sample up to which an event has fired since the sample before; else 0.
     int source(const Process &process, std::shared_ptr<const Event> event);
+    /// The same of what became of commands: executed, accepted, or refused at either time. code: -1: of any.
+    enum Became { ACCEPTED, EXECUTED, REFUSED };
+    int source(const Recorder &recorder, const Process &process, int code, Became became);
     /// Numbers that the caller gives.
     int source(std::size_t elements);
     int constant(std::span<const double> numbers);
@@ -76,16 +79,22 @@ private:
         FledgeType type = FLEDGE_F64;
         std::size_t elements = 1, at = 0; ///< at: its first row of columns_
         std::optional<std::uint32_t> head;
-        std::uint64_t fired = 0; ///< so far
+        std::uint64_t fired = 0; ///< so far; of commands how many rows of the log
+        const Recorder *recorder = nullptr;
+        int code = -1;
+        Became became = EXECUTED;
+        std::shared_ptr<const Log> log; ///< of what happened in the process, once something has
     };
     struct Expression {
         Operation operation = SOURCE;
         std::size_t a = 0, b = 0; ///< the first rows of the operands
         std::size_t elements = 1, at = 0;
         double number = 0.0;
+        bool compared = false;    ///< an atom has it
+        std::int64_t unknown = 0; ///< of such an one: a number of the block is, or one was in its place
     };
     struct Atom {
-        std::size_t at;
+        std::size_t expression;
         Relation relation;
         double limit, scale;
     };
@@ -93,8 +102,10 @@ private:
     std::size_t rows(std::size_t elements); ///< more of columns_
     int add(Source source);
     void read(Source &source);
-    void compute(const Expression &expression);
-    void compare(std::size_t atom);
+    bool became(Source &source) const;
+    void compute_all(); ///< columns_ and margins_
+    void compute(Expression &expression);
+    void compare(const Atom &atom, double *to);
     void judge();
     void forget();
     double *row(std::size_t at) { return columns_.data() + at * Instants::most; }
@@ -105,6 +116,7 @@ private:
     TemporalMonitor formulas_;
     std::vector<double> columns_; ///< of each number a row of the samples that wait
     std::vector<double> margins_; ///< of each atom
+    std::vector<unsigned char> unknown_;
     std::array<Ns, Instants::most> waiting_{};
     std::size_t count_ = 0; ///< how many wait
     std::vector<Ns> times_;

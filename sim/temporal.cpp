@@ -24,6 +24,12 @@ bool window(FormulaNode::Kind kind)
     return kind == FormulaNode::ALWAYS || kind == FormulaNode::EVENTUALLY || kind == FormulaNode::UNTIL;
 }
 
+bool dual(FormulaNode::Kind a, FormulaNode::Kind b)
+{
+    return (a == FormulaNode::ALWAYS && b == FormulaNode::EVENTUALLY) ||
+           (a == FormulaNode::EVENTUALLY && b == FormulaNode::ALWAYS);
+}
+
 Ns after(Ns t, Ns duration)
 {
     return duration > no_end - std::max<Ns>(t, 0) ? no_end : t + duration;
@@ -33,6 +39,23 @@ Ns after(Ns t, Ns duration)
 Robustness turned(const FormulaNode &what, const Robustness &value)
 {
     return what.kind == FormulaNode::EVENTUALLY ? -value : value;
+}
+
+/// The least bound of an operand. Eight at a time do not wait for each other.
+double least_bound(const auto &samples, std::size_t from, std::size_t to, bool high)
+{
+    double found[8];
+    std::fill_n(found, 8, unbounded);
+    for (; from + 8 <= to; from += 8) {
+        for (std::size_t i = 0; i < 8; i++) {
+            const double x = samples.bound(from + i, high);
+            found[i] = x < found[i] ? x : found[i];
+        }
+    }
+    for (; from < to; from++) {
+        found[0] = std::min(found[0], samples.bound(from, high));
+    }
+    return *std::min_element(found, found + 8);
 }
 
 } // namespace
@@ -59,27 +82,10 @@ struct TemporalMonitor::Part {
         return turned ? -x : x;
     }
     Witness at(std::size_t k, bool high) const { return instants.witness(part, k, high != turned); }
-    double least(std::size_t from, std::size_t to, bool high) const
-    {
-        const double *x = high ? highs : lows;
-        const double sign = turned ? -1.0 : 1.0;
-        double found[8]; // as many at once as registers hold
-        std::fill_n(found, 8, unbounded);
-        for (; from + 8 <= to; from += 8) {
-            for (std::size_t i = 0; i < 8; i++) {
-                const double y = sign * x[from + i];
-                found[i] = y < found[i] ? y : found[i];
-            }
-        }
-        for (; from < to; from++) {
-            found[0] = std::min(found[0], sign * x[from]);
-        }
-        return *std::min_element(found, found + 8);
-    }
 };
 
 /// The same of what another node has given.
-struct TemporalMonitor::Rows {
+struct TemporalMonitor::Samples {
     std::span<const Sample> samples;
     bool turned;
 
@@ -95,14 +101,17 @@ struct TemporalMonitor::Rows {
     {
         return high != turned ? samples[k].value.at_high : samples[k].value.at_low;
     }
-    double least(std::size_t from, std::size_t to, bool high) const
-    {
-        double found = unbounded;
-        for (; from < to; from++) {
-            found = std::min(found, bound(from, high));
-        }
-        return found;
-    }
+};
+
+struct TemporalMonitor::Bounds {
+    std::span<const Bound> bounds;
+    bool turned;
+
+    std::size_t size() const { return bounds.size(); }
+    Ns t(std::size_t k) const { return bounds[k].t; }
+    bool known() const { return true; }
+    double bound(std::size_t k, bool) const { return turned ? -bounds[k].value : bounds[k].value; }
+    const Witness &at(std::size_t k, bool) const { return bounds[k].at; }
 };
 
 int TemporalMonitor::formula(const std::vector<FormulaNode> &nodes)
@@ -201,7 +210,7 @@ void TemporalMonitor::reset()
     }
 }
 
-void TemporalMonitor::take(std::span<const Ns> times, const double *margins)
+void TemporalMonitor::take(std::span<const Ns> times, const double *margins, const unsigned char *unknown)
 {
     if (times.empty()) {
         return;
@@ -210,7 +219,7 @@ void TemporalMonitor::take(std::span<const Ns> times, const double *margins)
     if (begins) {
         first_ = times.front();
     }
-    instants_.take(times, margins);
+    instants_.take(times, margins, unknown);
     for (Node &node : nodes_) {
         if (node.instant < 0) {
             continue;
@@ -231,7 +240,7 @@ void TemporalMonitor::take(std::span<const Ns> times, const double *margins)
         }
         node.given.clear();
         for (std::size_t k = 0; k < times.size(); k++) {
-            node.given.push_back({times[k], instants_.at(node.instant, k), {}});
+            node.given.push_back({times[k], instants_.at(node.instant, k)});
         }
         give(node);
     }
@@ -242,21 +251,23 @@ void TemporalMonitor::take(Node &node, bool second, std::span<const Sample> samp
 {
     switch (node.what.kind) {
     case FormulaNode::ALWAYS:
-    case FormulaNode::EVENTUALLY: take_window(node, Rows{samples, node.what.kind == FormulaNode::EVENTUALLY}); return;
+    case FormulaNode::EVENTUALLY:
+        take_window(node, Samples{samples, node.what.kind == FormulaNode::EVENTUALLY});
+        return;
     case FormulaNode::NOT:
         for (const Sample &sample : samples) {
-            node.given.push_back({sample.t, -sample.value, {}});
+            node.given.push_back({sample.t, -sample.value});
         }
         break;
     case FormulaNode::ONCE:
         for (const Sample &sample : samples) {
             node.value = greatest(node.value, sample.value);
-            node.given.push_back({sample.t, node.value, {}});
+            node.given.push_back({sample.t, node.value});
         }
         break;
     case FormulaNode::BEGINS:
         for (const Sample &sample : samples) {
-            node.given.push_back({sample.t, least(sample.value, -node.before), {}});
+            node.given.push_back({sample.t, least(sample.value, -node.before)});
             node.before = sample.value;
         }
         break;
@@ -273,20 +284,20 @@ void TemporalMonitor::join(Node &node, bool second, std::span<const Sample> samp
         if (filled == node.waiting.size()) {
             node.waiting.push({given.t, given.value, given.value});
         } else {
-            Sample &sample = node.waiting[filled];
-            (second ? sample.other : sample.value) = given.value;
+            Pair &pair = node.waiting[filled];
+            (second ? pair.other : pair.value) = given.value;
         }
         filled++;
         if (node.here[0] == 0 || node.here[1] == 0) {
             continue;
         }
-        const Sample whole = node.waiting.front();
+        const Pair whole = node.waiting.front();
         node.waiting.pop();
         node.here[0]--, node.here[1]--;
         if (node.what.kind == FormulaNode::AND) {
-            node.given.push_back({whole.t, least(whole.value, whole.other), {}});
+            node.given.push_back({whole.t, least(whole.value, whole.other)});
         } else if (node.what.kind == FormulaNode::OR) {
-            node.given.push_back({whole.t, greatest(whole.value, whole.other), {}});
+            node.given.push_back({whole.t, greatest(whole.value, whole.other)});
         } else if (node.front) {
             gather_until(node, whole);
         } else {
@@ -298,14 +309,29 @@ void TemporalMonitor::join(Node &node, bool second, std::span<const Sample> samp
 
 void TemporalMonitor::give(Node &node)
 {
-    if (!node.front && !node.given.empty()) {
-        take(at(node.parent), node.second, node.given);
+    if (node.front) {
+        return;
+    }
+    Node &parent = at(node.parent);
+    if (!node.bounds.empty()) {
+        const bool eventually = parent.what.kind == FormulaNode::EVENTUALLY;
+        if (eventually || parent.what.kind == FormulaNode::ALWAYS) {
+            take_window(parent, Bounds{node.bounds, eventually});
+        } else {
+            for (const Bound &bound : node.bounds) {
+                node.given.push_back({bound.t, Robustness::known(bound.value, bound.at)});
+            }
+        }
+        node.bounds.clear();
+    }
+    if (!node.given.empty()) {
+        take(parent, node.second, node.given);
         node.given.clear();
     }
 }
 
 /// Samples for a window: of those in front there is one, from the first sample on; of others one from each sample on.
-template <class Samples> void TemporalMonitor::take_window(Node &node, const Samples &samples)
+template <class Operand> void TemporalMonitor::take_window(Node &node, const Operand &samples)
 {
     if (node.front) {
         gather(node, samples);
@@ -330,7 +356,7 @@ template <class Samples> void TemporalMonitor::take_window(Node &node, const Sam
         bounds.push(added);
     };
     if (endless && !node.split && samples.t(0) > tail) { // each window that counts has all of these samples
-        const double found = samples.least(0, samples.size(), false);
+        const double found = least_bound(samples, 0, samples.size(), false);
         if (node.lows.empty() || node.lows.back().t <= tail || found < node.lows.back().value) {
             std::size_t k = 0;
             while (samples.bound(k, false) != found) {
@@ -340,6 +366,11 @@ template <class Samples> void TemporalMonitor::take_window(Node &node, const Sam
         }
         return;
     }
+    if (!node.split) {
+        push_known(node, samples, endless ? last : no_end);
+        give(node);
+        return;
+    }
     for (std::size_t k = 0; k < samples.size(); k++) {
         const Ns t = samples.t(k);
         give_windows(node, t);
@@ -347,15 +378,60 @@ template <class Samples> void TemporalMonitor::take_window(Node &node, const Sam
             node.pending.push(t);
         }
         push(node.lows, k, false);
-        if (node.split) {
-            push(node.highs, k, true);
-        }
+        push(node.highs, k, true);
     }
     give(node);
 }
 
+/// The same where all that counts is known. The witness of a bound is found only if the bound is given, or outlasts the
+/// samples; till then its atom is the place of its sample.
+template <class Operand> void TemporalMonitor::push_known(Node &node, const Operand &samples, Ns last)
+{
+    const Ns from = node.what.from, to = node.what.to, first = samples.t(0);
+    const double sign = node.what.kind == FormulaNode::EVENTUALLY ? -1.0 : 1.0;
+    Queue<Bound> &lows = node.lows;
+    // The other kind of window, from the first sample on, takes no value that is above its own: a window with a sample
+    // this low need not be looked through.
+    const Node &parent = at(node.parent);
+    const bool skips = from == 0 && parent.front && parent.what.to == no_end && dual(parent.what.kind, node.what.kind);
+    const double low_enough = skips ? -parent.value.high : -unbounded;
+    for (std::size_t k = 0; k < samples.size(); k++) {
+        const Ns t = samples.t(k);
+        while (!node.pending.empty() && after(node.pending.front(), to) < t) {
+            const Ns begin = node.pending.front();
+            node.pending.pop();
+            while (!lows.empty() && lows.front().t < begin + from) {
+                lows.pop();
+            }
+            if (lows.empty()) {
+                node.bounds.push_back({begin, sign * unbounded, {}});
+                continue;
+            }
+            const Bound &least = lows.front();
+            const Witness at = least.t < first ? least.at : samples.at(static_cast<std::size_t>(least.at.atom), false);
+            node.bounds.push_back({begin, sign * least.value, at});
+        }
+        const double x = samples.bound(k, false);
+        if (skips && x <= low_enough) {
+            node.pending.clear();
+            lows.clear();
+            continue;
+        }
+        if (t <= last) {
+            node.pending.push(t);
+        }
+        while (!lows.empty() && x < lows.back().value) {
+            lows.pop_back();
+        }
+        lows.push({t, x, {-1, static_cast<int>(k), false}});
+    }
+    for (std::size_t i = lows.size(); i-- > 0 && lows[i].t >= first;) {
+        lows[i].at = samples.at(static_cast<std::size_t>(lows[i].at.atom), false);
+    }
+}
+
 /// The least bounds of the window from the first sample on.
-template <class Samples> void TemporalMonitor::gather(Node &node, const Samples &samples)
+template <class Operand> void TemporalMonitor::gather(Node &node, const Operand &samples)
 {
     std::size_t from = 0, to = samples.size();
     for (const Ns end = after(first_, node.what.to); to > 0 && samples.t(to - 1) > end; to--) {
@@ -388,19 +464,19 @@ template <class Samples> void TemporalMonitor::gather(Node &node, const Samples 
             }
         }
     };
-    const double low = samples.least(from, to, false);
+    const double low = least_bound(samples, from, to, false);
     lower(node.value.low, node.value.at_low, low, false);
-    lower(node.value.high, node.value.at_high, samples.known() ? low : samples.least(from, to, true), true);
+    lower(node.value.high, node.value.at_high, samples.known() ? low : least_bound(samples, from, to, true), true);
 }
 
 /// A sample for an UNTIL from the first sample on.
-void TemporalMonitor::gather_until(Node &node, const Sample &sample)
+void TemporalMonitor::gather_until(Node &node, const Pair &pair)
 {
-    if (sample.t > after(first_, node.what.to)) {
+    if (pair.t > after(first_, node.what.to)) {
         node.passed = true;
     } else {
-        node.value = greatest(node.value, least(sample.other, node.before));
-        node.before = least(node.before, sample.value);
+        node.value = greatest(node.value, least(pair.other, node.before));
+        node.before = least(node.before, pair.value);
     }
 }
 
@@ -420,7 +496,7 @@ void TemporalMonitor::give_windows(Node &node, Ns before)
         const Bound high = node.split ? least_of(node.highs, t + node.what.from) : low;
         const bool whole = before != no_end || node.what.to == no_end || after(t, node.what.to) <= end_;
         const Robustness value{whole ? low.value : -unbounded, high.value, whole ? low.at : Witness{}, high.at};
-        node.given.push_back({t, turned(node.what, value), {}});
+        node.given.push_back({t, turned(node.what, value)});
     }
 }
 
@@ -441,7 +517,7 @@ void TemporalMonitor::give_until(Node &node, Ns before)
             value.high = first.high, value.at_high = first.at_high;
         }
         node.samples.pop();
-        node.given.push_back({t, value, {}});
+        node.given.push_back({t, value});
     }
 }
 
@@ -473,7 +549,7 @@ void TemporalMonitor::close(Node &node)
         Robustness value = false_always;
         for (std::size_t i = n; i-- > 0;) {
             value = greatest(node.samples[i].other, least(node.samples[i].value, value));
-            node.given[i] = {node.samples[i].t, value, {}};
+            node.given[i] = {node.samples[i].t, value};
         }
         node.samples.clear();
     }

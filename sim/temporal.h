@@ -17,8 +17,8 @@ public:
     std::size_t size() const { return roots_.size(); } ///< how many formulas
 
     /// Up to Instants::most samples, later than those before. margins: of each atom a row of Instants::most numbers,
-    /// NaN where it has no value.
-    void take(std::span<const Ns> times, const double *margins);
+    /// NaN where it has no value; unknown: of each atom 0 if there is no NaN.
+    void take(std::span<const Ns> times, const double *margins, const unsigned char *unknown);
     /// There is no sample after t: what windows that reach further need is unknown.
     void finish(Ns t);
     void reset();
@@ -29,7 +29,11 @@ public:
 private:
     struct Sample {
         Ns t;
-        Robustness value, other; ///< other: of the second operand
+        Robustness value;
+    };
+    struct Pair { ///< of both operands
+        Ns t;
+        Robustness value, other;
     };
     /// First in, first out, in one piece of memory.
     template <class T> class Queue {
@@ -56,7 +60,7 @@ private:
         std::vector<T> items_;
         std::size_t begin_ = 0;
     };
-    struct Bound {
+    struct Bound { ///< one that is known is both bounds of a sample
         Ns t;
         double value;
         Witness at;
@@ -75,18 +79,21 @@ private:
         Queue<Bound> lows, highs;  ///< of a window, monotonic: the least bound from each sample on
         bool split = false;        ///< a sample in lows has another upper bound, so that highs counts, too
         Ns unknown = -1;           ///< the last such sample
-        Queue<Sample> waiting;     ///< for the other operand
+        Queue<Pair> waiting;       ///< for the other operand
         std::size_t here[2] = {};  ///< how many of those have each operand
-        Queue<Sample> samples;     ///< of UNTIL
+        Queue<Pair> samples;       ///< of UNTIL
         std::vector<Sample> given; ///< what it gives at once
+        std::vector<Bound> bounds; ///< the same, where a window has known numbers
     };
-    struct Rows;
     struct Part;
+    struct Samples;
+    struct Bounds;
 
     void restart(Node &node) const;
-    template <class Samples> void take_window(Node &node, const Samples &samples);
-    template <class Samples> void gather(Node &node, const Samples &samples);
-    void gather_until(Node &node, const Sample &sample);
+    template <class Operand> void take_window(Node &node, const Operand &samples);
+    template <class Operand> void gather(Node &node, const Operand &samples);
+    template <class Operand> void push_known(Node &node, const Operand &samples, Ns last);
+    void gather_until(Node &node, const Pair &pair);
     void take(Node &node, bool second, std::span<const Sample> samples);
     void join(Node &node, bool second, std::span<const Sample> samples);
     void give(Node &node);

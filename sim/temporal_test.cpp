@@ -167,7 +167,8 @@ public:
                 margins[a * Instants::most + k] = signals_.atoms[given_ + k][a];
             }
         }
-        monitor_.take({signals_.times.data() + given_, n}, margins.data());
+        const std::vector<unsigned char> unknown(signals_.atoms[0].size(), 1);
+        monitor_.take({signals_.times.data() + given_, n}, margins.data(), unknown.data());
         given_ += n;
         return n > 0;
     }

@@ -27,6 +27,8 @@ const char *const node_kinds[] = {"atom",       "constant", "not",  "and",    "o
 const char *const operations[] = {"source", "constant", "element", "norm",  "max_abs", "abs",
                                   "+",      "-",        "scaled",  "angle", "turned",  nullptr};
 
+const char *const becomes[] = {"accepted", "executed", "refused", nullptr};
+
 /// Nodes as (kind, a, b, from [ns], to [ns] or None).
 int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns, std::optional<Ns>>> &rows)
 {
@@ -67,6 +69,13 @@ int source_of_event(Judge &judge, sim::Simulation &simulation, const std::string
     throw std::invalid_argument(process + " has no event " + name);
 }
 
+int source_of_command(Judge &judge, sim::Simulation &simulation, const std::string &process, int code,
+                      const std::string &became)
+{
+    return judge.source(simulation.recorder(), simulation.process(process), code,
+                        named<Judge::Became>(becomes, became));
+}
+
 void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
 {
     std::vector<std::span<const double>> spans;
@@ -95,6 +104,7 @@ void bind_judge(py::module_ &m)
         .def("source", source_of_field, "simulation"_a, "instance"_a, "port"_a, "offset"_a, "field"_a, "elements"_a,
              "of_message"_a)
         .def("event", source_of_event, "simulation"_a, "process"_a, "name"_a)
+        .def("command", source_of_command, "simulation"_a, "process"_a, "code"_a, "became"_a)
         .def(
             "given", [](Judge &judge, std::size_t elements) { return judge.source(elements); }, "elements"_a)
         .def(
