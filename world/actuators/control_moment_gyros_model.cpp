@@ -274,7 +274,7 @@ LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, cons
         const Quad u = quad_at(state_.motors.wheel + i), v = gimbal_torque(i, now), dp = v + now.gyration;
         const Quad turning = now.rate * J_st;
         const Quad3 g = quads(state_.gyros.g, i);
-        product(J_st * now.s, now.s).add_to(whole.inertia);
+        product(J_st * now.s, now.s).sum().add_to(whole.inertia);
         put(loads.momentum, quad(loads.momentum) + sums(now.h * now.s + now.p * g));
         put(loads.torque, quad(loads.torque) - sums((u + turning * now.omega_t) * now.s +
                                                     (now.h * now.rate + turning * now.omega_s) * now.t + dp * g));

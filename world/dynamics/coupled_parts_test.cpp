@@ -28,8 +28,8 @@ enum Kinds : unsigned {
     every_kind = 32
 };
 
-/// Random parts of these kinds, on a craft that tumbles.
-void assemble(Assembly &a, unsigned kinds, unsigned seed, double damping = 0.0)
+/// Random parts of these kinds, `count` of each, on a craft that tumbles.
+void assemble(Assembly &a, unsigned kinds, unsigned seed, double damping = 0.0, int count = 3)
 {
     std::mt19937 draw(seed);
     const auto in = [&](double lo, double hi) { return lo + (hi - lo) * static_cast<double>(draw()) / 4294967296.0; };
@@ -42,7 +42,7 @@ void assemble(Assembly &a, unsigned kinds, unsigned seed, double damping = 0.0)
     a.craft_interface.par.v_BN_N = vec(any(1.0));
     a.craft_interface.par.sigma_BN = vec(any(0.5));
     a.craft_interface.par.omega_BN_B = vec(any(0.2));
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < count; i++) {
         if (kinds & with_wheels) {
             const auto k = a.add_wheel(any(1.0), in(0.05, 0.2), in(-5.0, 5.0));
             if (kinds & with_imbalance) {
@@ -242,6 +242,47 @@ TEST(CoupledParts, AreTheSameBitForBitInNarrowRegisters)
         });
         for (const auto &end : ends) {
             EXPECT_EQ(end, ends[0]) << kinds;
+        }
+    }
+}
+
+TEST(CoupledParts, AStepInRegistersHasTheBitsOfTheGeneralWay)
+{
+    const unsigned all_kinds[] = {with_panels, with_wheels | with_imbalance, with_wheels | with_panels,
+                                  with_wheels | with_panels | with_imbalance};
+    for (const unsigned kinds : all_kinds) {
+        for (int count = 1; count <= 4; count++) {
+            const auto ends = in_all_registers([&] {
+                std::vector<std::vector<double>> both;
+                for (const bool general : {false, true}) {
+                    Assembly a;
+                    Idle idle;
+                    if (general) {
+                        a.craft.attach(idle);
+                    }
+                    assemble(a, kinds, kinds + static_cast<unsigned>(count), 0.1, count);
+                    a.method = sim::make_rk4();
+                    a.craft.prepare({"world.craft", 1, a.method.get()});
+                    a.reset();
+                    for (int i = 0; i < 200; i++) {
+                        if (i % 20 == 15) {
+                            a.push().torque_B = vec3(0.01 * i, -0.2, 0.3);
+                            a.push().force_N = i == 75 ? vec3(1, 2, 3) : Vec3{}; // a step of the general way
+                            a.command(0, 0.01 * (i - 100));
+                        }
+                        a.step(i % 7 == 6 ? 30 * ms : 100 * ms);
+                        const auto *out = reinterpret_cast<const double *>(&a.craft_interface.out.state.r_BN_N);
+                        both.emplace_back(out, out + (sizeof(CraftState) - sizeof(Head)) / sizeof(double));
+                    }
+                    both.push_back(a.states());
+                }
+                return both;
+            });
+            for (const auto &end : ends) {
+                const auto half = end.begin() + static_cast<std::ptrdiff_t>(end.size() / 2);
+                EXPECT_TRUE(std::equal(end.begin(), half, half)) << kinds << ", " << count;
+                EXPECT_EQ(end, ends[0]) << kinds << ", " << count;
+            }
         }
     }
 }

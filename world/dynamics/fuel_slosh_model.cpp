@@ -74,7 +74,7 @@ LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &r
         const Quad force = 0.5 * dot(omega, bends) - quad_at(lines_.stiffness + i) * rho -
                            quad_at(lines_.damping + i) * drho; // per mass
         add_at(&whole.mass, sums(Quad{}, mr.x, mr.y, mr.z));
-        inertia.add_to(whole.inertia);
+        inertia.sum().add_to(whole.inertia);
         const Quad mdrho = m * drho, mforce = m * force;
         put(whole.drift, quad(whole.drift) + sums(mdrho * p));
         put(whole.force, quad(whole.force) - sums(mforce * p));

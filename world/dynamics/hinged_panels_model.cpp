@@ -37,14 +37,16 @@ void HingedPanelsModel::prepare(const sim::Setup &setup)
     n_ = interface_.par.n;
     rates_ = sim::padded(n_);
     for (std::size_t i = 0; i < n_; i++) {
-        if (const double J = panel(i).J; !(J >= 1e-9 && J <= 1e12)) {
+        double J = 0.0;
+        panel(i, J);
+        if (!(J >= 1e-9 && J <= 1e12)) {
             throw sim::SetupError(setup.name + ".I_B[" + std::to_string(i) + "]: with mass and center_B it must give " +
                                   "an inertia about the hinge in [1e-9, 1e12] kg m^2; found " + sim::format_number(J));
         }
     }
 }
 
-HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i) const
+HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i, double &J) const
 {
     // The rotation by theta about g is  P + C cos + S sin.
     const auto &par = interface_.par;
@@ -62,8 +64,7 @@ HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i) const
                                  around[1] + mixed(h, b[1]), around[2] + mixed(h, b[2]), C * I * C - across,
                                  C * I * S.transpose() + S * I * C};
     Panel panel{};
-    panel.J = g.dot(I * g);
-    panel.per_J = 1.0 / panel.J;
+    J = g.dot(I * g);
     panel.moment[0][0] = m;
     for (int k = 0; k < 5; k++) {
         panel.inertia[k].add(mat(inertia[k]));
@@ -89,7 +90,8 @@ std::vector<StateName> HingedPanelsModel::names() const
 void HingedPanelsModel::start(const Vec3 &, double *x)
 {
     for (std::size_t i = 0; i < n_; i++) {
-        panels_[i] = panel(i);
+        panels_.of[i] = panel(i, panels_.J[i]);
+        panels_.per_J[i] = 1.0 / panels_.J[i];
         x[i] = interface_.par.theta[i];
         x[rates_ + i] = interface_.par.dtheta[i];
     }
@@ -103,9 +105,9 @@ bool HingedPanelsModel::latch(const double *, const BodyRate &, double dt)
     bool changed = std::exchange(changed_, false);
     for (std::size_t i = 0; i < n_; i++) {
         const double rest = commanded ? command.theta[i] : 0.0, u = commanded && dt > 0.0 ? command.u[i] : 0.0;
-        changed |= rest != panels_[i].rest || u != panels_[i].u;
-        panels_[i].rest = rest;
-        panels_[i].u = u;
+        changed |= rest != panels_.rest[i] || u != panels_.u[i];
+        panels_.rest[i] = rest;
+        panels_.u[i] = u;
     }
     return changed;
 }
@@ -118,48 +120,20 @@ void HingedPanelsModel::couple(const double *x, const Motion &motion, Loads &loa
 LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole)
 {
     x_ = x;
-    const auto &par = interface_.par;
-    const Quad omega = quad(rate);
-    Quad sines{}, cosines{}, force = quad(whole.force), torque = quad(whole.torque), drift = quad(whole.drift);
-    Quad momentum = quad(loads.momentum);
-    for (std::size_t i = 0; i < n_; i++) {
-        if (i % 4 == 0) {
-            sincos(quad_at(x + i), sines, cosines);
-        }
-        const Panel &p = panels_[i];
-        const double theta = x[i], dtheta = x[rates_ + i];
-        const double s = sines[i % 4], c = cosines[i % 4], c2 = c * c, s2 = s * c;
-        const SymmetricQuads first[2] = {symmetric(p.inertia[1]), symmetric(p.inertia[2])};
-        const SymmetricQuads second[2] = {symmetric(p.inertia[3]), symmetric(p.inertia[4])};
-        const SymmetricQuads bent =
-            (c * first[1] - s * first[0]) + ((2.0 * c2 - 1.0) * second[1] - 2.0 * s2 * second[0]);
-        const Quad bends = bent.times(omega); // d(inertia)/dtheta omega
-        const Quad by_c = quad_at(p.push[0]), by_s = quad_at(p.push[1]), push = c * by_c + s * by_s;
-        const Quad turn_c = quad_at(p.turn[1]), turn_s = quad_at(p.turn[2]);
-        const Quad turn = quad_at(p.turn[0]) + (c * turn_c + s * turn_s);
-        const Quad push_per = p.per_J * push, turn_per = p.per_J * turn;
-        add_at(&whole.mass, quad_at(p.moment[0]) + (c * quad_at(p.moment[1]) + s * quad_at(p.moment[2])));
-        (symmetric(p.inertia[0]) + (c * first[0] + s * first[1]) + (c2 * second[0] + s2 * second[1]))
-            .add_to(whole.inertia);
-        product(push, push_per).add_to(whole.linear);
-        product(turn, turn_per).add_to(whole.angular);
-        for (int k = 0; k < 3; k++) {
-            add_at(whole.cross.m[k], push_per[k] * turn);
-        }
-        const double acting =
-            p.u - par.stiffness[i] * (theta - p.rest) - par.damping[i] * dtheta + 0.5 * dot(omega, bends);
-        force -= acting * push_per + (dtheta * dtheta) * (c * by_s - s * by_c);
-        torque -= acting * turn_per + dtheta * (bends + dtheta * (c * turn_s - s * turn_c));
-        drift += dtheta * push;
-        momentum += dtheta * turn;
-        put_quad(now_[i].push, push);
-        put_quad(now_[i].turn, turn);
-        forces_[i] = acting;
+    Placed placed(whole);
+    Moved moved{quad(whole.drift), quad(whole.force), quad(whole.torque), quad(loads.momentum)};
+    for (std::size_t i = 0; i < n_; i += state_block) {
+        const UpTo<4> four{*this, i};
+        const Swing state{quad_at(x + i), quad_at(x + rates_ + i)};
+        UpTo<4>::Place &at = places_[i / state_block];
+        four.place(state.at, placed, at);
+        acting_[i / state_block] = four.act(at, state, quad(rate), moved);
     }
-    put(whole.force, force);
-    put(whole.torque, torque);
-    put(whole.drift, drift);
-    put(loads.momentum, momentum);
+    placed.put(whole);
+    put(whole.drift, moved.drift);
+    put(whole.force, moved.force);
+    put(whole.torque, moved.torque);
+    put(loads.momentum, moved.momentum);
 }
 
 HingedPanelsModel::Hinge HingedPanelsModel::hinge(std::size_t i) const
@@ -181,10 +155,10 @@ void HingedPanelsModel::check_mount(const HingedPanelsModel *panels, const std::
 
 void HingedPanelsModel::drive(std::size_t i, double torque, Whole &whole)
 {
-    const Acting &q = now_[i];
-    forces_[i] += torque;
-    whole.drive(torque * panels_[i].per_J, vec3(q.push[0], q.push[1], q.push[2]),
-                vec3(q.turn[0], q.turn[1], q.turn[2]));
+    auto &at = places_[i / state_block];
+    const std::size_t k = i % state_block;
+    acting_[i / state_block].force[k] += torque;
+    whole.drive(torque * panels_.per_J[i], vec(at.push[k]), vec(at.turn[k]));
 }
 
 /// With the push p = sum dm dr/dq, and I' = d/dq sum dm (r.r - r r), which the gradient G feels without its trace:
@@ -200,13 +174,12 @@ void HingedPanelsModel::tide(const Mat3 &gradient, const Vec3 &c, Whole &whole)
         const double slopes[4] = {-h.sine, h.cosine, -2.0 * h.sine * h.cosine, 2.0 * h.cosine * h.cosine - 1.0};
         double bent = 0.0;
         for (int k = 0; k < 4; k++) {
-            const Symmetric &I = panels_[i].inertia[k + 1];
+            const Symmetric &I = panels_.of[i].inertia[k + 1];
             for (int j = 0; j < 3; j++) {
                 bent += slopes[k] * (G.along[j] * I.along[j] + 2.0 * G.across[j] * I.across[j]);
             }
         }
-        const double(&push)[4] = now_[i].push;
-        drive(i, -0.5 * bent - vec_dot(vec3(push[0], push[1], push[2]), Gc), whole);
+        drive(i, -0.5 * bent - vec_dot(vec(places_[i / state_block].push[i % state_block]), Gc), whole);
     }
 }
 
@@ -218,16 +191,12 @@ void HingedPanelsModel::accelerate(const double *x, const Vec3 &a, const Vec3 &d
 LANES_INLINE void HingedPanelsModel::accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega,
                                                          double *dx) const
 {
-    const Quad linear = quad(a), angular = quad(domega);
-    for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const auto taken = [&](std::size_t k) __attribute__((always_inline))
-        {
-            return quad_at(now_[i + k].push) * linear + quad_at(now_[i + k].turn) * angular;
-        };
-        const Panel *p = panels_ + i;
-        const Quad per_J{p[0].per_J, p[1].per_J, p[2].per_J, p[3].per_J};
-        put_quad(dx + i, quad_at(x + rates_ + i));
-        put_quad(dx + rates_ + i, (quad_at(forces_ + i) - sums(taken(0), taken(1), taken(2), taken(3))) * per_J);
+    (void)x;
+    for (std::size_t i = 0; i < n_; i += state_block) {
+        const Swing k =
+            UpTo<4>{*this, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));
+        put_quad(dx + i, k.at);
+        put_quad(dx + rates_ + i, k.rate);
     }
 }
 

@@ -6,14 +6,16 @@
 #pragma once
 
 #include "world/consumer.h"
+#include "world/dynamics/coupled_step.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/hinged_panels.h"
-#include "world/dynamics/lanes.h"
 
 #include <span>
 #include <string>
 
 namespace fledge::world {
+
+using sim::state_block;
 
 class HingedPanelsModel final : public Effector {
 public:
@@ -47,7 +49,7 @@ public:
 
     /// Springs and dampers change at once.
     void refresh() override { changed_ = true; }
-    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(panels_)); }
+    std::span<std::byte> memory() override { return std::as_writable_bytes(std::span(&panels_, 1)); }
 
     std::size_t states() const override { return 2 * sim::padded(interface_.par.n); }
     std::vector<StateName> names() const override;
@@ -59,18 +61,61 @@ public:
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
-private:
-    /// The coefficients of the harmonics, and what drives the panel.
+    /// The coefficients of the harmonics.
     struct Panel {
         double moment[3][4];  ///< [kg, kg m] mass and moment: constant, of cos, sin
         Symmetric inertia[5]; ///< [kg m^2] constant, of cos, sin, cos^2, sin cos
         double push[2][4];    ///< [kg m]   of cos, sin
         double turn[3][4];    ///< [kg m^2] constant, of cos, sin
-        double J, per_J;      ///< [kg m^2] about the hinge, and its inverse
-        double rest;          ///< [rad]
-        double u;             ///< [N m]
     };
-    Panel panel(std::size_t i) const;
+    struct Panels {
+        Panel of[PANELS_MAX];
+        double J[PANELS_MAX], per_J[PANELS_MAX]; ///< [kg m^2] about the hinge, and its inverse
+        double rest[PANELS_MAX], u[PANELS_MAX];  ///< [rad], [N m] what drives them
+    };
+
+    /// The panels `i` and the next, up to `most`, as a part of a CoupledCraft. Without a panel, all numbers are 0.
+    template <std::size_t most> struct UpTo {
+        using State = Swing;
+        struct Place {
+            Quad theta;
+            SymmetricQuads bent[most]; ///< the derivative of what it adds to the inertia
+            Quad push[most], turn[most], push_per[most], turn_per[most];
+            Quad push_slope[most], turn_slope[most];
+        };
+        struct Acting {
+            Quad force, rate;
+        };
+        const HingedPanelsModel &of;
+        std::size_t i;
+
+        LANES_INLINE void place(Quad theta, Placed &all, Place &to) const;
+        LANES_INLINE Acting act(const Place &at, const Swing &x, Quad omega, Moved &all) const;
+        LANES_INLINE Swing accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const;
+        LANES_INLINE static Swing load(const double *x) { return {quad_at(x), quad_at(x + 4)}; }
+        LANES_INLINE static void store(double *x, const Swing &k)
+        {
+            put_quad(x, k.at);
+            put_quad(x + 4, k.rate);
+        }
+        LANES_INLINE static Quad sum(const Swing &x) { return x.at + x.rate; }
+        /// For each panel; for both of two, without a loop.
+        template <class Do> LANES_INLINE void each(const Do &act) const
+        {
+            if constexpr (most == 2) {
+                act(0), act(1);
+            } else {
+                for (std::size_t k = 0; k < most && i + k < of.n_; k++) {
+                    act(k);
+                }
+            }
+        }
+    };
+
+    UpTo<2> two() const { return {*this, 0}; }
+
+private:
+    Panel panel(std::size_t i, double &J) const;
 
     void couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole);
     void accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const;
@@ -78,15 +123,75 @@ private:
     HingedPanels &interface_;
     bool changed_ = true;           ///< parameters, since the last latch()
     std::size_t n_ = 0, rates_ = 0; ///< where the rates begin
-    Panel panels_[PANELS_MAX]{};
+    Panels panels_{};
     const double *x_ = nullptr; ///< of the last couple()
-    /// From couple() to accelerate(), as a Freedom; 0 beyond the last panel.
-    struct alignas(32) Acting {
-        double push[4], turn[4];
-    };
-    Acting now_[PANELS_MAX]{};
-    double forces_[PANELS_MAX]{};
+    // From couple() to accelerate().
+    UpTo<4>::Place places_[PANELS_MAX / sim::state_block]{};
+    UpTo<4>::Acting acting_[PANELS_MAX / sim::state_block]{};
 };
+
+template <std::size_t most>
+LANES_INLINE void HingedPanelsModel::UpTo<most>::place(Quad theta, Placed &all, Place &to) const
+{
+    Quad sines, cosines;
+    sincos(theta, sines, cosines);
+    to.theta = theta;
+    each([&](std::size_t k) LANES_LAMBDA {
+        const Panel &p = of.panels_.of[i + k];
+        const double s = sines[k], c = cosines[k], c2 = c * c, s2 = s * c;
+        const SymmetricQuads first[2] = {symmetric(p.inertia[1]), symmetric(p.inertia[2])};
+        const SymmetricQuads second[2] = {symmetric(p.inertia[3]), symmetric(p.inertia[4])};
+        to.bent[k] = (c * first[1] - s * first[0]) + ((2.0 * c2 - 1.0) * second[1] - 2.0 * s2 * second[0]);
+        const Quad by_c = quad_at(p.push[0]), by_s = quad_at(p.push[1]), push = c * by_c + s * by_s;
+        const Quad turn_c = quad_at(p.turn[1]), turn_s = quad_at(p.turn[2]);
+        const Quad turn = quad_at(p.turn[0]) + (c * turn_c + s * turn_s);
+        const Quad push_per = of.panels_.per_J[i + k] * push, turn_per = of.panels_.per_J[i + k] * turn;
+        all.mass += quad_at(p.moment[0]) + (c * quad_at(p.moment[1]) + s * quad_at(p.moment[2]));
+        all.inertia =
+            all.inertia + (symmetric(p.inertia[0]) + (c * first[0] + s * first[1]) + (c2 * second[0] + s2 * second[1]));
+        all.linear = all.linear + product(push, push_per);
+        all.angular = all.angular + product(turn, turn_per);
+        for (int j = 0; j < 3; j++) {
+            all.cross[j] += push_per[j] * turn;
+        }
+        to.push[k] = push;
+        to.turn[k] = turn;
+        to.push_per[k] = push_per;
+        to.turn_per[k] = turn_per;
+        to.push_slope[k] = c * by_s - s * by_c;
+        to.turn_slope[k] = c * turn_s - s * turn_c;
+    });
+}
+
+template <std::size_t most>
+LANES_INLINE typename HingedPanelsModel::UpTo<most>::Acting
+HingedPanelsModel::UpTo<most>::act(const Place &at, const Swing &x, Quad omega, Moved &all) const
+{
+    const auto &par = of.interface_.par;
+    Quad bends[4]{};
+    each([&](std::size_t k) LANES_LAMBDA { bends[k] = at.bent[k].times(omega); });
+    const Quad dots = sums(omega * bends[0], omega * bends[1], omega * bends[2], omega * bends[3]);
+    const Quad acting = quad_at(of.panels_.u + i) -
+                        quad_at(par.stiffness + i) * (at.theta - quad_at(of.panels_.rest + i)) -
+                        quad_at(par.damping + i) * x.rate + 0.5 * dots;
+    each([&](std::size_t k) LANES_LAMBDA {
+        const double force = acting[k], rate = x.rate[k];
+        all.force -= force * at.push_per[k] + (rate * rate) * at.push_slope[k];
+        all.torque -= force * at.turn_per[k] + rate * (bends[k] + rate * at.turn_slope[k]);
+        all.drift += rate * at.push[k];
+        all.momentum += rate * at.turn[k];
+    });
+    return {acting, x.rate};
+}
+
+template <std::size_t most>
+LANES_INLINE Swing HingedPanelsModel::UpTo<most>::accelerate(const Place &at, const Acting &now, Quad a,
+                                                             Quad domega) const
+{
+    Quad taken[4]{};
+    each([&](std::size_t k) LANES_LAMBDA { taken[k] = at.push[k] * a + at.turn[k] * domega; });
+    return {now.rate, (now.force - sums(taken[0], taken[1], taken[2], taken[3])) * quad_at(of.panels_.per_J + i)};
+}
 
 /// The panels on which rows of a part are mounted, the source `panels` of that part.
 class PanelMount final : public Consumer {

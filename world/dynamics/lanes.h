@@ -15,6 +15,7 @@ namespace fledge::world {
 using Quad [[gnu::vector_size(32)]] = double;
 
 #define LANES_INLINE [[gnu::always_inline]] inline
+#define LANES_LAMBDA __attribute__((always_inline))
 
 LANES_INLINE Quad quad(double a)
 {
@@ -230,11 +231,7 @@ struct QuadSymmetric {
         return {xx * a.x + xy * a.y + xz * a.z, xy * a.x + yy * a.y + yz * a.z, xz * a.x + yz * a.y + zz * a.z};
     }
 
-    LANES_INLINE void add_to(Symmetric &to) const
-    {
-        add_at(to.along, sums(xx, yy, zz, Quad{}));
-        add_at(to.across, sums(yz, xz, xy, Quad{}));
-    }
+    LANES_INLINE SymmetricQuads sum() const { return {sums(xx, yy, zz, Quad{}), sums(yz, xz, xy, Quad{})}; }
 };
 LANES_INLINE QuadSymmetric operator+(const QuadSymmetric &a, const QuadSymmetric &b)
 {

@@ -5,6 +5,7 @@
 #include "sim/text.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -131,14 +132,13 @@ void ReactionWheelsModel::refresh()
 /// Whether the commands are those of the last update.
 bool ReactionWheelsModel::as_before(bool commanded) const
 {
-    for (std::size_t b = 0; b < padded_; b += state_block) {
-        const Quad u = commanded ? quad_at(interface_.in.command.u + b) : quad(0.0);
-        const auto differ = u != quad_at(wheels_.requested + b);
-        if (differ[0] | differ[1] | differ[2] | differ[3]) {
-            return false;
-        }
+    static constexpr double off[WHEELS_MAX] = {};
+    const double *u = commanded ? interface_.in.command.u : off;
+    std::uint64_t differs = 0;
+    for (std::size_t i = 0; i < padded_; i++) {
+        differs |= std::bit_cast<std::uint64_t>(u[i]) ^ std::bit_cast<std::uint64_t>(wheels_.requested[i]);
     }
-    return true;
+    return differs == 0;
 }
 
 /// The friction that acts for dt [s]. The limit of speed reduces the motor's torque u.
@@ -246,23 +246,15 @@ void ReactionWheelsModel::drag(const double *x, const Motion &motion, double *dx
     }
 }
 
-LANES_INLINE ReactionWheelsModel::Turned ReactionWheelsModel::turned(std::size_t i, const double *x) const
-{
-    Quad s, c;
-    sincos(quad_at(x + padded_ + i), s, c);
-    const Quad3 u[2] = {quads(wheels_.u[0], i), quads(wheels_.u[1], i)};
-    const Quad3 d[2] = {quads(wheels_.d[0], i), quads(wheels_.d[1], i)};
-    return {s, c, c * u[0] + s * u[1], c * u[1] - s * u[0], c * d[0] + s * d[1], c * d[1] - s * d[0]};
-}
-
 /// The simple jitter.
 LANES_INLINE void ReactionWheelsModel::shake(const double *x, const Motion &motion, double *dx, Loads &loads) const
 {
     const Quad3 omega = quads(motion.omega);
     Quad3 force{}, torque{};
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Turned now = turned(i, x);
-        const Quad Omega = quad_at(x + i) * quad_at(wheels_.J_inverse + i) - dot(quads(wheels_.g, i), omega);
+        const Four four{wheels_, i};
+        const Four::Turned now = four.turned(quad_at(x + padded_ + i));
+        const Quad Omega = four.Omega(quad_at(x + i), omega);
         put_quad(dx + padded_ + i, Omega);
         force = force + Omega * Omega * now.u;
         torque = torque + Omega * Omega * now.d;
@@ -293,31 +285,25 @@ void ReactionWheelsModel::couple(const double *x, const Motion &motion, Loads &l
 LANES_INLINE void ReactionWheelsModel::couple_in_lanes(const double *x, const Motion &motion, Loads &loads,
                                                        Whole &whole)
 {
-    // The coordinate is the wheel's angle in inertial space: its rate is h / J. So the inertia about the axis, which
-    // I_B leaves out, is in no difference of large numbers.
-    const Quad3 omega = quads(motion.omega);
+    Placed placed(whole);
+    Moved moved{quad(whole.drift), quad(whole.force), quad(whole.torque), quad(loads.momentum)};
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Turned now = turned(i, x);
-        const Quad3 &u = now.u, &sigma = now.sigma, &delta = now.delta, g = quads(wheels_.g, i);
-        const Quad h = quad_at(x + i), by_J = quad_at(wheels_.J_inverse + i), Omega = h * by_J - dot(g, omega);
-        const QuadSymmetric in[2] = {symmetric(wheels_.inertia[0], i), symmetric(wheels_.inertia[1], i)};
-        const Quad3 bends = (now.cosine * in[1] - now.sine * in[0]).times(omega); // d(inertia)/dtheta omega
-        (now.cosine * in[0] + now.sine * in[1]).add_to(whole.inertia);
-        const Quad force =
-            quad_at(wheels_.torque + i) - quad_at(wheels_.viscosity + i) * Omega + 0.5 * dot(omega, bends);
-        const Quad3 turn = g + by_J * delta, push = by_J * sigma;
-        add_at(&whole.mass, sums(Quad{}, u.x, u.y, u.z));
-        put(whole.drift, quad(whole.drift) + sums(Omega * sigma));
-        put(whole.force, quad(whole.force) + sums(Omega * Omega * u - force * push));
-        product(push, sigma).add_to(whole.linear);
-        put(whole.torque, quad(whole.torque) + sums(Omega * (Omega * now.d - bends) - force * turn));
-        put(loads.momentum, quad(loads.momentum) + sums(h * g + Omega * delta));
-        add_at(whole.cross.m[0], sums(sigma.x * turn));
-        add_at(whole.cross.m[1], sums(sigma.y * turn));
-        add_at(whole.cross.m[2], sums(sigma.z * turn));
-        (product(delta, turn) + product(g, delta)).add_to(whole.angular);
-        acting_[i / state_block] = {force, Omega, sigma, delta};
+        const Four four{wheels_, i};
+        const Swing state{quad_at(x + padded_ + i), quad_at(x + i)};
+        Four::Place at;
+        four.place(state.at, placed, at);
+        const Four::Acting now = four.act(at, state, quad(motion.omega), moved);
+        Four::Place &to = places_[i / state_block];
+        to.sigma.x = at.sigma.x, to.sigma.y = at.sigma.y, to.sigma.z = at.sigma.z;
+        to.delta.x = at.delta.x, to.delta.y = at.delta.y, to.delta.z = at.delta.z;
+        acting_[i / state_block].force = now.force;
+        acting_[i / state_block].rate = now.rate;
     }
+    placed.put(whole);
+    put(whole.drift, moved.drift);
+    put(whole.force, moved.force);
+    put(whole.torque, moved.torque);
+    put(loads.momentum, moved.momentum);
 }
 
 void ReactionWheelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &domega, double *dx) const
@@ -327,22 +313,18 @@ void ReactionWheelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &
 
 LANES_INLINE void ReactionWheelsModel::accelerate_in_lanes(const Vec3 &a, const Vec3 &domega, double *dx) const
 {
-    const Quad3 linear = quads(a), angular = quads(domega);
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Acting &now = acting_[i / state_block];
-        put_quad(dx + i, now.force - dot(now.sigma, linear) - dot(now.delta, angular));
-        put_quad(dx + padded_ + i, now.rate);
+        const Swing k =
+            Four{wheels_, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));
+        put_quad(dx + i, k.rate);
+        put_quad(dx + padded_ + i, k.at);
     }
 }
 
-/// Angles within a turn keep their digits.
 void ReactionWheelsModel::normalize(double *x) const
 {
-    for (std::size_t i = 0; i < n_; i++) {
-        double &theta = x[padded_ + i];
-        if (fm_abs(theta) > pi) {
-            theta -= 2.0 * pi * std::nearbyint(theta / (2.0 * pi));
-        }
+    for (std::size_t i = padded_; i < 2 * padded_; i += state_block) {
+        put_quad(x + i, Four::normalized(quad_at(x + i)));
     }
 }
 
@@ -360,13 +342,19 @@ bool ReactionWheelsModel::measure_faultily(WheelSpeeds &speeds)
 void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
     auto &out = interface_.out;
-    for (std::size_t i = 0; i < n_; i++) {
-        out.speeds.Omega[i] = speed(i, x, omega);
-    }
+    sim::in_registers<&ReactionWheelsModel::show>(*this, x, omega);
     interface_.mem.saturated += wheels_.limited != 0.0;
     const bool speaks = !begin_faults(t) || measure_faultily(out.speeds);
     out.speeds.head = speaks ? head_next(out.speeds.head, t, QUALITY_GOOD) : head_held(out.speeds.head);
     out.applied.head = head_next(out.applied.head, t, QUALITY_GOOD);
+}
+
+LANES_INLINE void ReactionWheelsModel::show(const double *x, const Vec3 &omega)
+{
+    const Quad3 rate = quads(omega);
+    for (std::size_t i = 0; i < padded_; i += state_block) {
+        put_quad(interface_.out.speeds.Omega + i, Four{wheels_, i}.Omega(quad_at(x + i), rate));
+    }
 }
 
 } // namespace fledge::world

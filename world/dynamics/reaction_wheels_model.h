@@ -26,9 +26,11 @@
 // (docs/dynamics.md). With `jitter`, only Omega^2 (unbalance u) at r, and Omega^2 couple u, act on the body.
 #pragma once
 
-#include "world/dynamics/lanes.h"
+#include "world/dynamics/coupled_step.h"
 #include "world/dynamics/reaction_wheels.h"
 #include "world/faults.h"
+
+#include <numbers>
 
 namespace fledge::world {
 
@@ -60,7 +62,6 @@ public:
     void normalize(double *x) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
-private:
     /// The wheels in blocks of state_block; entries that fill a block up have no axis and no torque.
     struct Wheels {
         double g[3][WHEELS_MAX];    ///< unit spin axes, in B
@@ -80,17 +81,56 @@ private:
         double limited; ///< whether a limit reduces a torque
     };
 
-    /// What an imbalanced wheel has at its angle.
-    struct Turned {
-        Quad sine, cosine;
-        Quad3 u, sigma; ///< [kg m]   unbalance times u and w
-        Quad3 d, delta; ///< [kg m^2] couple u + r x (unbalance u), and delta
-    };
-    Turned turned(std::size_t i, const double *x) const; ///< of the wheels i to i + 3
+    /// Four imbalanced wheels, `i` and the next three, as a part of a CoupledCraft.
+    struct Four {
+        using State = Swing;
+        struct Turned {
+            Quad sine, cosine;
+            Quad3 u, sigma; ///< [kg m]   unbalance times u and w
+            Quad3 d, delta; ///< [kg m^2] couple u + r x (unbalance u), and delta
+        };
+        struct Place {
+            Quad3 u, d, sigma, delta, push, turn;
+            QuadSymmetric bends; ///< the derivative of what they add to the inertia
+        };
+        struct Acting {
+            Quad force, rate;
+        };
+        const Wheels &w;
+        std::size_t i;
 
+        LANES_INLINE Turned turned(Quad theta) const
+        {
+            Quad s, c;
+            sincos(theta, s, c);
+            const Quad3 u[2] = {quads(w.u[0], i), quads(w.u[1], i)};
+            const Quad3 d[2] = {quads(w.d[0], i), quads(w.d[1], i)};
+            return {s, c, c * u[0] + s * u[1], c * u[1] - s * u[0], c * d[0] + s * d[1], c * d[1] - s * d[0]};
+        }
+        LANES_INLINE Quad Omega(Quad h, const Quad3 &omega) const
+        {
+            return h * quad_at(w.J_inverse + i) - dot(quads(w.g, i), omega);
+        }
+        LANES_INLINE void place(Quad theta, Placed &all, Place &to) const;
+        LANES_INLINE Acting act(const Place &at, const Swing &x, Quad omega, Moved &all) const;
+        LANES_INLINE Swing accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const;
+        static Quad normalized(Quad theta);
+        LANES_INLINE static Swing load(const double *x) { return {quad_at(x + 4), quad_at(x)}; }
+        LANES_INLINE static void store(double *x, const Swing &k)
+        {
+            put_quad(x, k.rate);
+            put_quad(x + 4, k.at);
+        }
+        LANES_INLINE static Quad sum(const Swing &x) { return x.at + x.rate; }
+    };
+    std::size_t size() const { return interface_.par.n; }
+    Four four() const { return {wheels_, 0}; } ///< the first ones
+
+private:
     bool imbalanced() const;
     void shake(const double *x, const Motion &motion, double *dx, Loads &loads) const;
     void check() const;
+    void show(const double *x, const Vec3 &omega);
     bool begin_faults(sim::Ns t)
     {
         const auto &par = interface_.par;
@@ -122,11 +162,61 @@ private:
     Wheels wheels_{};
     Rotors rotors_{0, wheels_.axis, wheels_.torque, &wheels_.reaction};
     // From couple() to accelerate().
-    struct Acting {
-        Quad force, rate;
-        Quad3 sigma, delta;
-    };
-    Acting acting_[WHEELS_MAX / state_block]{};
+    Four::Place places_[WHEELS_MAX / state_block]{};
+    Four::Acting acting_[WHEELS_MAX / state_block]{};
 };
+
+LANES_INLINE void ReactionWheelsModel::Four::place(Quad theta, Placed &all, Place &to) const
+{
+    const Turned now = turned(theta);
+    const Quad3 &u = now.u, &sigma = now.sigma, &delta = now.delta, g = quads(w.g, i);
+    const Quad by_J = quad_at(w.J_inverse + i);
+    const QuadSymmetric in[2] = {symmetric(w.inertia[0], i), symmetric(w.inertia[1], i)};
+    const Quad3 turn = g + by_J * delta, push = by_J * sigma;
+    all.inertia = all.inertia + (now.cosine * in[0] + now.sine * in[1]).sum();
+    all.mass += sums(Quad{}, u.x, u.y, u.z);
+    all.linear = all.linear + product(push, sigma).sum();
+    all.cross[0] += sums(sigma.x * turn);
+    all.cross[1] += sums(sigma.y * turn);
+    all.cross[2] += sums(sigma.z * turn);
+    all.angular = all.angular + (product(delta, turn) + product(g, delta)).sum();
+    to.u = u;
+    to.d = now.d;
+    to.sigma = sigma;
+    to.delta = delta;
+    to.push = push;
+    to.turn = turn;
+    to.bends = now.cosine * in[1] - now.sine * in[0];
+}
+
+// The coordinate is the wheel's angle in inertial space: its rate is h / J. So the inertia about the axis, which
+// I_B leaves out, is in no difference of large numbers.
+LANES_INLINE ReactionWheelsModel::Four::Acting ReactionWheelsModel::Four::act(const Place &at, const Swing &x,
+                                                                              Quad rate, Moved &all) const
+{
+    const Quad3 omega{quad(rate[0]), quad(rate[1]), quad(rate[2])}, bends = at.bends.times(omega);
+    const Quad h = x.rate, Omega = this->Omega(h, omega);
+    const Quad force = quad_at(w.torque + i) - quad_at(w.viscosity + i) * Omega + 0.5 * dot(omega, bends);
+    all.drift += sums(Omega * at.sigma);
+    all.force += sums(Omega * Omega * at.u - force * at.push);
+    all.torque += sums(Omega * (Omega * at.d - bends) - force * at.turn);
+    all.momentum += sums(h * quads(w.g, i) + Omega * at.delta);
+    return {force, Omega};
+}
+
+LANES_INLINE Swing ReactionWheelsModel::Four::accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const
+{
+    const Quad3 linear{quad(a[0]), quad(a[1]), quad(a[2])}, angular{quad(domega[0]), quad(domega[1]), quad(domega[2])};
+    return {now.rate, now.force - dot(at.sigma, linear) - dot(at.delta, angular)};
+}
+
+/// Angles within a turn keep their digits.
+LANES_INLINE Quad ReactionWheelsModel::Four::normalized(Quad theta)
+{
+    const double pi = std::numbers::pi;
+    const Quad round = quad(6755399441055744.0), turns = (theta / quad(2.0 * pi) + round) - round;
+    const auto beyond = (theta > pi) | (theta < -pi);
+    return beyond ? theta - 2.0 * pi * turns : theta;
+}
 
 } // namespace fledge::world

@@ -5,6 +5,7 @@
 #include "sim/error.h"
 #include "sim/text.h"
 #include "world/consumer.h"
+#include "world/dynamics/coupled_step.h"
 #include "world/eigen.h"
 
 #include <Eigen/Cholesky>
@@ -18,14 +19,6 @@ namespace fledge::world {
 using sim::Ns, sim::state_block;
 
 namespace {
-
-// Where the states of the craft itself stand: each vector in a block of its own, so that what one
-// loop stores by blocks the next loads by the same blocks, which the processor forwards at once.
-enum : std::size_t { at_r = 0, at_v = 4, at_sigma = 8, at_omega = 12, own_states = 16 };
-static_assert(own_states % sim::state_block == 0);
-
-// Where the external inputs stand, and a 1 if they act.
-enum : std::size_t { at_force_N = 0, at_force_B = 4, at_torque_B = 8, at_acts = 12, held_size = 16 };
 
 // The loop computes with Vec3 by value, which the compiler keeps in registers: the same equations
 // with Eigen's Vector3d take a quarter longer.
@@ -68,60 +61,16 @@ std::string text(const Vec3 &a)
     return line += "]";
 }
 
-/// What inverts a symmetric matrix.
-struct Adjugate {
-    SymmetricQuads adjugate;
-    double determinant;
+bool positive(const SymmetricQuads &a)
+{
+    Symmetric all;
+    a.put(all);
+    const Mat3 matrix = all.matrix();
+    return Eigen::LLT<Eigen::Matrix3d>(view(matrix)).info() == Eigen::Success;
+}
 
-    LANES_INLINE explicit Adjugate(const SymmetricQuads &a)
-        : adjugate{yzx(a.along) * zxy(a.along) - a.across * a.across,
-                   yzx(a.across) * zxy(a.across) - a.along * a.across}
-    {
-        const Quad along = a.along * adjugate.along, across = a.across * adjugate.across;
-        determinant = along[0] + (across[1] + across[2]);
-    }
-};
-
-/// What solves the equations of a Whole.
-struct Accelerations {
-    Quad a, domega;
-    SymmetricQuads linear, angular; ///< what is left of mass and of inertia, the latter times a positive number
-
-    LANES_INLINE explicit Accelerations(const Whole &w)
-    {
-        const Quad b = quad(w.moment);
-        const auto row = [&](int i) { return quad_at(w.cross.m[i]); };
-        const Quad c[3] = {Quad{0.0, 1.0, -1.0, 0.0} * __builtin_shufflevector(b, b, 3, 2, 1, 3) - row(0),
-                           Quad{-1.0, 0.0, 1.0, 0.0} * __builtin_shufflevector(b, b, 2, 3, 0, 3) - row(1),
-                           Quad{1.0, -1.0, 0.0, 0.0} * __builtin_shufflevector(b, b, 1, 0, 3, 3) - row(2)};
-        linear = {Quad{w.mass, w.mass, w.mass, 0.0} - quad_at(w.linear.along), -quad_at(w.linear.across)};
-        const Adjugate p(linear);
-        // with the determinant as a factor, so that the second matrix need not wait for its inverse
-        const Quad along = p.adjugate.along, across = p.adjugate.across, force = quad(w.force);
-        const Quad r[3] = {c[0] * along[0] + c[1] * across[2] + c[2] * across[1],
-                           c[0] * across[2] + c[1] * along[1] + c[2] * across[0],
-                           c[0] * across[1] + c[1] * across[0] + c[2] * along[2]};
-        const SymmetricQuads taken = product(r[0], c[0]) + product(r[1], c[1]) + product(r[2], c[2]);
-        angular = p.determinant * (symmetric(w.inertia) - symmetric(w.angular)) - taken;
-        const Quad torque = p.determinant * quad(w.torque) - combine(r[0], r[1], r[2], w.force.v);
-        const Adjugate q(angular);
-        domega = 1.0 / q.determinant * q.adjugate.times(torque);
-        a = 1.0 / p.determinant * (p.adjugate.times(force) - sums(r[0] * domega, r[1] * domega, r[2] * domega, Quad{}));
-    }
-
-    bool possible() const { return positive(linear) && positive(angular); }
-
-    static bool positive(const SymmetricQuads &a)
-    {
-        Symmetric all;
-        a.put(all);
-        const Mat3 matrix = all.matrix();
-        return Eigen::LLT<Eigen::Matrix3d>(view(matrix)).info() == Eigen::Success;
-    }
-};
-
-/// The same without degrees of freedom. With the moment b of the mass M, the inertia about the centre of mass is what
-/// the angular acceleration meets: I - (b.b - b b) / M.
+/// The accelerations of a whole without degrees of freedom. With the moment b of the mass M, the inertia about the
+/// centre of mass is what the angular acceleration meets: I - (b.b - b b) / M.
 LANES_INLINE void rigid_accelerations(const Whole &w, double per_mass, Quad &a, Quad &domega)
 {
     const Quad b = quad(w.moment), force = quad(w.force);
@@ -201,7 +150,7 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
     }
     integrator_ = setup.integrator->fresh();
     integrator_->resize(n_);
-    rk4_ = integrator_->is_rk4() && parts_.size() <= 1;
+    choose_steps();
     const std::size_t carried = sim::padded(integrator_->carried());
     memory_.assign(n_ + carried + n_ + held_size, 0.0);
     x_ = memory_.data();
@@ -270,7 +219,9 @@ void SpacecraftModel::begin()
     motion.omega = get(x_, at_omega);
     if (coupled_) {
         couple(x_, motion, loads);
-        if (!Accelerations(whole_).possible()) {
+        Factors left;
+        left.take(Placed(whole_));
+        if (!positive(left.linear) || !positive(left.angular)) {
             throw sim::SetupError(name_ + ".mass and I_B leave the body no inertia once its parts move: they must be "
                                           "those of the hub with its wheels, and of a size that suits the parts");
         }
@@ -289,17 +240,30 @@ void SpacecraftModel::update(Tick tick)
     if (tick.dt > 0) {
         advance(tick);
     }
-    if (tick.dt > 0 && is_plain()) {
+    if (tick.dt > 0 && step_) {
         put_out(tick.t);
     } else {
         publish(tick.t);
     }
 }
 
-/// Whether it is rigid, with no more than four balanced wheels, and takes steps of Runge and Kutta.
-bool SpacecraftModel::is_plain() const
+/// How it steps in registers while nothing pushes it: alone or with four balanced wheels, or with coupled parts that
+/// have such a step.
+void SpacecraftModel::choose_steps()
 {
-    return rk4_ && simple_ && (parts_.empty() || (rotors_ && rotors_->n == state_block));
+    turned_ = nullptr;
+    unpushed_step_ = nullptr;
+    if (!integrator_->is_rk4()) {
+        return;
+    }
+    if (coupled_) {
+        unpushed_step_ = coupled_step();
+    } else if (parts_.empty()) {
+        unpushed_step_ = in_steps<&SpacecraftModel::step_rigid<None>>;
+    } else if (parts_.size() == 1 && !parts_push_) {
+        turned_ = parts_.front().effector;
+        unpushed_step_ = in_steps<&SpacecraftModel::step_rigid<Quad>>;
+    }
 }
 
 /// One step, and the derivatives at its end.
@@ -346,17 +310,18 @@ template <class Wheels> LANES_INLINE void SpacecraftModel::step_rigid(Ns dt)
     {
         return gravity_at(from_, tau, r);
     };
-    State x = craft.step(load(x_), load(dx_), tick_seconds(dt), gravity);
+    const State from = load(x_);
+    State x = craft.step(from, load(dx_), tick_seconds(dt), gravity);
     if (dot(x.sigma, x.sigma) > 1.0) {
         x.sigma = quad(mrp_shadow(vec(x.sigma)));
     }
     store(x_, x);
     store(dx_, craft.rates(x, gravity_at(from_ + dt, 0.0, x.r)));
-}
-
-LANES_INLINE void SpacecraftModel::advance_plain(Ns dt)
-{
-    rotors_ ? step_rigid<Quad>(dt) : step_rigid<None>(dt);
+    Quad sum = (x.r + x.v) + (x.sigma + x.omega);
+    if constexpr (Craft::has_wheels) {
+        sum += x.h;
+    }
+    end_in_registers(from.r, from.v, x.r, sum, tick_seconds(dt));
 }
 
 /// Take what the inputs give for tick.dt; nothing if that is 0. Returns whether this changes the
@@ -368,7 +333,11 @@ bool SpacecraftModel::latch(Tick tick)
     for (const Part &part : parts_) {
         changed |= part.effector->latch(x_ + part.at, rate, tick_seconds(tick.dt));
     }
-    rotors_ = rk4_ && !parts_.empty() ? parts_.front().effector->rotors() : nullptr;
+    rotors_ = turned_ ? turned_->rotors() : nullptr;
+    if (rotors_ && rotors_->n != state_block) {
+        rotors_ = nullptr;
+    }
+    step_ = pushed_ || (turned_ && !rotors_) ? nullptr : unpushed_step_;
     return changed;
 }
 
@@ -408,18 +377,23 @@ void SpacecraftModel::advance(Tick tick)
 {
     bool finite = false;
     from_ = tick.t - tick.dt;
-    from_r_ = get(x_, at_r);
-    from_v_ = get(x_, at_v);
     begun_ = false;
     try {
-        if (is_plain()) {
-            sim::in_registers<&SpacecraftModel::advance_plain>(*this, tick.dt);
-        } else if (switching_.empty()) {
-            integrator_->advance(*this, from_, tick.dt, x_, dx_);
+        if (step_) {
+            step_(*this, tick.dt);
+            if (clear_) {
+                return;
+            }
         } else {
-            advance_by_stretches(tick.t);
+            from_r_ = get(x_, at_r);
+            from_v_ = get(x_, at_v);
+            if (switching_.empty()) {
+                integrator_->advance(*this, from_, tick.dt, x_, dx_);
+            } else {
+                advance_by_stretches(tick.t);
+            }
+            stepped_ = false;
         }
-        stepped_ = false;
         finite = all_finite(x_, n_);
         if (finite && !(central_mu_ > 0.0 && clear_of_center(tick_seconds(tick.dt)))) {
             end_step(tick.t, 0.0, x_);
@@ -490,15 +464,6 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     } else {
         sim::in_registers<&SpacecraftModel::derive_pushed>(*this, start, tau, x, dx);
     }
-}
-
-LANES_INLINE Quad SpacecraftModel::gravity_at(Ns start, double tau, Quad r)
-{
-    if (central_mu_ > 0.0) {
-        const double r2 = dot(r, r);
-        return -central_mu_ / (r2 * r2) * fm_sqrt(r2) * r;
-    }
-    return quad(vec(attraction_.at(start, tau, view(vec(r)))));
 }
 
 LANES_INLINE void SpacecraftModel::derive_simple(Ns start, double tau, const double *x, double *dx)
@@ -644,9 +609,9 @@ LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads 
     put(whole_.torque, quad(whole_.torque) + quad(loads.torque) - cross(omega, momentum));
     Quad a, angular;
     if (free_) {
-        const Accelerations solved(whole_);
-        a = solved.a;
-        angular = solved.domega;
+        Factors left;
+        left.take(Placed(whole_));
+        left.solve(quad(whole_.force), quad(whole_.torque), a, angular);
     } else {
         rigid_accelerations(whole_, per_mass, a, angular);
     }

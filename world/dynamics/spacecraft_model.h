@@ -34,6 +34,7 @@
 #include "world/dynamics/lanes.h"
 #include "world/dynamics/rigid_step.h"
 #include "world/dynamics/spacecraft.h"
+#include "world/eigen.h"
 #include "world/environment/attraction.h"
 #include "world/environment/sky_user.h"
 
@@ -108,15 +109,36 @@ private:
     bool latch_external(Tick tick);
     void advance(Tick tick);
     [[gnu::noinline]] void advance_by_stretches(sim::Ns until);
-    bool is_plain() const;
-    void advance_plain(sim::Ns dt);
-    template <class Wheels> void step_rigid(sim::Ns dt);
+    /// One step of dt by Runge and Kutta, and the derivatives at its end, in registers.
+    using Step = void (*)(SpacecraftModel &, sim::Ns dt);
+    template <auto loop> static void in_steps(SpacecraftModel &model, sim::Ns dt)
+    {
+        sim::in_registers<loop>(model, dt);
+    }
+    void choose_steps();
+    Step coupled_step();
+    template <class Wheels> LANES_INLINE void step_rigid(sim::Ns dt);
+    template <class First, class Second>
+    LANES_INLINE void step_coupled(First first, std::size_t at_first, Second second, std::size_t at_second, sim::Ns dt);
+    void step_wheels(sim::Ns dt);
+    void step_panels(sim::Ns dt);
+    void step_wheels_and_panels(sim::Ns dt);
+    void step_panels_and_balanced_wheels(sim::Ns dt);
     bool clear_of_center(double h) const;
+    void end_in_registers(Quad from_r, Quad from_v, Quad r, Quad sum, double h);
     void end_step(sim::Ns start, double tau, const double *x);
     void take_inertia();
     void publish(sim::Ns t);
     void put_out(sim::Ns t);
     std::string last_good_state() const;
+
+    // Where the states of the craft itself stand: each vector in a block of its own, so that what one
+    // loop stores by blocks the next loads by the same blocks, which the processor forwards at once.
+    enum : std::size_t { at_r = 0, at_v = 4, at_sigma = 8, at_omega = 12, own_states = 16 };
+    static_assert(own_states % sim::state_block == 0);
+
+    // Where the external inputs stand, and a 1 if they act.
+    enum : std::size_t { at_force_N = 0, at_force_B = 4, at_torque_B = 8, at_acts = 12, held_size = 16 };
 
     struct Part {
         Effector *effector;
@@ -150,20 +172,47 @@ private:
     std::vector<double> memory_;
     std::size_t n_ = 0;
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
-    bool parts_push_ = false;        ///< whether some part adds forces
-    bool free_ = false;              ///< whether some part has degrees of freedom
-    unsigned needs_ = 0;             ///< what some part needs of the motion
-    bool pushed_ = false;            ///< whether there is a force
-    bool simple_ = false;            ///< whether there is none, and no coupled part
-    bool rk4_ = false;               ///< whether its steps are those of Runge and Kutta, and it has one part at most
-    const Rotors *rotors_ = nullptr; ///< of that part, in this update
+    bool parts_push_ = false;          ///< whether some part adds forces
+    bool free_ = false;                ///< whether some part has degrees of freedom
+    unsigned needs_ = 0;               ///< what some part needs of the motion
+    bool pushed_ = false;              ///< whether there is a force
+    bool simple_ = false;              ///< whether there is none, and no coupled part
+    Step step_ = nullptr;              ///< in this update; null: the integrator's
+    Step unpushed_step_ = nullptr;     ///< the same while nothing pushes, and `turned_`, if any, has rotors
+    const Effector *turned_ = nullptr; ///< the part that must have four rotors for it
+    const Rotors *rotors_ = nullptr;   ///< of that part, in this update
+    const Part *first_ = nullptr, *second_ = nullptr; ///< those of a coupled step
 
     // For the check that the craft stays outside of all bodies.
     double central_surface_ = 0.0, central_arc_ = 0.0; ///< of the only gravity body, as central_mu_
     sim::Ns from_ = 0;                                 ///< when an update began
     Vec3 from_r_{}, from_v_{};                         ///< and where
+    bool clear_ = false;                               ///< whether a step in registers needs no further check
     bool begun_ = false;                               ///< whether the attraction knows this
     bool stepped_ = false;                             ///< whether the next derive() is at the end of a step
 };
+
+LANES_INLINE Quad SpacecraftModel::gravity_at(sim::Ns start, double tau, Quad r)
+{
+    if (central_mu_ > 0.0) {
+        const double r2 = dot(r, r);
+        return -central_mu_ / (r2 * r2) * fm_sqrt(r2) * r;
+    }
+    return quad(vec(attraction_.at(start, tau, view(vec(r)))));
+}
+
+/// Whether the step of h [s] that ended in r is clear of the only body, as clear_of_center() says, and the sum of its
+/// states finite; if it is not, keep where it began.
+LANES_INLINE void SpacecraftModel::end_in_registers(Quad from_r, Quad from_v, Quad r, Quad sum, double h)
+{
+    const Quad way = r - from_r, none = sum - sum; // NaN, where a number is not finite
+    const Quad length = way < 0.0 ? -way : way;
+    const double reach = central_surface_ + 1.5 * (length[0] + length[1] + length[2]) + central_arc_ * (h * h);
+    clear_ = central_mu_ > 0.0 && dot(r, r) > reach * reach && (none[0] + none[1]) + (none[2] + none[3]) == 0.0;
+    if (!clear_) {
+        put(from_r_, from_r);
+        put(from_v_, from_v);
+    }
+}
 
 } // namespace fledge::world

@@ -438,16 +438,6 @@ TEST(Spacecraft, GoesOnFromItsMemoryBitForBit)
     }
 }
 
-/// A part that does nothing, with which a craft takes the general way of its steps.
-class Idle final : public Effector {
-public:
-    void prepare(const sim::Setup &) override {}
-    std::size_t states() const override { return 0; }
-    void start(const Vec3 &, double *) override {}
-    bool latch(const double *, const BodyRate &, double) override { return false; }
-    void publish(Ns, const double *, const Vec3 &) override {}
-};
-
 TEST(Spacecraft, AStepInRegistersHasTheBitsOfTheGeneralWay)
 {
     const int wide = sim::wide;

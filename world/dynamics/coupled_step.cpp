@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// The steps in registers of a craft with coupled parts. The compiler schedules this file's instructions before it
+// assigns registers (world/CMakeLists.txt), so that the matrix of the next stage and the accelerations of this one
+// stand between each other.
+#include "world/dynamics/coupled_step.h"
+
+#include "world/dynamics/hinged_panels_model.h"
+#include "world/dynamics/reaction_wheels_model.h"
+#include "world/dynamics/spacecraft_model.h"
+#include "world/eigen.h"
+
+#include <utility>
+
+namespace fledge::world {
+
+using sim::state_block;
+
+namespace {
+
+template <class Model> const Model &as(const auto *part)
+{
+    return static_cast<const Model &>(*part->effector);
+}
+
+} // namespace
+
+template <class First, class Second>
+LANES_INLINE void SpacecraftModel::step_coupled(First first, std::size_t at_first, Second second, std::size_t at_second,
+                                                sim::Ns dt)
+{
+    using Craft = CoupledCraft<First, Second>;
+    using State = typename Craft::State;
+    const auto load = [&](const double *from) LANES_LAMBDA {
+        return State{quad_at(from + at_r),     quad_at(from + at_v),         quad_at(from + at_sigma),
+                     quad_at(from + at_omega), First::load(from + at_first), Second::load(from + at_second)};
+    };
+    const auto store = [&](double *to, const State &x) LANES_LAMBDA {
+        put_quad(to + at_r, x.r);
+        put_quad(to + at_v, x.v);
+        put_quad(to + at_sigma, x.sigma);
+        put_quad(to + at_omega, x.omega);
+        First::store(to + at_first, x.first);
+        Second::store(to + at_second, x.second);
+    };
+    Quad torque = quad_at(held_ + at_torque_B);
+    if constexpr (std::is_same_v<Second, BalancedWheels>) {
+        torque += quad(*rotors_->reaction);
+    }
+    const Craft craft{first, second, hub_, torque, tick_seconds(dt)};
+    Quad gravity;
+    const auto fall = [&](double tau, Quad r) LANES_LAMBDA {
+        return gravity = tau < 0.0 ? gravity_at(from_ + dt, 0.0, r) : gravity_at(from_, tau, r);
+    };
+    const State from = load(x_);
+    const auto end = [&](const State &x, const typename Craft::Rates &rates, Quad mass) LANES_LAMBDA {
+        store(x_, x);
+        store(dx_, rates.k);
+        put_quad(&whole_.mass, mass);
+        put(whole_.drift, rates.drift);
+        put(a_, rates.a);
+        put(gravity_, gravity);
+        const Quad sum = (x.r + x.v) + (x.sigma + x.omega) + (First::sum(x.first) + Second::sum(x.second));
+        end_in_registers(from.r, from.v, x.r, sum, craft.h);
+    };
+    craft.step(from, load(dx_), fall, end);
+}
+
+LANES_INLINE void SpacecraftModel::step_wheels(sim::Ns dt)
+{
+    step_coupled(as<ReactionWheelsModel>(first_).four(), first_->at, NoPart{}, 0, dt);
+}
+
+LANES_INLINE void SpacecraftModel::step_panels(sim::Ns dt)
+{
+    step_coupled(as<HingedPanelsModel>(first_).two(), first_->at, NoPart{}, 0, dt);
+}
+
+LANES_INLINE void SpacecraftModel::step_wheels_and_panels(sim::Ns dt)
+{
+    step_coupled(as<ReactionWheelsModel>(first_).four(), first_->at, as<HingedPanelsModel>(second_).two(), second_->at,
+                 dt);
+}
+
+LANES_INLINE void SpacecraftModel::step_panels_and_balanced_wheels(sim::Ns dt)
+{
+    step_coupled(as<HingedPanelsModel>(first_).two(), first_->at, BalancedWheels{*rotors_}, second_->at, dt);
+}
+
+SpacecraftModel::Step SpacecraftModel::coupled_step()
+{
+    const auto has_wheels = [](const Part &part) {
+        const auto *wheels = dynamic_cast<const ReactionWheelsModel *>(part.effector);
+        return wheels && wheels->couples() && wheels->size() <= state_block;
+    };
+    const auto has_panels = [](const Part &part) {
+        const auto *panels = dynamic_cast<const HingedPanelsModel *>(part.effector);
+        return panels && panels->size() <= 2;
+    };
+    if (parts_.size() > 2) {
+        return nullptr;
+    }
+    first_ = &parts_.front();
+    second_ = &parts_.back();
+    if (first_ == second_) {
+        return has_wheels(*first_)   ? in_steps<&SpacecraftModel::step_wheels>
+               : has_panels(*first_) ? in_steps<&SpacecraftModel::step_panels>
+                                     : nullptr;
+    }
+    if (has_wheels(*first_) && has_panels(*second_)) {
+        return in_steps<&SpacecraftModel::step_wheels_and_panels>;
+    }
+    if (has_panels(*second_)) {
+        std::swap(first_, second_);
+    }
+    if (!has_panels(*first_) || second_->couples) {
+        return nullptr;
+    }
+    turned_ = second_->effector;
+    return in_steps<&SpacecraftModel::step_panels_and_balanced_wheels>;
+}
+
+} // namespace fledge::world
