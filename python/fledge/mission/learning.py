@@ -12,12 +12,17 @@
     seen, info = env.reset(seed=1)
     seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-The names and types are those of Gymnasium, which Fledge does not need: `Env` and `VectorEnv` have the methods, spaces
-with the attributes, and the rules of autoreset that its users expect.
+Where Gymnasium is installed, `Env` and `VectorEnv` are environments of it, with its spaces; Fledge does not need it.
+Without it they have the same methods, spaces with the same attributes, and the same rules of autoreset. So
+
+    gymnasium.register("mine/Turn-v0", entry_point=make, vector_entry_point=make_many)
+
+takes functions that return them, for gymnasium.make() and make_vec().
 """
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -40,6 +45,17 @@ Ends: TypeAlias = "Callable[[Arrays], ArrayLike]"
 Info: TypeAlias = "dict[str, Any]"                   # arrays; of an Env, numbers
 Begun: TypeAlias = "tuple[NDArray[Any], Info]"
 Stepped: TypeAlias = "tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], Info]"
+
+
+def _gymnasium() -> Any:
+    try:
+        importlib.import_module("gymnasium.vector")
+        return importlib.import_module("gymnasium")
+    except ImportError:
+        return None
+
+
+GYMNASIUM = _gymnasium()
 
 
 class Box:
@@ -97,7 +113,44 @@ class Box:
         return f"Box({self.low.min(initial=0):g}, {self.high.max(initial=0):g}, {self.shape}, {self.dtype})"
 
 
-class VectorEnv:
+def _space(low: ArrayLike, high: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+    """A Box, Gymnasium's where it is installed."""
+    box = Box(low, high, shape, dtype)
+    return GYMNASIUM.spaces.Box(box.low.copy(), box.high.copy(), dtype=box.dtype.type) if GYMNASIUM else box
+
+
+class _Plain:
+    """What the classes of Gymnasium have, without it."""
+
+    render_mode = None
+    spec = None
+    _np_random: Any = None
+
+    @property
+    def unwrapped(self) -> Any:
+        return self
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """For random numbers of the user's; reset(seed=) begins it anew."""
+        import numpy as np
+
+        if self._np_random is None:
+            self._np_random = np.random.default_rng()
+        return self._np_random
+
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
+        import numpy as np
+
+        if seed is not None:
+            self._np_random = np.random.default_rng(seed)
+
+
+_VectorBase: Any = GYMNASIUM.vector.VectorEnv if GYMNASIUM else _Plain
+_EnvBase: Any = GYMNASIUM.Env if GYMNASIUM else _Plain
+
+
+class VectorEnv(_VectorBase):
     """n simulations that are stepped together.
 
     actions, observations, every, seed, dispersions, threads: of Simulation.batch()
@@ -115,9 +168,6 @@ class VectorEnv:
     num_envs, single_observation_space, single_action_space, observation_space, action_space, metadata; batch: the
     Batch.
     """
-
-    render_mode = None
-    spec = None
 
     def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], *,
                  every: Time, reward: Reward, terminated: Ends | None = None, limit: Time | None = None,
@@ -137,18 +187,15 @@ class VectorEnv:
         self._reward, self._ends, self._failed, self._autoreset = reward, terminated, failed, autoreset
         columns = len(self.batch.observation_names), len(self.batch.action_names)
         self.num_envs = self.batch.n
-        self.single_observation_space = Box(observation_low, observation_high, columns[:1], dtype)
-        self.single_action_space = Box(low, high, columns[1:], dtype)
-        self.observation_space = Box(observation_low, observation_high, (n, columns[0]), dtype)
-        self.action_space = Box(low, high, (n, columns[1]), dtype)
-        self.metadata = {"autoreset_mode": autoreset, "render_modes": []}
+        self.single_observation_space = _space(observation_low, observation_high, columns[:1], dtype)
+        self.single_action_space = _space(low, high, columns[1:], dtype)
+        self.observation_space = _space(observation_low, observation_high, (n, columns[0]), dtype)
+        self.action_space = _space(low, high, (n, columns[1]), dtype)
+        self.metadata = {"autoreset_mode": GYMNASIUM.vector.AutoresetMode(autoreset) if GYMNASIUM else autoreset,
+                         "render_modes": []}
         self._seen: Any = None                          # (n, ...) the last observations
         self._begun = np.zeros(n)                       # [s] when each episode began
         self._ended = np.ones(n, bool)                  # it waits for a reset
-
-    @property
-    def unwrapped(self) -> VectorEnv:
-        return self
 
     def reset(self, *, seed: int | Iterable[int] | None = None, options: Mapping[str, Any] | None = None) -> Begun:
         """(observations, info). Begin all episodes, or those of options["reset_mask"].
@@ -162,8 +209,10 @@ class VectorEnv:
         mask = options.pop("reset_mask", None)
         if unknown := set(options) - {"runs", "snapshot"}:
             raise SetupError(f"options: expected reset_mask, runs and snapshot; found {listed(sorted(unknown))}")
-        if seed is not None and np.ndim(seed):     # type: ignore[arg-type]
+        several = seed is not None and np.ndim(seed) > 0     # type: ignore[arg-type]
+        if several:
             options.setdefault("runs", 0)
+        super().reset(seed=None if several else seed)
         self._begin(np.ones(self.num_envs, bool) if mask is None else np.asarray(mask), seed=seed, **options)
         return self._typed(self._seen), self._info()
 
@@ -204,9 +253,10 @@ class VectorEnv:
             self._begin(self._ended)
         return self._typed(self._seen), rewards, terminated, truncated, self._info() | info
 
-    def close(self) -> None:
+    def close(self, **kwargs: Any) -> None:
         """End its threads."""
         self.batch = self._seen = None
+        self.closed = True
 
     def _begin(self, mask: NDArray[np.bool_], **options: Any) -> None:
         fresh = self.batch.reset(mask, **options)
@@ -239,15 +289,12 @@ class VectorEnv:
         return _masked("failure", {i: t for i, t in self.batch.failures.items() if failed[i]}, self.num_envs)
 
 
-class Env:
+class Env(_EnvBase):
     """One simulation: the arguments of VectorEnv without n and autoreset. Its `reward` and `terminated` get arrays of
     one row, so that the same functions serve both.
 
     observation_space, action_space, metadata; batch: the Batch of one clone.
     """
-
-    render_mode = None
-    spec = None
 
     def __init__(self, simulation: Simulation, actions: Iterable[str], observations: Iterable[str],
                  **arguments: Any) -> None:
@@ -260,12 +307,9 @@ class Env:
     def batch(self) -> Batch:
         return self._vector.batch
 
-    @property
-    def unwrapped(self) -> Env:
-        return self
-
     def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Begun:
         """(observation, info). With a seed: its run 0; without one: the next run."""
+        super().reset(seed=seed)
         seen, info = self._vector.reset(seed=seed, options=options)
         return seen[0], _first(info)
 

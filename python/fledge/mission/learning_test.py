@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The conventions of Gymnasium: what its checker demands, and the rules of autoreset."""
+import enum
+import importlib.util
+import sys
+from types import ModuleType
+
 import numpy as np
 import pytest
 
 import fledge
 from fledge import SetupError
+from fledge.mission import learning
 from fledge.mission.learning import Box, Env, VectorEnv
 from fledge.units import minute, s
 
@@ -105,7 +111,7 @@ def test_an_episode_that_ends_begins_anew_in_the_same_step(sim):
     first, _ = envs.reset(seed=0)
     zero = np.zeros((3, 4))
     seen, _, terminated, truncated, info = envs.step(zero)
-    assert envs.metadata["autoreset_mode"] == "SameStep"
+    assert getattr(envs.metadata["autoreset_mode"], "value", envs.metadata["autoreset_mode"]) == "SameStep"
     assert terminated.tolist() == [True, False, False] and not truncated.any()
     np.testing.assert_array_equal(seen[0], first[0])        # nothing is drawn: its next run begins as the first
     assert info["_final_obs"].tolist() == [True, False, False] and (info["final_obs"][0] != first[0]).any()
@@ -193,6 +199,58 @@ def test_a_step_needs_a_reset(sim):
         vector(sim).step(np.zeros((3, 4)))
 
 
+@pytest.fixture
+def beside_gymnasium(monkeypatch):
+    """The module as it is where Gymnasium is installed, of which a stand-in has what it takes from it."""
+    class Seeded:
+        np_random = seeds = None
+
+        def reset(self, *, seed=None, options=None):
+            self.seeds = [*(self.seeds or []), seed]
+
+    class Space:
+        def __init__(self, low, high, shape=None, dtype=None):
+            self.low, self.high, self.shape, self.dtype = low, high, low.shape, np.dtype(dtype)
+
+    gymnasium, vector, spaces = (ModuleType(f"gymnasium{part}") for part in ("", ".vector", ".spaces"))
+    gymnasium.Env, vector.VectorEnv, spaces.Box = type("Env", (Seeded,), {}), type("VectorEnv", (Seeded,), {}), Space
+    vector.AutoresetMode = enum.Enum("AutoresetMode", {"SAME_STEP": "SameStep", "DISABLED": "Disabled"})
+    gymnasium.vector, gymnasium.spaces = vector, spaces
+    for module in (gymnasium, vector, spaces):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    spec = importlib.util.spec_from_file_location("learning_beside_gymnasium", learning.__file__)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module, gymnasium
+
+
+def test_the_classes_are_those_of_gymnasium_where_it_is_installed(sim, beside_gymnasium):
+    module, gymnasium = beside_gymnasium
+    env, envs = module.Env(sim, **ARGUMENTS), module.VectorEnv(sim, 2, **ARGUMENTS)
+    assert isinstance(env, gymnasium.Env) and isinstance(envs, gymnasium.vector.VectorEnv)
+    assert envs.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
+    for space in (env.action_space, envs.single_action_space, envs.observation_space):
+        assert isinstance(space, gymnasium.spaces.Box) and space.low.flags.writeable and space.dtype == float
+    assert envs.action_space.low.shape == (2, 4) and (envs.action_space.high == 0.2).all()
+    first, plain = env.reset(seed=5)[0], Env(sim, **ARGUMENTS).reset(seed=5)[0]
+    np.testing.assert_array_equal(first, plain)
+    envs.reset(seed=[1, 2])
+    assert env.seeds == [5] and envs.seeds == [None]
+
+
+def test_random_numbers_of_an_environment_begin_anew_with_its_seed(sim):
+    env = Env(sim, **ARGUMENTS)
+    env.reset(seed=5)
+    first = env.np_random.random(3)
+    env.reset()
+    assert (env.np_random.random(3) != first).all()
+    env.reset(seed=5)
+    np.testing.assert_array_equal(env.np_random.random(3), first)
+
+
 def test_gymnasium_agrees_where_it_is_installed(sim):
     gymnasium = pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
     assert gymnasium.vector.AutoresetMode(vector(sim).metadata["autoreset_mode"])
+    check_env(Env(sim, **ARGUMENTS), skip_render_check=True)
