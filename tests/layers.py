@@ -112,9 +112,9 @@ PARTS = [
     ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
     ("world", "the world's models by name, bodies, orbits, the sky"),
     ("motion", "where a spacecraft was by a run, written in the forms of others and compared with their files"),
-    ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins; reset "
-     "and step of reinforcement learning"),
+    ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins"),
     ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),
+    ("mission.learning", "reset and step of reinforcement learning, which requirements may end"),
     ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),

@@ -359,7 +359,7 @@ void bind_objects(py::module_ &m)
         "object"_a, "(update, reset or None) of a module whose update is in Python, or None.");
     m.def(
         "give_script",
-        [](const AnyInstance &object, const py::function &update, const Typed<py::object, "Any"> &reset) {
+        [](const AnyInstance &object, const Typed<py::object, "Any"> &update, const Typed<py::object, "Any"> &reset) {
             give_script(*instance_of(object), update.ptr(), reset.ptr());
         },
         "object"_a, "update"_a, "reset"_a, "Give a flight module other functions in Python; reset may be None.");

@@ -89,6 +89,7 @@ class Batch:
         self._core = _core.Batch(simulation.kernel, plan)
         self._clones = [self._around(self._core.clone(i)) for i in range(n)] if self._separate else []
         self._seeds = np.full(n, _seed(seed), np.uint64)
+        self._nothing = np.empty((n, 0))                # a step without actions takes microseconds
         self._next = np.arange(n, dtype=np.uint64)      # the run that each begins at its next reset
 
     def reset(self, which: ArrayLike | None = None, *, seed: int | ArrayLike | None = None,
@@ -130,6 +131,8 @@ class Batch:
         until it is reset. After Ctrl-C, the next step() takes up this one: clones that had ended it wait.
         Raises SetupError before any clone moves if a number is not finite, or if the shape is another.
         """
+        if actions is None and not self.actions:
+            return self._core.step(self._nothing)
         return self._core.step(self._rows({} if actions is None else actions))
 
     def observe(self) -> NDArray[np.float64]:
@@ -180,6 +183,11 @@ class Batch:
         """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of."""
         self._check_clone(clone)
         return self._around(self._core.copy(clone))
+
+    def watched(self, clone: int) -> Simulation:
+        """The clone itself, not a copy: to judge requirements while it flies. Only the batch may run or change it."""
+        self._check_clone(clone)
+        return self._clones[clone] if self._clones else self._simulation._around(self._core.clone(clone))
 
     def _check_clone(self, clone: int) -> None:
         if not 0 <= clone < self.n:

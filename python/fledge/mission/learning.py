@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from fledge.errors import SetupError, listed
 from fledge.mission.batch import ByPath
 from fledge.objects.si import Time, time_ns
+from fledge.requirements import Formula, Judged, Requirement, Requirements
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,6 +43,7 @@ AUTORESET = ("SameStep", "NextStep", "Disabled")
 Arrays: TypeAlias = "Mapping[str, NDArray[Any]]"     # by path, (n, ...)
 Reward: TypeAlias = "Callable[[Arrays, Arrays, Arrays], ArrayLike]"
 Ends: TypeAlias = "Callable[[Arrays], ArrayLike]"
+Required: TypeAlias = "str | Formula"               # the id of a requirement, or a formula
 Info: TypeAlias = "dict[str, Any]"                   # arrays; of an Env, numbers
 Begun: TypeAlias = "tuple[NDArray[Any], Info]"
 Stepped: TypeAlias = "tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], Info]"
@@ -155,7 +157,11 @@ class VectorEnv(_VectorBase):
 
     actions, observations, every, seed, dispersions, threads: of Simulation.batch()
     reward(before, action, after): (n,) of a step, from path -> (n, ...) of its observations and actions
-    terminated(after): (n,) whether an episode ends there, because of what happened; not given: none does
+    terminated(after): (n,) whether an episode ends there, because of what happened; not given: none does. Or
+    requirements of the mission by their ids, or formulas, a single one or several: an episode ends where any is
+    violated, whatever may follow, and info["violated"] says which, when and by how much. `after` and `before` then
+    have the largest margin that each can still have, (n,) under its id, a formula's under "formula 1" and so on, for the reward;
+    inf before it counts.
     limit: the duration of an episode, a time, after which it is truncated; not given: it goes on
     low, high: the bounds of actions, in SI: a number, or one for each column. Actions are not cut to them.
     observation_low, observation_high: the same of observations
@@ -170,7 +176,8 @@ class VectorEnv(_VectorBase):
     """
 
     def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], *,
-                 every: Time, reward: Reward, terminated: Ends | None = None, limit: Time | None = None,
+                 every: Time, reward: Reward,
+                 terminated: Ends | Required | Iterable[Required] | None = None, limit: Time | None = None,
                  low: ArrayLike = -float("inf"), high: ArrayLike = float("inf"),
                  observation_low: ArrayLike = -float("inf"), observation_high: ArrayLike = float("inf"),
                  failed: float = 0.0, seed: int = 0, dispersions: Any = None, threads: int | None = None,
@@ -184,7 +191,11 @@ class VectorEnv(_VectorBase):
         self._limit = np.inf if limit is None else time_ns(limit, "limit") / 1e9
         if self._limit < self.batch.every:
             raise SetupError(f"limit must be at least a step, {self.batch.every:g} s; found {self._limit:g} s")
-        self._reward, self._ends, self._failed, self._autoreset = reward, terminated, failed, autoreset
+        self._reward, self._failed, self._autoreset = reward, failed, autoreset
+        self._ends = terminated if callable(terminated) else None
+        required: Any = [] if self._ends or terminated is None else terminated
+        self._judged = _judged(self.batch, simulation, [required] if isinstance(required, (str, Formula)) else required)
+        self._margins: Any = None                       # (n, requirements) after the last step
         columns = len(self.batch.observation_names), len(self.batch.action_names)
         self.num_envs = self.batch.n
         self.single_observation_space = _space(observation_low, observation_high, columns[:1], dtype)
@@ -233,17 +244,19 @@ class VectorEnv(_VectorBase):
         before, self._seen = self._seen, self.batch.step(action)
         failed = self.batch.failed
         self._seen[failed] = before[failed]
-        after = self.batch.by_name(self._seen)
+        margins, self._margins = self._margins, self._still()
+        after = self._named(self._seen, self._margins)
         given = ByPath({b.path: action[:, b.columns].reshape(self.num_envs, *b.shape)
                         for b in self.batch.actions.values()})
-        rewards = self._checked(self._reward(self.batch.by_name(before), given, after), float, "reward")
+        rewards = self._checked(self._reward(self._named(before, margins), given, after), float, "reward")
         ended = self._checked(self._ends(after), bool, "terminated") if self._ends is not None else np.zeros(
             self.num_envs, bool)
         rewards = np.where(failed, self._failed, rewards) * ~waiting
-        terminated = (ended | failed) & ~waiting
+        violated = (self._margins < 0).any(axis=1)
+        terminated = (ended | failed | violated) & ~waiting
         # Half a step less: the sum of steps may be a rounding away from the limit.
         truncated = (self.batch.time - self._begun > self._limit - 0.5 * self.batch.every) & ~terminated & ~waiting
-        info = self._failures(failed & ~waiting)
+        info = self._failures(failed & ~waiting) | self._violations(violated & ~waiting)
         self._ended = terminated | truncated
         if self._autoreset == "NextStep" and waiting.any():
             self._begin(waiting)
@@ -265,9 +278,32 @@ class VectorEnv(_VectorBase):
             self._seen = fresh
         self._seen[mask] = fresh[mask]
         self._begun[mask] = self.batch.time[mask]
+        if self._margins is None:
+            self._margins = self._still()
+        self._margins[mask] = self._still()[mask]
         if self.batch.failed[mask].any():
             i, text = next((i, t) for i, t in self.batch.failures.items() if mask[i])
             raise SetupError(f"run {self.batch.runs[i]} of seed {self.batch.seeds[i]} cannot begin: {text}")
+
+    def _still(self) -> NDArray[Any]:
+        """(n, requirements) the largest margin that each can still have."""
+        import numpy as np
+
+        return np.array([[judge.core.value(number)[1] for judge, number in judged._formulas]
+                         for judged in self._judged]).reshape(self.num_envs, -1)
+
+    def _named(self, rows: NDArray[Any], margins: NDArray[Any]) -> ByPath:
+        own = [requirement.id for requirement in self._judged[0].requirements] if self._judged else []
+        return ByPath(self.batch.by_name(rows) | dict(zip(own, margins.T)))
+
+    def _violations(self, violated: NDArray[np.bool_]) -> Info:
+        import numpy as np
+
+        if not violated.any():
+            return {}
+        return _masked("violated", {i: "; ".join(str(outcome) for outcome in self._judged[i].outcomes(so_far=True)
+                                                 if outcome.verdict == "violated")
+                                    for i in np.flatnonzero(violated)}, self.num_envs)
 
     def _checked(self, values: ArrayLike, kind: type, what: str) -> NDArray[Any]:
         import numpy as np
@@ -323,6 +359,24 @@ class Env(_EnvBase):
     def close(self) -> None:
         """End its threads."""
         self._vector.close()
+
+
+def _judged(batch: Batch, simulation: Simulation, terminated: Iterable[Required]) -> list[Judged]:
+    """Of each clone, the requirements that are judged while it flies; none: []."""
+    required: list[Requirement] = []
+    for given in terminated:
+        if not isinstance(given, (str, Formula)):
+            raise SetupError("terminated: expected a function, an id of a requirement or a formula; found "
+                             f"{given!r:.60}")
+        found = Requirements(simulation).of(given) if isinstance(given, str) else Requirement(
+            f"formula {len(required) + 1}", repr(given), given)
+        if found.formula is None:
+            raise SetupError(f"terminated: {found.id} is shown by {found.method}, not by a run")
+        required.append(found)
+    judged = [Judged(required, batch.watched(i)) for i in range(batch.n)] if required else []
+    for clone in judged:
+        clone.watch(stop=False)
+    return judged
 
 
 def _first(info: Info) -> Info:

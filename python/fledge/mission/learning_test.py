@@ -12,6 +12,8 @@ import fledge
 from fledge import SetupError
 from fledge.mission import learning
 from fledge.mission.learning import Box, Env, VectorEnv
+from fledge.requirements import after, always, implies
+from fledge.requirements.declared import signal
 from fledge.units import minute, s
 
 ERROR, RATE, TORQUE = "flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B", "flight.motor.command.u[:4]"
@@ -130,6 +132,38 @@ def test_an_episode_that_ends_begins_anew_in_the_next_step(sim):
     np.testing.assert_array_equal(seen[0], first[0])
     assert gains[0] == 0 and not terminated[0] and not truncated[0] and gains[1] < 0
     np.testing.assert_array_equal(envs.step(zero)[0][0], last)
+
+
+def test_an_episode_ends_where_a_requirement_is_violated(sim):
+    late = fledge.load("nadir_spin")
+    error = signal(late, "flight.tracking.error.sigma_BR").norm()
+    envs = vector(late, terminated=always(implies(after(3 * s), error < 0.7)), autoreset="Disabled",
+                  reward=lambda b, a, c: np.minimum(c["formula 1"], 1))
+    envs.reset(seed=0)
+    sizes = []
+    for _ in range(8):
+        seen, gains, terminated, truncated, info = envs.step(np.zeros((3, 4)))
+        sizes.append(np.linalg.norm(seen[0, :3]))
+        if terminated.any():
+            break
+    assert terminated.all() and not truncated.any() and len(sizes) == 6, "after 3 s"
+    assert gains[0] == pytest.approx(0.7 - sizes[-1], abs=1e-12) and gains[0] < 0
+    assert info["violated"][0].startswith("formula 1 violated, by ") and "at 3 s" in info["violated"][0]
+    again, _ = envs.reset(seed=0)
+    assert np.isfinite(again).all() and not envs.step(np.zeros((3, 4)))[2].any()
+
+
+def test_margins_of_requirements_are_those_of_a_run_alone(sim):
+    env = Env(sim, [TORQUE], [ERROR], every=0.5 * s, terminated=["PNT-1", "WHL-1"], reward=lambda b, a, c: c["WHL-1"])
+    env.reset(seed=0)
+    gains = [env.step(np.full(4, 0.01 * k))[1] for k in range(3)]
+    assert len(set(gains)) == 1 and gains[0] > 0, "nothing counts before three minutes"
+    with pytest.raises(SetupError, match="WHL-2 is shown by inspection, not by a run"):
+        vector(sim, terminated="WHL-2")
+    with pytest.raises(SetupError, match="there is no requirement 'PNT-9'; did you mean"):
+        vector(sim, terminated="PNT-9")
+    with pytest.raises(SetupError, match="expected a function, an id of a requirement or a formula; found 3"):
+        vector(sim, terminated=[3])
 
 
 def test_some_are_reset_by_a_mask(sim):
