@@ -159,9 +159,9 @@ class VectorEnv(_VectorBase):
     reward(before, action, after): (n,) of a step, from path -> (n, ...) of its observations and actions
     terminated(after): (n,) whether an episode ends there, because of what happened; not given: none does. Or
     requirements of the mission by their ids, or formulas, a single one or several: an episode ends where any is
-    violated, whatever may follow, and info["violated"] says which, when and by how much. `after` and `before` then
-    have the largest margin that each can still have, (n,) under its id, a formula's under "formula 1" and so on, for the reward;
-    inf before it counts.
+    violated, whatever may follow, and info["violated"] says which, when and by how much. `after` and `before` then have
+    the largest margin that each can still have, (n,) under its id, a formula's under "formula 1" and so on, for the
+    reward; inf before it counts.
     limit: the duration of an episode, a time, after which it is truncated; not given: it goes on
     low, high: the bounds of actions, in SI: a number, or one for each column. Actions are not cut to them.
     observation_low, observation_high: the same of observations
