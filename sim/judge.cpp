@@ -23,7 +23,7 @@ constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 /// As many samples as fill registers: what a row has behind those that wait does not count.
 std::size_t whole_registers(std::size_t samples)
 {
-    return (samples + 7) / 8 * 8;
+    return samples == 1 ? 1 : (samples + 7) / 8 * 8;
 }
 
 } // namespace
@@ -299,7 +299,7 @@ bool Judge::became(Source &source) const
     if (expression.compared) {
         expression.unknown = 0;
         const double *x = row(expression.at);
-        for (std::size_t k = 0; k < n; k++) {
+        for (std::size_t k = 0; k < count_; k++) {
             expression.unknown |= x[k] != x[k];
         }
     }
@@ -374,9 +374,7 @@ void Judge::take(Ns t)
     waiting_[count_++] = last_ = t;
     if (stops || count_ == Instants::most) {
         judge();
-        for (std::size_t i = 0; stops && i < formulas_.size(); i++) {
-            stop = stop || formulas_.value(static_cast<int>(i)).high < 0.0;
-        }
+        stop = stop || (stops && formulas_.violated());
     }
 }
 

@@ -44,6 +44,9 @@ Robustness turned(const FormulaNode &what, const Robustness &value)
 /// The least bound of an operand. Eight at a time do not wait for each other.
 double least_bound(const auto &samples, std::size_t from, std::size_t to, bool high)
 {
+    if (to - from == 1) {
+        return samples.bound(from, high);
+    }
     double found[8];
     std::fill_n(found, 8, unbounded);
     for (; from + 8 <= to; from += 8) {
@@ -559,6 +562,18 @@ Robustness TemporalMonitor::value(int formula) const
 {
     return first_ < 0 ? Robustness{}
                       : front(nodes_[static_cast<std::size_t>(roots_[static_cast<std::size_t>(formula)])]);
+}
+
+bool TemporalMonitor::violated() const
+{
+    for (const int root : roots_) {
+        const Node &node = nodes_[static_cast<std::size_t>(root)];
+        const bool gathers = node.what.kind == FormulaNode::ALWAYS; // its upper bound is what it has gathered
+        if (first_ >= 0 && (gathers ? node.value.high : front(node).high) < 0.0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /// The value of a front node at the first sample, by what has come.

@@ -14,7 +14,6 @@ public:
     /// A formula's number, from 0: the last node is the formula. Throws std::invalid_argument if an operand does not
     /// come before its node, is the operand of two, or if a window is none.
     int formula(const std::vector<FormulaNode> &nodes);
-    std::size_t size() const { return roots_.size(); } ///< how many formulas
 
     /// Up to Instants::most samples, later than those before. margins: of each atom a row of Instants::most numbers,
     /// NaN where it has no value; unknown: of each atom 0 if there is no NaN.
@@ -25,6 +24,7 @@ public:
 
     /// A formula's value at the first sample, by what has come so far.
     Robustness value(int formula) const;
+    bool violated() const; ///< whether one of the formulas is
 
 private:
     struct Sample {
