@@ -14,7 +14,7 @@ from fledge.mission.folder import MissionFiles, functions_of
 from fledge.objects.si import time_ns
 from fledge.objects.wires import caller
 from fledge.requirements.formula import Comparison, Formula, Signal, time_text
-from fledge.requirements.judge import Judged, Outcome
+from fledge.requirements.judge import BECOMES, CODES, Judged, Outcome
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -88,6 +88,19 @@ class Declaration:
                              + listed(list(known)))
         text = f"{process}.{name}"
         return Comparison(Signal("event", text=text, event=(process, name)), "==", 1.0, f"{text} fires")
+
+    def command(self, process: str, name: str = "", became: str = "executed") -> Formula:
+        """True at a sample up to which a command has become so since the sample before: "executed", "accepted" or
+        "refused". name: its function, as "mode" or "write"; "": of any."""
+        flight = self._simulation.process(process)
+        if not hasattr(type(flight), "commands"):
+            raise SetupError(f"r.command: {process} is no process of flight, and only these have commands")
+        for what, found, known in (("command", name, ["", *CODES]), ("such state", became, BECOMES)):
+            if found not in known:
+                raise SetupError(f"r.command: there is no {what} '{found}'{did_you_mean(found, known)} there are "
+                                 + listed([text for text in known if text]))
+        text = f"a command{name and f' {name}'} of {process}"
+        return Comparison(Signal("event", text=text, event=(process, name, became)), "==", 1.0, f"{text} is {became}")
 
     def require(self, id: str, text: str, formula: Formula | None = None, *, method: str = "test", rationale: str = "",
                 parent: str = "", evidence: str = "", shown_by: str | Iterable[str] = ()) -> None:

@@ -39,7 +39,7 @@ class Signal:
     def __init__(self, operation: str, operands: Sequence[Signal] = (), *, text: str, shape: tuple[int, ...] = (),
                  unit: str = "", dims: Sequence[int] = _NUMBER, number: float = 0.0, place: int = -1,
                  numbers: Sequence[float] = (), field: FieldPath | None = None,
-                 event: tuple[str, str] | None = None) -> None:
+                 event: tuple[str, ...] | None = None) -> None:
         self.operation, self.operands, self.text, self.shape = operation, tuple(operands), text, shape
         self.unit, self.dims, self.number, self.place = unit, tuple(dims), number, place
         self.numbers, self.field, self.event = tuple(numbers), field, event
@@ -66,8 +66,8 @@ class Signal:
         return [field.path for field in self.fields]
 
     @property
-    def events(self) -> list[tuple[str, str]]:
-        """(process, event) of those that it reads."""
+    def events(self) -> list[tuple[str, ...]]:
+        """(process, event), or (process, command, what became of it), of those that it reads."""
         return ([self.event] if self.event else []) + [event for operand in self.operands for event in operand.events]
 
     # --- others of it ---

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge import _core
+from fledge.commands import Code, Reason
 from fledge.errors import SetupError, Stopped
 from fledge.records.series import ACTIVITY, MODE, Records
 from fledge.requirements.formula import Comparison, Formula, Signal, number_text, time_text
@@ -20,9 +21,11 @@ if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
     from fledge.requirements.declared import Requirement
 
+CODES = {code.name.lower(): code for code in Code}
+BECOMES = ("executed", "accepted", "refused")
 HOLDS, VIOLATED, UNKNOWN = "holds", "violated", "unknown"
 STALE = 1   # of Quality: this and less is unknown
-_EVENT = 1  # of ActivityKind
+_EVENT, _ACCEPTED, _EXECUTED = 1, 2, 3      # of ActivityKind
 
 Key: TypeAlias = "tuple[object, ...]"       # equal of what is the same
 
@@ -234,7 +237,10 @@ class _Judge:
             return self.core.given(math.prod(signal.shape))
         kernel = self._simulation.kernel
         if signal.event:
-            return self.core.event(kernel, *signal.event)
+            process, name, *became = signal.event
+            if became:
+                return self.core.command(kernel, process, CODES.get(name, -1), *became)
+            return self.core.event(kernel, process, name)
         field = signal.field
         assert field is not None and field.port is not None
         owner, _, port = field.port.rpartition(".")
@@ -273,12 +279,13 @@ class _Judge:
         import numpy as np
 
         if signal.event:
-            process, name = signal.event
+            process, name, *became = signal.event
             ports = [port for port in records.executives() if port.type == ACTIVITY
                      and port.name.rpartition(".")[0] == process]
             events: Any = records._values(ports[0]) if ports else []
-            return np.array([row["head"]["t"] for row in events
-                             if row["kind"] == _EVENT and row["name"].decode() == name], np.int64), None
+            return np.array([_seen(row) for row in events if (
+                _has_become(row, name, became[0]) if became else
+                row["kind"] == _EVENT and row["name"].decode() == name)], np.int64), None
         field = signal.field
         assert field is not None
         if field.of_mode:
@@ -299,3 +306,15 @@ class _Judge:
         if quality is not None:
             values[quality <= STALE] = math.nan
         return np.rint(records._time(port) * 1e9).astype(np.int64), values
+
+
+def _has_become(row: Any, name: str, became: str) -> bool:
+    """Whether an Activity is that of a command, of any if there is no name, that has become so."""
+    good = row["reason"] == Reason.OK
+    return row["kind"] in (_ACCEPTED, _EXECUTED) and (not name or row["code"] == CODES[name]) and (
+        not good if became == "refused" else good and (row["kind"] == _EXECUTED) == (became == "executed"))
+
+
+def _seen(row: Any) -> int:
+    """[ns] From when on it is seen: a command arrives after the instant that its acceptance bears."""
+    return int(row["head"]["t"]) + int(row["kind"] == _ACCEPTED)

@@ -143,6 +143,45 @@ def test_modes_and_events(tmp_path):
         r.event("flight", "nothing")
 
 
+def test_commands_are_seen_once_and_from_a_record_as_in_the_run(tmp_path):
+    (tmp_path / "plays").mkdir()
+    (tmp_path / "plays/flight.py").write_text(FLIGHT)
+    (tmp_path / "plays/world.py").write_text(WORLD)
+    sim = fledge.load(tmp_path / "plays")
+    r = Declaration(sim)
+    kinds = [("mode", "executed"), ("mode", "accepted"), ("mode", "refused"), ("noop", "executed"), ("", "executed"),
+             ("write", "executed"), ("", "refused")]
+    for i, (name, became) in enumerate(kinds):
+        r.require(f"C-{i}", "", eventually(r.command("flight", name, became)))
+    r.require("T-1", "", always(implies(r.command("flight", "mode"), within(1 * s, r.mode() == "rest"))))
+    r.require("T-2", "", always(implies(r.command("flight", "mode"), within(1 * s, r.mode() == "point"))))
+    judged = Judged(list(r._found.values()), sim, traces=True)
+    judged.watch(False)
+    log = sim.record(sim.flight.tracking.error)
+    sim.run(7 * s)
+    commands = sim.flight.commands
+    commands.mode("rest")
+    commands.send(commands.packets.noop())
+    sim.run(9 * s)
+    commands.send(commands.packets.mode("rest")[:-1] + b"\xff")        # there is no such mode
+    sim.run(9 * s)
+    live = judged.outcomes()
+    assert [outcome.verdict == "holds" for outcome in live] == [True, True, True, True, True, False, True, True, False]
+    times = [judged.values(outcome.requirement.formula.comparisons[0]) for outcome in live[:7]]
+    found = [list(time[values > 0]) for time, values in times]
+    executed = [report.t / 1e9 for report in commands.reports if report.executed and report.reason == 0]
+    assert len(executed) == 2 and found[0] == found[3] == [executed[0]] and found[4] == sorted(set(executed))
+    assert found[1][0] > 7 and found[2] == found[6] and found[2][0] > 16 and found[5] == []
+    again = Judged(list(r._found.values()))
+    again.play(log, sim.time_ns)
+    assert [outcome.verdict for outcome in again.outcomes()] == [outcome.verdict for outcome in live]
+    for bad, text in ((lambda: r.command("flight", "mod"), "there is no command 'mod'; did you mean 'mode'"),
+                      (lambda: r.command("flight", "mode", "done"), "there is no such state 'done'.*executed"),
+                      (lambda: r.command("world", "mode"), "world is no process of flight")):
+        with pytest.raises(SetupError, match=text):
+            bad()
+
+
 def test_a_run_stops_at_the_first_violation_and_may_go_on(mission):
     sim = mission('r.require("A-1", "", always(error.norm() > 0.1))')
     Requirements(sim).watch(stop=True)
