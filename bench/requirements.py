@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What judging requirements costs a run: the nadir spin with 20 formulas, looked at at each instant and every 10 s, and
-the Mars orbiter's safe scenario with its own requirements, beside the same runs without. The goal is 1.05.
+the Mars orbiter's safe scenario with its own requirements, beside the same runs without. The goal is 1.5 at each
+instant, else 1.05.
 """
 from __future__ import annotations
 
