@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge.commands.tables import read_table, table
 from fledge.mission import neural
 from fledge.montecarlo import Campaign
 from missions.learned_pointing import train
@@ -26,6 +27,14 @@ def test_it_meets_its_requirements_from_anywhere(name):
 def test_without_an_error_there_is_no_torque_and_a_turn_back_is_its_mirror():
     layers = neural.layers(fledge.load("learned_pointing").flight.control)
     assert [W.shape for W, _ in layers] == [(16, 6), (3, 16)] and not any(b.any() for _, b in layers)
+
+
+def test_a_file_of_a_table_holds_the_network():
+    f = fledge.load("learned_pointing").flight
+    values = {name: getattr(f.control, name) for name in ("sigma_unit", "omega_unit", "torque_max", "hold", "weights")}
+    file = table(f.commands.dictionary, "flight.control", **values, activation=0, hidden=1, neurons=[16, 0])
+    module, read = read_table(f.commands.dictionary, file)
+    assert module == "flight.control" and list(read["weights"][:163]) == WEIGHTS and read["hidden"] == 1
 
 
 def test_training_gains_and_gives_the_same_numbers_again():
