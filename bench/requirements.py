@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What judging requirements costs a run: the nadir spin with 20 formulas, looked at at each instant and every 10 s, and
+"""What judging requirements costs a run: the nadir spin with 20 formulas, looked at each instant and every 10 s, and
 the Mars orbiter's safe scenario with its own requirements, beside the same runs without. The goal is 1.5 at each
 instant, else 1.05.
 """

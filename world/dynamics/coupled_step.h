@@ -102,7 +102,7 @@ struct Factors {
     }
 };
 
-// The states of a part are a Swing, or four numbers without a coordinate (a Quad), or None. A coordinate is a Quad or None.
+// The states of a part are a Swing, four numbers without a coordinate (a Quad), or None.
 
 /// Four coordinates, and their rates or momenta.
 struct Swing {

@@ -125,9 +125,9 @@ void add_orbit(sim::CampaignPlan &plan, const sim::Simulation &nominal, const st
 
 /// A command that is drawn of some, and its time.
 struct DrawnCommand {
-    std::string path;                                           ///< "flight.commands[0]"
+    std::string path;                                          ///< "flight.commands[0]"
     std::vector<std::vector<std::vector<std::uint8_t>>> known; ///< the packets of each; 0 is none
-    double at = 0.0;                                            ///< [s] unless it is drawn, too
+    double at = 0.0;                                           ///< [s] unless it is drawn, too
 
     std::vector<sim::ScriptedCommand> operator()(const std::vector<double> &draws) const
     {
