@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge import flight as fsw
 from fledge.commands.tables import read_table, table
 from fledge.mission import neural
 from fledge.montecarlo import Campaign
@@ -32,7 +33,8 @@ def test_without_an_error_there_is_no_torque_and_a_turn_back_is_its_mirror():
 def test_a_file_of_a_table_holds_the_network():
     f = fledge.load("learned_pointing").flight
     values = {name: getattr(f.control, name) for name in ("sigma_unit", "omega_unit", "torque_max", "hold", "weights")}
-    file = table(f.commands.dictionary, "flight.control", **values, activation=0, hidden=1, neurons=[16, 0])
+    file = table(f.commands.dictionary, "flight.control", **values, hidden=1, neurons=[16, 0],
+                 activation=fsw.NeuralActivation.TANH)
     module, read = read_table(f.commands.dictionary, file)
     assert module == "flight.control" and list(read["weights"][:163]) == WEIGHTS and read["hidden"] == 1
 

@@ -140,8 +140,8 @@ def test_requirements_judge_only_what_exists(seed):
         def samples(self, ns):
             return slice(0, len(ns))
 
-        def values(self, _):
-            return self.rows[None, :].astype(float)
+        def values(self, _, part):
+            return self.rows[None, part].astype(float)
 
     requirement = Requirement(Of(values), comparison, 0.0)
     requirement.quality = Of(quality)
