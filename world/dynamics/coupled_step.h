@@ -25,7 +25,6 @@ struct Placed {
     SymmetricQuads inertia, linear, angular;
     Quad cross[3];
 
-    Placed() = default;
     LANES_INLINE explicit Placed(const Whole &w)
         : mass(quad_at(&w.mass)), inertia(symmetric(w.inertia)), linear(symmetric(w.linear)),
           angular(symmetric(w.angular)), cross{quad_at(w.cross.m[0]), quad_at(w.cross.m[1]), quad_at(w.cross.m[2])}
@@ -47,6 +46,19 @@ struct Placed {
 /// What the rates of moving masses add to a Whole, and their momentum to the Loads.
 struct Moved {
     Quad drift{}, force{}, torque{}, momentum{};
+
+    Moved() = default;
+    LANES_INLINE Moved(const Whole &w, const Loads &loads)
+        : drift(quad(w.drift)), force(quad(w.force)), torque(quad(w.torque)), momentum(quad(loads.momentum))
+    {
+    }
+    LANES_INLINE void put(Whole &w, Loads &loads) const
+    {
+        world::put(w.drift, drift);
+        world::put(w.force, force);
+        world::put(w.torque, torque);
+        world::put(loads.momentum, momentum);
+    }
 };
 
 /// What inverts a symmetric matrix.

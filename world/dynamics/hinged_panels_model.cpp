@@ -37,16 +37,14 @@ void HingedPanelsModel::prepare(const sim::Setup &setup)
     n_ = interface_.par.n;
     rates_ = sim::padded(n_);
     for (std::size_t i = 0; i < n_; i++) {
-        double J = 0.0;
-        panel(i, J);
-        if (!(J >= 1e-9 && J <= 1e12)) {
+        if (const double J = panel(i).J; !(J >= 1e-9 && J <= 1e12)) {
             throw sim::SetupError(setup.name + ".I_B[" + std::to_string(i) + "]: with mass and center_B it must give " +
                                   "an inertia about the hinge in [1e-9, 1e12] kg m^2; found " + sim::format_number(J));
         }
     }
 }
 
-HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i, double &J) const
+HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i) const
 {
     // The rotation by theta about g is  P + C cos + S sin.
     const auto &par = interface_.par;
@@ -64,7 +62,7 @@ HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i, double &J) cons
                                  around[1] + mixed(h, b[1]), around[2] + mixed(h, b[2]), C * I * C - across,
                                  C * I * S.transpose() + S * I * C};
     Panel panel{};
-    J = g.dot(I * g);
+    panel.J = g.dot(I * g);
     panel.moment[0][0] = m;
     for (int k = 0; k < 5; k++) {
         panel.inertia[k].add(mat(inertia[k]));
@@ -90,8 +88,8 @@ std::vector<StateName> HingedPanelsModel::names() const
 void HingedPanelsModel::start(const Vec3 &, double *x)
 {
     for (std::size_t i = 0; i < n_; i++) {
-        panels_.of[i] = panel(i, panels_.J[i]);
-        panels_.per_J[i] = 1.0 / panels_.J[i];
+        panels_.of[i] = panel(i);
+        panels_.per_J[i] = 1.0 / panels_.of[i].J;
         x[i] = interface_.par.theta[i];
         x[rates_ + i] = interface_.par.dtheta[i];
     }
@@ -121,7 +119,7 @@ LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3
 {
     x_ = x;
     Placed placed(whole);
-    Moved moved{quad(whole.drift), quad(whole.force), quad(whole.torque), quad(loads.momentum)};
+    Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += state_block) {
         const UpTo<4> four{*this, i};
         const Swing state{quad_at(x + i), quad_at(x + rates_ + i)};
@@ -130,10 +128,7 @@ LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3
         acting_[i / state_block] = four.act(at, state, quad(rate), moved);
     }
     placed.put(whole);
-    put(whole.drift, moved.drift);
-    put(whole.force, moved.force);
-    put(whole.torque, moved.torque);
-    put(loads.momentum, moved.momentum);
+    moved.put(whole, loads);
 }
 
 HingedPanelsModel::Hinge HingedPanelsModel::hinge(std::size_t i) const
@@ -183,15 +178,13 @@ void HingedPanelsModel::tide(const Mat3 &gradient, const Vec3 &c, Whole &whole)
     }
 }
 
-void HingedPanelsModel::accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const
+void HingedPanelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &domega, double *dx) const
 {
-    sim::in_registers<&HingedPanelsModel::accelerate_in_lanes>(*this, x, a, domega, dx);
+    sim::in_registers<&HingedPanelsModel::accelerate_in_lanes>(*this, a, domega, dx);
 }
 
-LANES_INLINE void HingedPanelsModel::accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega,
-                                                         double *dx) const
+LANES_INLINE void HingedPanelsModel::accelerate_in_lanes(const Vec3 &a, const Vec3 &domega, double *dx) const
 {
-    (void)x;
     for (std::size_t i = 0; i < n_; i += state_block) {
         const Swing k =
             UpTo<4>{*this, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));

@@ -67,11 +67,12 @@ public:
         Symmetric inertia[5]; ///< [kg m^2] constant, of cos, sin, cos^2, sin cos
         double push[2][4];    ///< [kg m]   of cos, sin
         double turn[3][4];    ///< [kg m^2] constant, of cos, sin
+        double J;             ///< [kg m^2] about the hinge
     };
     struct Panels {
         Panel of[PANELS_MAX];
-        double J[PANELS_MAX], per_J[PANELS_MAX]; ///< [kg m^2] about the hinge, and its inverse
-        double rest[PANELS_MAX], u[PANELS_MAX];  ///< [rad], [N m] what drives them
+        double per_J[PANELS_MAX];               ///< [1/(kg m^2)] the inverses of their J
+        double rest[PANELS_MAX], u[PANELS_MAX]; ///< [rad], [N m] what drives them
     };
 
     /// The panels `i` and the next, up to `most`, as a part of a CoupledCraft. Without a panel, all numbers are 0.
@@ -115,10 +116,10 @@ public:
     UpTo<2> two() const { return {*this, 0}; }
 
 private:
-    Panel panel(std::size_t i, double &J) const;
+    Panel panel(std::size_t i) const;
 
     void couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole);
-    void accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const;
+    void accelerate_in_lanes(const Vec3 &a, const Vec3 &domega, double *dx) const;
 
     HingedPanels &interface_;
     bool changed_ = true;           ///< parameters, since the last latch()

@@ -257,12 +257,18 @@ template <std::size_t n> LANES_INLINE QuadSymmetric symmetric(const double (&a)[
             quad_at(a[3] + i), quad_at(a[4] + i), quad_at(a[5] + i)};
 }
 
+/// The nearest whole numbers of numbers below 2^51, half ones to even; without an instruction of its own.
+LANES_INLINE Quad nearest(Quad a)
+{
+    const Quad shift = quad(6755399441055744.0); // 1.5 * 2^52
+    return (a + shift) - shift;
+}
+
 /// The sines and the cosines. The angles are below 1e6, and those of a state that normalize() keeps small.
 LANES_INLINE void sincos(const Quad &angle, Quad &sine, Quad &cosine)
 {
-    // angle = n pi / 2 + r with |r| <= pi / 4, by rounding that needs no instruction of its own; then Taylor's series.
-    const Quad round = quad(6755399441055744.0);
-    const Quad n = (angle * (2.0 / std::numbers::pi) + round) - round;
+    // angle = n pi / 2 + r with |r| <= pi / 4; then Taylor's series.
+    const Quad n = nearest(angle * (2.0 / std::numbers::pi));
     const Quad r = (angle - n * 1.5707963258028030) - n * 9.920935796805404e-10;
     const Quad s = r * r, q = s * s, w = q * q;
     const Quad c = ((1.0 - 1.0 / 2 * s) + q * (1.0 / 24 - 1.0 / 720 * s)) +
@@ -273,8 +279,8 @@ LANES_INLINE void sincos(const Quad &angle, Quad &sine, Quad &cosine)
         w * ((-1.0 / 39916800 + 1.0 / 6227020800 * s) + q * (-1.0 / 1307674368000 + 1.0 / 355687428096000 * s));
     const Quad odd_sine = r + r * s * d;
     // n modulo 4 as -1.5, -0.5, 0.5, 1.5 about the quarter's sign changes
-    const Quad half = 0.5 * n, even = (half + round) - round, turned = n - 2.0 * even; // -1, 0 or 1
-    const Quad quarter = even - 2.0 * ((0.5 * even + round) - round);                  // odd where half turns are
+    const Quad half = 0.5 * n, even = nearest(half), turned = n - 2.0 * even; // -1, 0 or 1
+    const Quad quarter = even - 2.0 * nearest(0.5 * even);                    // odd where half turns are
     const Quad sign = 1.0 - 2.0 * quarter * quarter, straight = 1.0 - turned * turned;
     sine = sign * (straight * odd_sine + turned * c);
     cosine = sign * (straight * c - turned * odd_sine);

@@ -286,24 +286,19 @@ LANES_INLINE void ReactionWheelsModel::couple_in_lanes(const double *x, const Mo
                                                        Whole &whole)
 {
     Placed placed(whole);
-    Moved moved{quad(whole.drift), quad(whole.force), quad(whole.torque), quad(loads.momentum)};
+    Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += state_block) {
         const Four four{wheels_, i};
         const Swing state{quad_at(x + padded_ + i), quad_at(x + i)};
         Four::Place at;
         four.place(state.at, placed, at);
         const Four::Acting now = four.act(at, state, quad(motion.omega), moved);
-        Four::Place &to = places_[i / state_block];
-        to.sigma.x = at.sigma.x, to.sigma.y = at.sigma.y, to.sigma.z = at.sigma.z;
-        to.delta.x = at.delta.x, to.delta.y = at.delta.y, to.delta.z = at.delta.z;
-        acting_[i / state_block].force = now.force;
-        acting_[i / state_block].rate = now.rate;
+        places_[i / state_block].sigma = at.sigma; // accelerate() needs no more of them
+        places_[i / state_block].delta = at.delta;
+        acting_[i / state_block] = now;
     }
     placed.put(whole);
-    put(whole.drift, moved.drift);
-    put(whole.force, moved.force);
-    put(whole.torque, moved.torque);
-    put(loads.momentum, moved.momentum);
+    moved.put(whole, loads);
 }
 
 void ReactionWheelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &domega, double *dx) const

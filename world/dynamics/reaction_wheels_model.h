@@ -214,9 +214,8 @@ LANES_INLINE Swing ReactionWheelsModel::Four::accelerate(const Place &at, const 
 LANES_INLINE Quad ReactionWheelsModel::Four::normalized(Quad theta)
 {
     const double pi = std::numbers::pi;
-    const Quad round = quad(6755399441055744.0), turns = (theta / quad(2.0 * pi) + round) - round;
     const auto beyond = (theta > pi) | (theta < -pi);
-    return beyond ? theta - 2.0 * pi * turns : theta;
+    return beyond ? theta - 2.0 * pi * nearest(theta / quad(2.0 * pi)) : theta;
 }
 
 } // namespace fledge::world

@@ -271,8 +271,7 @@ template <class Wheels> LANES_INLINE void SpacecraftModel::step_rigid(Ns dt)
 {
     using Craft = RigidCraft<Wheels>;
     using State = typename Craft::State;
-    const auto load = [](const double *from) __attribute__((always_inline))
-    {
+    const auto load = [](const double *from) LANES_LAMBDA {
         State x;
         x.r = quad_at(from + at_r);
         x.v = quad_at(from + at_v);
@@ -283,8 +282,7 @@ template <class Wheels> LANES_INLINE void SpacecraftModel::step_rigid(Ns dt)
         }
         return x;
     };
-    const auto store = [](double *to, const State &x) __attribute__((always_inline))
-    {
+    const auto store = [](double *to, const State &x) LANES_LAMBDA {
         put_quad(to + at_r, x.r);
         put_quad(to + at_v, x.v);
         put_quad(to + at_sigma, x.sigma);
@@ -306,10 +304,7 @@ template <class Wheels> LANES_INLINE void SpacecraftModel::step_rigid(Ns dt)
             craft.axis[i] = quad_at(rotors_->axis[i]);
         }
     }
-    const auto gravity = [this](double tau, Quad r) __attribute__((always_inline))
-    {
-        return gravity_at(from_, tau, r);
-    };
+    const auto gravity = [this](double tau, Quad r) LANES_LAMBDA { return gravity_at(from_, tau, r); };
     const State from = load(x_);
     State x = craft.step(from, load(dx_), tick_seconds(dt), gravity);
     if (dot(x.sigma, x.sigma) > 1.0) {

@@ -289,8 +289,7 @@ class VectorEnv(_VectorBase):
         """(n, requirements) the largest margin that each can still have."""
         import numpy as np
 
-        return np.array([[judge.core.value(number)[1] for judge, number in judged._formulas]
-                         for judged in self._judged]).reshape(self.num_envs, -1)
+        return np.array([judged.highest() for judged in self._judged]).reshape(self.num_envs, -1)
 
     def _named(self, rows: NDArray[Any], margins: NDArray[Any]) -> ByPath:
         own = [requirement.id for requirement in self._judged[0].requirements] if self._judged else []

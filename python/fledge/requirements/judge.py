@@ -141,6 +141,10 @@ class Judged:
             judge.core.finish(end)
         return self._outcomes()
 
+    def highest(self) -> list[float]:
+        """The largest margin that each can still have; < 0: it is violated, whatever may follow."""
+        return [judge.core.value(number)[1] for judge, number in self._formulas]
+
     def _outcomes(self) -> list[Outcome]:
         return [self._outcome(requirement, judge, number)
                 for requirement, (judge, number) in zip(self.requirements, self._formulas)]
