@@ -14,7 +14,6 @@ namespace neural_feedback_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-constexpr std::int64_t second = 1'000'000'000;
 
 /// A network of any shape and function; of the largest, if `whole`.
 NeuralFeedback any(Random &random, bool whole = false)
@@ -117,24 +116,9 @@ TEST(NeuralFeedback, saturated_neurons_are_exact_and_without_biases_it_is_odd)
 
 TEST(NeuralFeedback, ends_without_usable_errors_and_a_reset_forgets)
 {
-    for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
-        Random random{4};
-        NeuralFeedback m = any(random);
-        m.par.hold = 3;
-        neural_feedback_update(&m, {0, 0});
-        EXPECT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
-        m.in.error.head.quality = lost;
-        if (lost == QUALITY_GOOD) {
-            m.in.error.omega_BR_B.v[1] = NAN;
-        }
-        for (int k = 1; k < 8; k++) {
-            neural_feedback_update(&m, {k * second, second});
-            EXPECT_EQ(vec_norm(m.out.torque.torque_B) > 0, k <= 3);
-            EXPECT_EQ(m.out.torque.head.quality, QUALITY_DEGRADED);
-        }
-        neural_feedback_reset(&m);
-        EXPECT_TRUE(all_zero(m.out) && all_zero(m.mem));
-    }
+    Random random{4};
+    expect_torque_ends(any(random), neural_feedback_update, neural_feedback_reset,
+                       [](NeuralFeedback &m) { return std::pair(&m.in.error.head, &m.in.error.omega_BR_B.v[1]); });
 }
 
 TEST(NeuralFeedback, bad_numbers_never_leave_it)

@@ -63,24 +63,9 @@ TEST(RateDamping, the_limit_keeps_the_direction)
 
 TEST(RateDamping, ends_without_usable_rates_and_a_reset_forgets)
 {
-    for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
-        Random random{3};
-        RateDamping m = any(random);
-        m.par.hold = 3;
-        rate_damping_update(&m, {0, 0});
-        EXPECT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
-        m.in.gyro.head.quality = lost;
-        if (lost == QUALITY_GOOD) {
-            m.in.gyro.omega_BN_B.v[1] = NAN;
-        }
-        for (int k = 1; k < 8; k++) {
-            rate_damping_update(&m, {k * second, second});
-            EXPECT_EQ(vec_norm(m.out.torque.torque_B) > 0, k <= 3);
-            EXPECT_EQ(m.out.torque.head.quality, QUALITY_DEGRADED);
-        }
-        rate_damping_reset(&m);
-        EXPECT_TRUE(all_zero(m.out) && all_zero(m.mem));
-    }
+    Random random{3};
+    expect_torque_ends(any(random), rate_damping_update, rate_damping_reset,
+                       [](RateDamping &m) { return std::pair(&m.in.gyro.head, &m.in.gyro.omega_BN_B.v[1]); });
 }
 
 TEST(RateDamping, bad_numbers_never_leave_it)

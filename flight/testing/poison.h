@@ -9,6 +9,7 @@
 
 #include <cfloat>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace flight::testing {
@@ -50,6 +51,32 @@ void expect_held(Module &m, const Doubles &inputs, Update update, Heads heads)
                 << " of the module set to " << bad;
             m = good;
         }
+    }
+}
+
+/// With a `hold` of 3 s, a module holds its torque so long after its last usable input, degraded, and then gives none;
+/// a reset forgets all. input(m): the head of the input and a number of it.
+template <class Module, class Update, class Reset, class Input>
+void expect_torque_ends(const Module &any, Update update, Reset reset, Input input)
+{
+    constexpr std::int64_t second = 1'000'000'000;
+    for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
+        Module m = any;
+        m.par.hold = 3;
+        update(&m, {0, 0});
+        EXPECT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
+        const auto [head, number] = input(m);
+        head->quality = lost;
+        if (lost == QUALITY_GOOD) {
+            *number = NAN;
+        }
+        for (int k = 1; k < 8; k++) {
+            update(&m, {k * second, second});
+            EXPECT_EQ(vec_norm(m.out.torque.torque_B) > 0, k <= 3);
+            EXPECT_EQ(m.out.torque.head.quality, QUALITY_DEGRADED);
+        }
+        reset(&m);
+        EXPECT_TRUE(all_zero(m.out) && all_zero(m.mem));
     }
 }
 

@@ -115,11 +115,16 @@ def test_a_file_of_the_run_says_the_same(mission, tmp_path):
         Requirements(other).judge(archive)
 
 
-def test_modes_and_events(tmp_path):
+def plays(tmp_path):
+    """A mission with modes and events."""
     (tmp_path / "plays").mkdir()
     (tmp_path / "plays/flight.py").write_text(FLIGHT)
     (tmp_path / "plays/world.py").write_text(WORLD)
-    sim = fledge.load(tmp_path / "plays")
+    return fledge.load(tmp_path / "plays")
+
+
+def test_modes_and_events(tmp_path):
+    sim = plays(tmp_path)
     r = Declaration(sim)
     r.require("M-1", "", always(implies(after(r.event("flight", "start")), r.mode() != "wait")))
     r.require("M-2", "", eventually(r.mode() == "point"))
@@ -144,10 +149,7 @@ def test_modes_and_events(tmp_path):
 
 
 def test_commands_are_seen_once_and_from_a_record_as_in_the_run(tmp_path):
-    (tmp_path / "plays").mkdir()
-    (tmp_path / "plays/flight.py").write_text(FLIGHT)
-    (tmp_path / "plays/world.py").write_text(WORLD)
-    sim = fledge.load(tmp_path / "plays")
+    sim = plays(tmp_path)
     r = Declaration(sim)
     kinds = [("mode", "executed"), ("mode", "accepted"), ("mode", "refused"), ("noop", "executed"), ("", "executed"),
              ("write", "executed"), ("", "refused")]
