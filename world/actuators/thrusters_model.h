@@ -59,6 +59,7 @@ public:
     bool pushes() const override { return true; }
     bool couples() const override { return interface_.par.n_tanks > 0 || mounted(); }
     bool is_free() const override { return false; }
+    const Ramp *ramp() const override { return couples() ? nullptr : &ramp_; }
     const Effector *carrier() const override { return mounted() ? panels_ : nullptr; }
     bool switches() const override { return true; }
     void start(const Vec3 &omega, double *x) override;
@@ -86,15 +87,6 @@ private:
     struct Linear {
         double at, rate;
         double after(double tau) const { return at + tau * rate; }
-    };
-    struct LinearVector {
-        Vec3 at, rate;
-        Vec3 after(double tau) const { return vec_add(at, vec_scale(tau, rate)); }
-        void add(double level, double slope, const Vec3 &a)
-        {
-            at = vec_add(at, vec_scale(level, a));
-            rate = vec_add(rate, vec_scale(slope, a));
-        }
     };
     /// What is in the tanks that hold balls, per part of the propellant that is left, and what leaves them, per mass.
     /// The inertias of balls that shrink go with part^(2/3) as well.
@@ -167,6 +159,7 @@ private:
     Riding riding_{};     ///< of the last couple()
     HingedPanelsModel *panels_ = nullptr;
     State state_{};
+    const Ramp ramp_{&state_.force, &state_.torque, &state_.begin, &state_.acts};
 };
 
 } // namespace fledge::world

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/actuators/torque_rods_model.h"
 
-#include "world/eigen.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -93,8 +91,8 @@ void TorqueRodsModel::derive(const double *, const Motion &motion, double *, Loa
 /// Add the torque in the field x, y, z.
 LANES_INLINE void TorqueRodsModel::turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const
 {
-    const Quad torque = cross(quad(state_.dipole_B), Attitude(quad(sigma_BN)).to_B(Quad{x, y, z, 0.0}));
-    put(torque_, torque);
+    const Quad torque = turned(x, y, z, Attitude(quad(sigma_BN)));
+    keep(torque);
     put(loads.torque, quad(loads.torque) + torque);
 }
 

@@ -4,6 +4,7 @@
 
 #include "world/actuators/torque_rods.h"
 #include "world/dynamics/lanes.h"
+#include "world/eigen.h"
 #include "world/environment/magnetism_model.h"
 #include "world/faults.h"
 
@@ -33,6 +34,16 @@ public:
     bool stretch(sim::Ns t, sim::Ns &end) override;
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
+
+    /// [N m] Where B's origin is at r [m], N components, at start + tau [s].
+    LANES_INLINE Quad torque(sim::Ns start, double tau, Quad r, const Attitude &attitude) const
+    {
+        Vec3 place;
+        put(place, r);
+        const Eigen::Vector3d B_N = field_->at(start, tau, view(place));
+        return turned(B_N.x(), B_N.y(), B_N.z(), attitude);
+    }
+    LANES_INLINE void keep(Quad torque) const { put(torque_, torque); } ///< the last one, for the output
     void copy_setup(const sim::Model &original,
                     const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
 
@@ -47,6 +58,10 @@ private:
     };
 
     void apply();
+    LANES_INLINE Quad turned(double x, double y, double z, const Attitude &attitude) const
+    {
+        return cross(quad(state_.dipole_B), attitude.to_B(Quad{x, y, z, 0.0}));
+    }
     void turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const;
 
     TorqueRods &interface_;
@@ -55,7 +70,7 @@ private:
     SourceOf<MagnetismModel> field_;
     Vec3 axes_B_[RODS_MAX]{}; ///< of length 1
     State state_{};
-    mutable Vec3 torque_{}; ///< of the last derive(), for the output
+    mutable Vec3 torque_{};
 };
 
 } // namespace fledge::world

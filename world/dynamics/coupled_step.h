@@ -275,6 +275,13 @@ struct Still {
     None rate;
 };
 
+/// Of four wheels with the momenta h.
+LANES_INLINE Quad momentum(const double (*axis)[4], Quad h)
+{
+    const auto of = [&](std::size_t i) LANES_LAMBDA { return quad_at(axis[i]) * h[i]; };
+    return (of(0) + of(1)) + (of(2) + of(3));
+}
+
 /// Balanced wheels on a craft that another part makes a coupled one.
 struct BalancedWheels {
     using State = Quad;
@@ -287,8 +294,7 @@ struct BalancedWheels {
     LANES_INLINE void place(None, Placed &, Place &) const {}
     LANES_INLINE Still act(None, Quad h, Quad, Moved &all) const
     {
-        const auto of = [&](std::size_t i) LANES_LAMBDA { return quad_at(rotors.axis[i]) * h[i]; };
-        all.momentum += (of(0) + of(1)) + (of(2) + of(3));
+        all.momentum += momentum(rotors.axis, h);
         return {};
     }
     LANES_INLINE Quad accelerate(None, Still, Quad, Quad) const { return quad_at(rotors.torque); }

@@ -187,6 +187,24 @@ struct Rotors {
     const Vec3 *reaction;    ///< [N m] on the body, B components
 };
 
+/// A vector that is linear in time: its value where a stretch begins, and its rate. B components.
+struct LinearVector {
+    Vec3 at, rate;
+    Vec3 after(double tau) const { return vec_add(at, vec_scale(tau, rate)); }
+    void add(double level, double slope, const Vec3 &a)
+    {
+        at = vec_add(at, vec_scale(level, a));
+        rate = vec_add(rate, vec_scale(slope, a));
+    }
+};
+
+/// A force that is linear in time: derive() adds it, and its torque about B's origin, while it acts.
+struct Ramp {
+    const LinearVector *force, *torque; ///< [N], [N m]
+    const sim::Ns *begin;               ///< of the stretch
+    const std::uint32_t *acts;          ///< 0: no
+};
+
 /// All that latch() computes and derive() uses belongs to memory(): where latch() finds no change after a snapshot was
 /// restored, the spacecraft uses the derivatives that it computed before the snapshot.
 class Effector : public sim::Model {
@@ -217,6 +235,10 @@ public:
 
     /// All that derive() does until the next latch(), if it is no more than this; else null.
     virtual const Rotors *rotors() const { return nullptr; }
+
+    /// All that derive() does until the next stretch(), if it is no more than this; else null. Whether it is null is
+    /// constant, and valid before prepare().
+    virtual const Ramp *ramp() const { return nullptr; }
 
     /// Whether it adds forces, which need the craft's mass, or uses more than start, tau and omega of the Motion. It
     /// is constant.

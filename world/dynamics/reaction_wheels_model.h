@@ -53,7 +53,7 @@ public:
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
-    const Rotors *rotors() const override { return imbalanced_ || wheels_.viscous > 0.0 ? nullptr : &rotors_; }
+    const Rotors *rotors() const override { return imbalanced_ || viscous() ? nullptr : &rotors_; }
     bool pushes() const override { return imbalanced() && interface_.par.jitter; }
     void add_hidden_inertia(Mat3 &inertia) const override;
     bool couples() const override { return imbalanced() && !interface_.par.jitter; }
@@ -125,6 +125,7 @@ public:
     };
     std::size_t size() const { return interface_.par.n; }
     Four four() const { return {wheels_, 0}; } ///< the first ones
+    bool viscous() const { return wheels_.viscous > 0.0; }
 
 private:
     bool imbalanced() const;

@@ -28,7 +28,7 @@ LANES_INLINE None operator*(double, None)
     return {};
 }
 
-/// Wheels: a Quad, or None.
+/// Wheels: what `h` is, a Quad, or None; of wheels that jitter, a Swing.
 template <class Wheels> struct RigidState {
     Quad r, v, sigma, omega;
     Wheels h; ///< [N m s] momenta of the wheels

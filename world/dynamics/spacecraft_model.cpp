@@ -6,6 +6,7 @@
 #include "sim/text.h"
 #include "world/consumer.h"
 #include "world/dynamics/coupled_step.h"
+#include "world/dynamics/reaction_wheels_model.h"
 #include "world/eigen.h"
 
 #include <Eigen/Cholesky>
@@ -247,22 +248,27 @@ void SpacecraftModel::update(Tick tick)
     }
 }
 
-/// How it steps in registers while nothing pushes it: alone or with four balanced wheels, or with coupled parts that
+/// How it steps in registers. While nothing pushes it: alone or with four balanced wheels, or with coupled parts that
 /// have such a step.
 void SpacecraftModel::choose_steps()
 {
     turned_ = nullptr;
-    unpushed_step_ = nullptr;
+    unpushed_step_ = pushed_step_ = nullptr;
     if (!integrator_->is_rk4()) {
         return;
     }
     if (coupled_) {
         unpushed_step_ = coupled_step();
-    } else if (parts_.empty()) {
+        return;
+    }
+    pushed_step_ = pushed_step();
+    if (parts_.empty()) {
         unpushed_step_ = in_steps<&SpacecraftModel::step_rigid<None>>;
     } else if (parts_.size() == 1 && !parts_push_) {
         turned_ = parts_.front().effector;
         unpushed_step_ = in_steps<&SpacecraftModel::step_rigid<Quad>>;
+    } else if (pushed_step_ && first_ && !shaking_) {
+        turned_ = first_->effector;
     }
 }
 
@@ -332,7 +338,10 @@ bool SpacecraftModel::latch(Tick tick)
     if (rotors_ && rotors_->n != state_block) {
         rotors_ = nullptr;
     }
-    step_ = pushed_ || (turned_ && !rotors_) ? nullptr : unpushed_step_;
+    step_ = pushed_ ? pushed_step_ : unpushed_step_;
+    if ((turned_ && !rotors_) || (shaking_ && shaking_->viscous())) {
+        step_ = nullptr;
+    }
     return changed;
 }
 
@@ -374,6 +383,11 @@ void SpacecraftModel::advance(Tick tick)
     from_ = tick.t - tick.dt;
     begun_ = false;
     try {
+        Ns end = tick.t;
+        begin_stretch(from_, end);
+        if (end < tick.t) {
+            step_ = nullptr;
+        }
         if (step_) {
             step_(*this, tick.dt);
             if (clear_) {
@@ -382,11 +396,8 @@ void SpacecraftModel::advance(Tick tick)
         } else {
             from_r_ = get(x_, at_r);
             from_v_ = get(x_, at_v);
-            if (switching_.empty()) {
-                integrator_->advance(*this, from_, tick.dt, x_, dx_);
-            } else {
-                advance_by_stretches(tick.t);
-            }
+            integrator_->advance(*this, from_, end - from_, x_, dx_);
+            advance_by_stretches(end, tick.t);
             stepped_ = false;
         }
         finite = all_finite(x_, n_);
@@ -403,18 +414,23 @@ void SpacecraftModel::advance(Tick tick)
     }
 }
 
-/// With steps that end at the instants at which a part's loads jump or bend.
-void SpacecraftModel::advance_by_stretches(Ns until)
+/// A step begins at t, which ends at the instant at which a part's loads jump or bend, if that is before `end`.
+void SpacecraftModel::begin_stretch(Ns t, Ns &end)
 {
-    for (Ns t = from_; t < until;) {
-        bool changed = t > from_; // else dx_ is up to date
+    bool changed = t > from_; // else dx_ is up to date
+    for (Effector *part : switching_) {
+        changed |= part->stretch(t, end);
+    }
+    if (changed) {
+        derive(t, 0.0, x_, dx_);
+    }
+}
+
+void SpacecraftModel::advance_by_stretches(Ns t, Ns until)
+{
+    while (t < until) {
         Ns end = until;
-        for (Effector *part : switching_) {
-            changed |= part->stretch(t, end);
-        }
-        if (changed) {
-            derive(t, 0.0, x_, dx_);
-        }
+        begin_stretch(t, end);
         integrator_->advance(*this, t, end - t, x_, dx_);
         t = end;
     }

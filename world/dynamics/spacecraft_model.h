@@ -46,6 +46,9 @@
 
 namespace fledge::world {
 
+class ReactionWheelsModel;
+class TorqueRodsModel;
+
 class SpacecraftModel final : private sim::System, public sim::Model, public SkyUser {
 public:
     explicit SpacecraftModel(Spacecraft &interface) : interface_(interface) {}
@@ -108,7 +111,8 @@ private:
     bool latch(Tick tick);
     bool latch_external(Tick tick);
     void advance(Tick tick);
-    [[gnu::noinline]] void advance_by_stretches(sim::Ns until);
+    void begin_stretch(sim::Ns t, sim::Ns &end);
+    [[gnu::noinline]] void advance_by_stretches(sim::Ns t, sim::Ns until);
     /// One step of dt by Runge and Kutta, and the derivatives at its end, in registers.
     using Step = void (*)(SpacecraftModel &, sim::Ns dt);
     template <auto loop> static void in_steps(SpacecraftModel &model, sim::Ns dt)
@@ -116,6 +120,12 @@ private:
         sim::in_registers<loop>(model, dt);
     }
     void choose_steps();
+    Step pushed_step();
+    template <class Wheels, bool has_rods>
+    LANES_INLINE void step_pushed(Wheels wheels, std::size_t at_wheels, sim::Ns dt);
+    template <bool has_rods> void step_pushed_alone(sim::Ns dt);
+    template <bool has_rods> void step_pushed_rotors(sim::Ns dt);
+    template <bool has_rods> void step_pushed_jitter(sim::Ns dt);
     Step coupled_step();
     template <class Wheels> LANES_INLINE void step_rigid(sim::Ns dt);
     template <class First, class Second>
@@ -179,9 +189,13 @@ private:
     bool simple_ = false;              ///< whether there is none, and no coupled part
     Step step_ = nullptr;              ///< in this update; null: the integrator's
     Step unpushed_step_ = nullptr;     ///< the same while nothing pushes, and `turned_`, if any, has rotors
-    const Effector *turned_ = nullptr; ///< the part that must have four rotors for it
+    Step pushed_step_ = nullptr;       ///< while something does, and `shaking_` has no viscous friction
+    const Effector *turned_ = nullptr; ///< the part that must have four rotors for both
     const Rotors *rotors_ = nullptr;   ///< of that part, in this update
-    const Part *first_ = nullptr, *second_ = nullptr; ///< those of a coupled step
+    const Part *first_ = nullptr, *second_ = nullptr; ///< those of a coupled step; the wheels of a pushed one
+    const ReactionWheelsModel *shaking_ = nullptr;    ///< the same, if they jitter
+    const TorqueRodsModel *rods_ = nullptr;           ///< of a pushed step
+    static constexpr std::size_t pushing_parts = 6;   ///< at most, in that
 
     // For the check that the craft stays outside of all bodies.
     double central_surface_ = 0.0, central_arc_ = 0.0; ///< of the only gravity body, as central_mu_

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world/dynamics/pushed_step.h"
+
+#include "world/actuators/torque_rods_model.h"
+#include "world/dynamics/spacecraft_model.h"
+
+namespace fledge::world {
+
+using sim::state_block;
+
+template <class Wheels, bool has_rods>
+LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_wheels, sim::Ns dt)
+{
+    using Craft = PushedCraft<Wheels>;
+    using State = typename Craft::State;
+    const auto load = [&](const double *from) LANES_LAMBDA {
+        return State{quad_at(from + at_r), quad_at(from + at_v), quad_at(from + at_sigma), quad_at(from + at_omega),
+                     Wheels::load(from + at_wheels)};
+    };
+    const auto store = [&](double *to, const State &x) LANES_LAMBDA {
+        put_quad(to + at_r, x.r);
+        put_quad(to + at_v, x.v);
+        put_quad(to + at_sigma, x.sigma);
+        put_quad(to + at_omega, x.omega);
+        Wheels::store(to + at_wheels, x.h);
+    };
+    Pushing pushing[pushing_parts];
+    std::size_t n = 0;
+    for (const Part &part : parts_) {
+        Pushing &now = pushing[n];
+        now.kind = part.effector == rods_ ? Pushing::as_rods : Pushing::as_wheels;
+        if (const Ramp *ramp = part.effector->ramp()) {
+            if (*ramp->acts == 0) {
+                continue;
+            }
+            now.kind = Pushing::as_ramp;
+            now.force = quad(ramp->force->at);
+            now.force_rate = quad(ramp->force->rate);
+            now.torque = quad(ramp->torque->at);
+            now.torque_rate = quad(ramp->torque->rate);
+            now.since = tick_seconds(from_ - *ramp->begin);
+            now.since_end = tick_seconds(from_ + dt - *ramp->begin);
+        }
+        n++;
+    }
+    const Craft craft{wheels,
+                      pushing,
+                      n,
+                      1.0 / interface_.par.mass,
+                      quad_at(held_ + at_force_N),
+                      quad_at(held_ + at_force_B),
+                      quad_at(held_ + at_torque_B),
+                      quad(center_),
+                      {quad_at(I_transposed_.m[0]), quad_at(I_transposed_.m[1]), quad_at(I_transposed_.m[2])},
+                      {quad_at(I_inverse_.m[0]), quad_at(I_inverse_.m[1]), quad_at(I_inverse_.m[2])}};
+    Quad gravity, turning{};
+    const auto fall = [&](double tau, Quad r) LANES_LAMBDA {
+        return gravity = tau < 0.0 ? gravity_at(from_ + dt, 0.0, r) : gravity_at(from_, tau, r);
+    };
+    const auto turn = [&]([[maybe_unused]] double tau, [[maybe_unused]] Quad r,
+                          [[maybe_unused]] const Attitude &attitude) LANES_LAMBDA {
+        if constexpr (has_rods) {
+            const Quad place = offset_ ? r - attitude.to_N(craft.center) : r;
+            turning = tau < 0.0 ? rods_->torque(from_ + dt, 0.0, place, attitude)
+                                : rods_->torque(from_, tau, place, attitude);
+        }
+        return turning;
+    };
+    State x = load(x_), k = load(dx_);
+    const Quad from_r = x.r, from_v = x.v;
+    craft.step(x, k, tick_seconds(dt), fall, turn);
+    store(x_, x);
+    store(dx_, k);
+    put(gravity_, gravity);
+    if constexpr (has_rods) {
+        rods_->keep(turning);
+    }
+    end_in_registers(from_r, from_v, x.r, (x.r + x.v) + (x.sigma + x.omega) + Wheels::sum(x.h), tick_seconds(dt));
+}
+
+template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_alone(sim::Ns dt)
+{
+    step_pushed<PushedAlone, has_rods>({}, 0, dt);
+}
+
+template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_rotors(sim::Ns dt)
+{
+    step_pushed<PushedRotors, has_rods>({{*rotors_}}, first_->at, dt);
+}
+
+template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_jitter(sim::Ns dt)
+{
+    step_pushed<PushedJitter, has_rods>({shaking_->four()}, first_->at, dt);
+}
+
+/// The step while something pushes a rigid craft. Its parts are at most one with wheels, one with rods, and others
+/// whose forces are ramps; else null.
+SpacecraftModel::Step SpacecraftModel::pushed_step()
+{
+    first_ = nullptr;
+    shaking_ = nullptr;
+    rods_ = nullptr;
+    if (parts_.size() > pushing_parts || interface_.par.mass == 0.0) {
+        return nullptr;
+    }
+    for (const Part &part : parts_) {
+        const auto *rods = dynamic_cast<const TorqueRodsModel *>(part.effector);
+        const auto *wheels = dynamic_cast<const ReactionWheelsModel *>(part.effector);
+        if (rods && !rods_) {
+            rods_ = rods;
+        } else if (wheels && !first_ && wheels->size() <= state_block) {
+            first_ = &part;
+            shaking_ = wheels->pushes() ? wheels : nullptr;
+        } else if (!part.effector->ramp()) {
+            return nullptr;
+        }
+    }
+    const auto chosen = [this](Step with_rods, Step without) { return rods_ ? with_rods : without; };
+    return shaking_ ? chosen(in_steps<&SpacecraftModel::step_pushed_jitter<true>>,
+                             in_steps<&SpacecraftModel::step_pushed_jitter<false>>)
+           : first_ ? chosen(in_steps<&SpacecraftModel::step_pushed_rotors<true>>,
+                             in_steps<&SpacecraftModel::step_pushed_rotors<false>>)
+                    : chosen(in_steps<&SpacecraftModel::step_pushed_alone<true>>,
+                             in_steps<&SpacecraftModel::step_pushed_alone<false>>);
+}
+
+} // namespace fledge::world
