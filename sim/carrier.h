@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -23,9 +24,27 @@ struct Packet {
 
 using Unit = std::span<const std::uint8_t>;
 
+/// The newest packet of a stream, of which each packet has the id in its first two bytes.
+struct Newest {
+    std::uint16_t stream = 0;
+    std::uint64_t count = 0; ///< of packets since someone looks
+    std::vector<std::uint8_t> bytes = {};
+};
+
 /// Units for a caller outside, if there is one: they are no part of the simulation's state.
 class Units {
 public:
+    /// The newest packet of a stream, from now on.
+    std::shared_ptr<Newest> newest(std::uint16_t stream)
+    {
+        for (const auto &known : newest_) {
+            if (known->stream == stream) {
+                return known;
+            }
+        }
+        newest_.push_back(std::make_shared<Newest>(Newest{stream}));
+        return newest_.back();
+    }
     /// Those since the last call. They are kept from the first call on.
     std::vector<Packet> take()
     {
@@ -37,10 +56,17 @@ public:
         if (keeps_) {
             kept_.push_back({t, {unit.begin(), unit.end()}});
         }
+        for (const auto &of : newest_) {
+            if (unit.size() >= 2 && (unit[0] << 8 | unit[1]) == of->stream) {
+                of->count++;
+                of->bytes.assign(unit.begin(), unit.end());
+            }
+        }
     }
 
 private:
     std::vector<Packet> kept_;
+    std::vector<std::shared_ptr<Newest>> newest_;
     bool keeps_ = false;
 };
 

@@ -9,7 +9,9 @@
 #include "flight/msg/head.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <stdexcept>
 #include <string_view>
@@ -55,6 +57,28 @@ int Judge::source(const Recorder &recorder, const Process &process, int code, Be
     source.process = &process;
     source.code = code;
     source.became = became;
+    return add(std::move(source));
+}
+
+int Judge::source(Process &process, std::uint16_t stream)
+{
+    Source source;
+    source.packet = process.telemetry.newest(stream);
+    source.fired = source.packet->count;
+    return add(std::move(source));
+}
+
+int Judge::source(Process &process, std::uint16_t stream, std::uint32_t offset, FledgeType type, std::size_t elements,
+                  std::optional<std::uint32_t> head)
+{
+    Source source;
+    source.packet = process.telemetry.newest(stream);
+    source.offset = offset;
+    source.type = type;
+    source.elements = elements;
+    source.head = head;
+    source.fired = source.packet->count;
+    source.numbers.assign(elements, unknown);
     return add(std::move(source));
 }
 
@@ -187,6 +211,42 @@ void Judge::read(Source &source)
         source.fired = fired;
     } else if (source.recorder) {
         *to = became(source) ? 1.0 : 0.0;
+    } else if (source.packet) {
+        read_packet(source, to);
+    }
+}
+
+/// Whether a packet was sent since the sample before, or its numbers, which are decoded once.
+void Judge::read_packet(Source &source, double *to)
+{
+    const bool sent = source.fired != source.packet->count;
+    source.fired = source.packet->count;
+    if (source.numbers.empty()) {
+        *to = sent ? 1.0 : 0.0;
+        return;
+    }
+    if (sent) {
+        const std::vector<std::uint8_t> &bytes = source.packet->bytes;
+        const auto number = [&](FledgeType type, std::size_t at) {
+            const std::size_t width = element_size(type);
+            std::array<std::uint8_t, sizeof(std::uint64_t)> native{};
+            if (at + width > bytes.size()) {
+                return unknown;
+            }
+            std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), width, native.begin());
+            if (std::endian::native == std::endian::little) {
+                std::reverse(native.begin(), native.begin() + width);
+            }
+            return element_read(type, native.data());
+        };
+        const bool good = !source.head || number(FLEDGE_ENUM, *source.head + offsetof(Head, quality)) >
+                                              static_cast<double>(QUALITY_STALE);
+        for (std::size_t i = 0; i < source.elements; i++) {
+            source.numbers[i] = good ? number(source.type, source.offset + i * element_size(source.type)) : unknown;
+        }
+    }
+    for (std::size_t i = 0; i < source.elements; i++) {
+        to[i * Instants::most] = source.numbers[i];
     }
 }
 
@@ -380,6 +440,10 @@ void Judge::take(Ns t)
 
 void Judge::rewind(Ns now)
 {
+    for (Source &source : sources_) {
+        source.fired = source.packet ? source.packet->count : source.fired;
+        std::fill(source.numbers.begin(), source.numbers.end(), unknown); // of a packet of another time
+    }
     if (now < 0) {
         forget();
     } else if (now < last_) {
@@ -395,7 +459,7 @@ void Judge::forget()
 {
     formulas_.reset();
     for (Source &source : sources_) {
-        source.fired = 0;
+        source.fired = source.packet ? source.packet->count : 0;
         source.log = nullptr;
     }
     count_ = 0;

@@ -4,6 +4,7 @@
 // sample, however many formulas have it.
 #pragma once
 
+#include "sim/carrier.h"
 #include "sim/recorder.h"
 #include "sim/temporal.h"
 
@@ -47,6 +48,12 @@ public:
     /// The same of what became of commands: executed, accepted, or refused at either time. code: -1: of any.
     enum Became { ACCEPTED, EXECUTED, REFUSED };
     int source(const Recorder &recorder, const Process &process, int code, Became became);
+    /// The same of packets of a stream of telemetry.
+    int source(Process &process, std::uint16_t stream);
+    /// Numbers of the newest packet of a stream, `offset` bytes from its beginning, big-endian; before the first packet
+    /// they are unknown. head: as above, in the packet.
+    int source(Process &process, std::uint16_t stream, std::uint32_t offset, FledgeType type, std::size_t elements,
+               std::optional<std::uint32_t> head);
     /// Numbers that the caller gives.
     int source(std::size_t elements);
     int constant(std::span<const double> numbers);
@@ -79,11 +86,13 @@ private:
         FledgeType type = FLEDGE_F64;
         std::size_t elements = 1, at = 0; ///< at: its first row of columns_
         std::optional<std::uint32_t> head;
-        std::uint64_t fired = 0; ///< so far; of commands how many rows of the log
+        std::uint64_t fired = 0; ///< so far; of commands how many rows of the log, of packets their count
         const Recorder *recorder = nullptr;
         int code = -1;
         Became became = EXECUTED;
         std::shared_ptr<const Log> log; ///< of what happened in the process, once something has
+        std::shared_ptr<Newest> packet;
+        std::vector<double> numbers; ///< of the packet; none: whether it was sent counts
     };
     struct Expression {
         Operation operation = SOURCE;
@@ -103,6 +112,7 @@ private:
     int add(Source source);
     void read(Source &source);
     bool became(Source &source) const;
+    static void read_packet(Source &source, double *to);
     void compute_all(); ///< columns_ and margins_
     void compute(Expression &expression);
     void compare(const Atom &atom, double *to);

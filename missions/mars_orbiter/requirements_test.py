@@ -26,7 +26,7 @@ def fields(requirement):
     signals = [comparison.signal for comparison in requirement.formula.comparisons]
     return {(field.port, field.recorded.removeprefix(f"{field.port}.")) for signal in signals
             for field in signal.fields} | {
-        (f"{process}.activity", "kind") for signal in signals for process, _ in signal.events}
+        (f"{process}.activity", "kind") for signal in signals for process, *_ in signal.events}
 
 
 @cache

@@ -3,6 +3,7 @@
 #include "core/extension.h"
 #include "core/value.h"
 
+#include "flight/telemetry/telemetry.h"
 #include "sim/judge.h"
 #include "sim/simulation.h"
 
@@ -76,6 +77,19 @@ int source_of_command(Judge &judge, sim::Simulation &simulation, const std::stri
                         named<Judge::Became>(becomes, became));
 }
 
+int source_of_packet(Judge &judge, sim::Simulation &simulation, const std::string &process, std::uint16_t stream)
+{
+    return judge.source(simulation.process(process), stream);
+}
+
+/// head: whether it is an output, which begins with its head, behind the header of the packet.
+int source_of_telemetry(Judge &judge, sim::Simulation &simulation, const std::string &process, std::uint16_t stream,
+                        std::uint32_t offset, int type, std::size_t elements, bool head)
+{
+    return judge.source(simulation.process(process), stream, TELEMETRY_HEADER + offset, static_cast<FledgeType>(type),
+                        elements, head ? std::optional<std::uint32_t>(TELEMETRY_HEADER) : std::nullopt);
+}
+
 void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
 {
     std::vector<std::span<const double>> spans;
@@ -105,6 +119,9 @@ void bind_judge(py::module_ &m)
              "of_message"_a)
         .def("event", source_of_event, "simulation"_a, "process"_a, "name"_a)
         .def("command", source_of_command, "simulation"_a, "process"_a, "code"_a, "became"_a)
+        .def("packet", source_of_packet, "simulation"_a, "process"_a, "stream"_a)
+        .def("telemetry", source_of_telemetry, "simulation"_a, "process"_a, "stream"_a, "offset"_a, "type"_a,
+             "elements"_a, "head"_a)
         .def(
             "given", [](Judge &judge, std::size_t elements) { return judge.source(elements); }, "elements"_a)
         .def(

@@ -63,6 +63,7 @@ class Commands:
         self._packets = Packets(self.dictionary)
         self._sent: list[tuple[int, bytes]] = []
         self.spoke_frames = False   # what came in frames is not in `sent`
+        self.plays_frames = False   # of a target that flew, whose packets are not known here
         core.take_received()   # from now on, the kernel keeps them
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
@@ -272,6 +273,7 @@ class Commands:
     def play(self, packets: Iterable[Timed]) -> None:
         """Send these from now on, of a target that flew, in the order of time, or its frames; by
         radios, too."""
+        self.plays_frames = self.dictionary.frames is not None
         self._core.play_telemetry([(packet.t, packet.packet) for packet in packets])
 
     def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]]]:

@@ -770,6 +770,12 @@ class Flight(Process):
         return any(_core.struct(instance).service for instance in self)
 
     @property
+    def sends_unseen(self) -> bool:
+        """Whether its packets of telemetry are not known here: a computer flies it, or frames come from a record."""
+        return (any(_core.maker(instance) == "computer" for instance in self)
+                or self._commands is not None and self._commands.plays_frames)
+
+    @property
     def commands(self) -> Commands:
         """Commands by packets, as its targets get them."""
         from fledge.mission.commands import Commands, dictionary

@@ -513,8 +513,8 @@ class Dispersions:
         assert declared.formula is not None
         for comparison in declared.formula.comparisons:
             if comparison.signal.events:
-                raise SetupError(f"{declared.id}: {comparison.text}: campaigns do not retain events; look at a mode, "
-                                 "or at what the event sets")
+                raise SetupError(f"{declared.id}: {comparison.text}: campaigns retain no events, commands or packets; "
+                                 "look at a mode, or at what an event sets")
             for field in comparison.signal.fields:
                 self._retain(field.path, False)
                 if field.has_quality:

@@ -15,6 +15,7 @@ from fledge.objects.si import time_ns
 from fledge.objects.wires import caller
 from fledge.requirements.formula import Comparison, Formula, Signal, time_text
 from fledge.requirements.judge import BECOMES, CODES, Judged, Outcome
+from fledge.requirements.telemetered import Sent
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -87,7 +88,7 @@ class Declaration:
             raise SetupError(f"r.event: {process} has no event '{name}'{did_you_mean(name, known)} it has "
                              + listed(list(known)))
         text = f"{process}.{name}"
-        return Comparison(Signal("event", text=text, event=(process, name)), "==", 1.0, f"{text} fires")
+        return Comparison(Signal("event", text=text, event=(process, "event", name)), "==", 1.0, f"{text} fires")
 
     def command(self, process: str, name: str = "", became: str = "executed") -> Formula:
         """True at a sample up to which a command has become so since the sample before: "executed", "accepted" or
@@ -100,7 +101,18 @@ class Declaration:
                 raise SetupError(f"r.command: there is no {what} '{found}'{did_you_mean(found, known)} there are "
                                  + listed([text for text in known if text]))
         text = f"a command{name and f' {name}'} of {process}"
-        return Comparison(Signal("event", text=text, event=(process, name, became)), "==", 1.0, f"{text} is {became}")
+        return Comparison(Signal("event", text=text, event=(process, "command", name, became)), "==", 1.0,
+                          f"{text} is {became}")
+
+    def packet(self, process: str, name: str) -> Formula:
+        """True at a sample up to which a packet of telemetry was sent since the sample before. name: of the dictionary:
+        the path of an output, "housekeeping", "reports", "texts", "events", ..."""
+        return Sent(self._simulation, "r.packet", process).packet(name)
+
+    def telemetry(self, process: str, path: str) -> Signal:
+        """Numbers of the newest packet, as the ground has them: `r.telemetry("flight", "housekeeping.mode")`, or the
+        path of a field of an output. Before the first packet they are unknown."""
+        return Sent(self._simulation, "r.telemetry", process).number(path)
 
     def require(self, id: str, text: str, formula: Formula | None = None, *, method: str = "test", rationale: str = "",
                 parent: str = "", evidence: str = "", shown_by: str | Iterable[str] = ()) -> None:

@@ -52,13 +52,14 @@ class Signal:
     @property
     def key(self) -> tuple[object, ...]:
         """The same of signals that are the same."""
-        return (self.operation, self.field.path if self.field else self.event, self.number, self.place,
+        return (self.operation, self.event or self.field and self.field.path, self.number, self.place,
                 self.numbers, *(operand.key for operand in self.operands))
 
     @property
     def fields(self) -> list[FieldPath]:
-        """The fields that it reads."""
-        return ([self.field] if self.field else []) + [field for operand in self.operands for field in operand.fields]
+        """The fields that it reads, those of packets apart."""
+        own = [self.field] if self.field and not self.event else []
+        return own + [field for operand in self.operands for field in operand.fields]
 
     @property
     def paths(self) -> list[str]:
@@ -67,7 +68,8 @@ class Signal:
 
     @property
     def events(self) -> list[tuple[str, ...]]:
-        """(process, event), or (process, command, what became of it), of those that it reads."""
+        """(process, "event", name), (process, "command", name, what became of it), (process, "packet", name) or
+        (process, "telemetry", path) of those that it reads."""
         return ([self.event] if self.event else []) + [event for operand in self.operands for event in operand.events]
 
     # --- others of it ---

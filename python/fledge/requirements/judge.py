@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from fledge import _core
-from fledge.commands import Code, Reason
+from fledge.commands import NUMBERS, Code, Reason
 from fledge.errors import SetupError, Stopped
 from fledge.records.series import ACTIVITY, MODE, Records
 from fledge.requirements.formula import Comparison, Formula, Signal, number_text, time_text
@@ -167,7 +167,8 @@ class Judged:
         if judge.core.went_back:
             return "the simulation went back to an earlier state"
         if atom >= 0:
-            return f"{judge.atoms[atom].text}: what it reads was never written, or is stale, at {t / 1e9:g} s"
+            written = "sent" if judge.atoms[atom].signal.events else "written"
+            return f"{judge.atoms[atom].text}: what it reads was never {written}, or is stale, at {t / 1e9:g} s"
         reach = requirement.formula.reach
         if self._end is not None and reach > self._end:
             return f"the run ends at {time_text(self._end)}, and a window reaches to {time_text(reach)}"
@@ -226,7 +227,7 @@ class _Judge:
         return self._signals[signal.key]
 
     def _made(self, signal: Signal) -> int:
-        if signal.operation in ("source", "event"):
+        if signal.operation in ("source", "event", "telemetry"):
             source = self._source(signal)
             self.sources.append(signal)
             return self.core.expression("source", source, -1, 0.0)
@@ -239,13 +240,19 @@ class _Judge:
     def _source(self, signal: Signal) -> int:
         if self._simulation is None:
             return self.core.given(math.prod(signal.shape))
-        kernel = self._simulation.kernel
+        kernel, field = self._simulation.kernel, signal.field
         if signal.event:
-            process, name, *became = signal.event
-            if became:
+            process, what, name, *became = signal.event
+            if what == "command":
                 return self.core.command(kernel, process, CODES.get(name, -1), *became)
-            return self.core.event(kernel, process, name)
-        field = signal.field
+            if what == "event":
+                return self.core.event(kernel, process, name)
+            if self._simulation.process(process).sends_unseen:
+                return self.core.given(math.prod(signal.shape))
+            if field is None:
+                return self.core.packet(kernel, process, signal.place)
+            return self.core.telemetry(kernel, process, signal.place, field.offset + field.width * field.elements[0],
+                                       NUMBERS.index(field.stored.type), len(field.elements), field.has_quality)
         assert field is not None and field.port is not None
         owner, _, port = field.port.rpartition(".")
         return self.core.source(kernel, owner, port, field.offset + field.width * field.elements[0], field.stored,
@@ -283,7 +290,9 @@ class _Judge:
         import numpy as np
 
         if signal.event:
-            process, name, *became = signal.event
+            process, what, name, *became = signal.event
+            if what in ("packet", "telemetry"):
+                raise SetupError(f"{signal.text}: records have no packets; they are judged while a scenario flies")
             ports = [port for port in records.executives() if port.type == ACTIVITY
                      and port.name.rpartition(".")[0] == process]
             events: Any = records._values(ports[0]) if ports else []

@@ -243,8 +243,9 @@ class Compiled:
             for number in signal.numbers:
                 self._push(1)
                 self._add("CONSTANT", number=number)
-        elif signal.operation == "event":
-            raise self._refused(f"reads the event {signal.text}, and flight judges numbers of its outputs only")
+        elif signal.event:
+            event = "the event " * (signal.event[1] == "event")
+            raise self._refused(f"reads {event}{signal.text}, and flight judges numbers of its outputs only")
         else:
             for operand in signal.operands:
                 self._signal(operand)

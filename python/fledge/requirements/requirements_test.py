@@ -9,6 +9,7 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive
+from fledge.commands import Report, Stage, decoded
 from fledge.errors import SetupError, Stopped
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.requirements import (Requirements, after, always, angle, before, begins, eventually, implies, never,
@@ -182,6 +183,125 @@ def test_commands_are_seen_once_and_from_a_record_as_in_the_run(tmp_path):
                       (lambda: r.command("world", "mode"), "world is no process of flight")):
         with pytest.raises(SetupError, match=text):
             bad()
+
+
+def trusted(name):
+    """Of an output, as the ground decodes it: the second number of a field, unless the message is not to be trusted."""
+    return lambda content: math.nan if content["head"]["quality"] in ("NONE", "STALE") else content[name][1]
+
+
+DECODED = {"flight.tracking.error.sigma_BR": trusted("sigma_BR"), "flight.control.torque.torque_B": trusted("torque_B"),
+           "flight.tracking.error.head.sequence": lambda content: content["head"]["sequence"],
+           "housekeeping.mode": lambda state: state["mode"], "housekeeping.t": lambda state: state["t"],
+           "housekeeping.accepted": lambda state: state["accepted"], "reports.code": lambda report: report.code}
+
+
+def telemetered(tmp_path):
+    """(a mission, formulas on its packets and their numbers, what judges them)."""
+    sim = plays(tmp_path)
+    r = Declaration(sim)
+    for name in ("housekeeping", "flight.tracking.error", "flight.control.torque", "reports"):
+        r.require(name, "", eventually(r.packet("flight", name)))
+    for path in DECODED:
+        number = r.telemetry("flight", path)
+        r.require(path, "", eventually(number == "rest" if path.endswith("mode") else
+                                       (number[1] if number.shape else number) < 1e30))
+    judged = Judged(list(r._found.values()), sim, traces=True)
+    judged.watch(False)
+    return sim, r, judged
+
+
+def test_packets_and_their_numbers_are_what_the_ground_decodes(tmp_path):
+    sim, _, judged = telemetered(tmp_path)
+    commands = sim.flight.commands
+    commands.take_packets()
+    sim.run(3 * s)
+    commands.telemetry("flight.tracking.error", every=3)
+    commands.telemetry("housekeeping", every=7)
+    sim.run(2 * s)
+    commands.telemetry("flight.control.torque")
+    commands.mode("rest")
+    sim.run(6 * s)
+    commands.mode("point")
+    sim.run(4 * s)
+    flown = commands.take_packets()
+    packets = [(t, decoded(commands.dictionary, packet)) for t, packet in flown]
+    live = judged.outcomes()
+    assert {outcome.verdict for outcome in live} == {"holds"}
+    for outcome in live:
+        id, comparison = outcome.requirement.id, outcome.requirement.formula.comparisons[0]
+        time, values = judged.values(comparison)
+        of = [(t, packet.content) for t, packet in packets if id == packet.path or id.startswith(f"{packet.path}.")]
+        assert len(of) > 3
+        # The first sample that sees each: a command comes, and is accepted, after the instant that its report bears.
+        at = np.searchsorted(np.rint(time * 1e9), [
+            t + (isinstance(content, Report) and content.stage == Stage.ACCEPTED) for t, content in of])
+        if id not in DECODED:
+            assert list(np.flatnonzero(values)) == sorted(set(at)), id
+            continue
+        expected = np.full(len(time), math.nan)
+        for k, (_, content) in zip(at, of):
+            expected[k:] = DECODED[id](content)
+        assert np.array_equal(values, expected, equal_nan=True) and len(set(expected)) > 2, id
+
+    # The packets of a target that flew say the same; a run that begins anew knows nothing of the one before.
+    played = fledge.load(tmp_path / "plays")
+    played.flight.commands.play(flown)
+    again = Judged([outcome.requirement for outcome in live], played)
+    again.watch(False)
+    played.run(15 * s)
+    assert [(outcome.verdict, outcome.margin) for outcome in again.outcomes()] == [
+        (outcome.verdict, outcome.margin) for outcome in live]
+    sim.reset()
+    sim.run(1 * s)
+    found = judged.outcomes()
+    assert [outcome.verdict for outcome in found] == ["violated"] * 4 + ["unknown"] * len(DECODED)
+    assert "was never sent" in found[-1].reason
+
+
+def test_a_packet_is_seen_at_the_instant_at_which_it_is_sent(tmp_path):
+    sim, r, _ = telemetered(tmp_path)
+    r.require("A-1", "", never(r.packet("flight", "flight.tracking.error")))
+    judged = Judged([r._found["A-1"]], sim)
+    judged.watch(True)
+    sim.run(3 * s)
+    sim.flight.commands.telemetry("flight.tracking.error", every=4)
+    sim.flight.commands.take_packets()
+    with pytest.raises(Stopped, match="A-1 violated, at 3.4 s, a packet flight.tracking.error is sent"):
+        sim.run(9 * s)
+    assert [packet.t for packet in sim.flight.commands.take_packets()][-1] == sim.time_ns == 3_400_000_000
+    log = sim.record(sim.flight.tracking.error)
+    with pytest.raises(SetupError, match="records have no packets"):
+        Judged([r._found["A-1"]]).play(log, None)
+
+
+def test_of_packets_that_are_not_known_here_nothing_is_known():
+    sim = fledge.load("sun_gazer")      # it speaks frames
+    sim.flight.commands.play([])
+    r = Declaration(sim)
+    r.require("A-1", "", never(r.packet("flight", "housekeeping")))
+    judged = Judged(list(r._found.values()), sim)
+    judged.watch(False)
+    sim.run(1 * s)
+    assert judged.outcomes()[0].verdict == "unknown"
+
+
+@pytest.mark.parametrize("make, text", [
+    (lambda r: r.packet("flight", "housekeping"), "sends no packet 'housekeping'; did you mean 'housekeeping'"),
+    (lambda r: r.packet("flight", "flight.tracking.eror"), "did you mean 'flight.tracking.error'"),
+    (lambda r: r.packet("world", "housekeeping"), "world is no process of flight"),
+    (lambda r: r.telemetry("world", "housekeeping.mode"), "world is no process of flight"),
+    (lambda r: r.telemetry("flight", "housekeeping.moda"), "has no number 'moda'; did you mean 'mode'"),
+    (lambda r: r.telemetry("flight", "files.n"), "a packet files has no numbers with a name"),
+    (lambda r: r.telemetry("flight", "flight.tracking.error"), "is a whole message; name one of its fields"),
+    (lambda r: r.telemetry("flight", "flight.tracking.error.sigma_BN"), "has no 'sigma_BN'; did you mean 'sigma_BR'"),
+    (lambda r: r.telemetry("flight", "flight.control.K"), "is no field of an output of flight"),
+    (lambda r: r.telemetry("flight", "flight.mode"), "is no field of an output of flight"),
+    (lambda r: r.telemetry("flight", "housekeeping.mode") == "rust", "did you mean 'rest'"),
+    (lambda r: r.telemetry("flight", "flight.tracking.error.omega_BR_B")[0] < 1 * m, "expected a quantity in rad/s")])
+def test_what_is_no_packet_or_number_of_one_is_refused(tmp_path, make, text):
+    with pytest.raises(SetupError, match=text):
+        make(Declaration(plays(tmp_path)))
 
 
 def test_a_run_stops_at_the_first_violation_and_may_go_on(mission):
