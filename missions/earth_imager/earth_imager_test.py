@@ -9,6 +9,7 @@ import pytest
 
 import fledge
 from fledge import cli
+from fledge.requirements import Requirements
 from fledge.units import minute, s
 
 
@@ -17,6 +18,22 @@ def test_the_scenarios_pass(scenario):
     sim = fledge.load("earth_imager")
     sim.plots = False
     sim.scenarios[scenario]()
+
+
+def test_its_contact_is_as_required_and_each_requirement_can_fail():
+    sim = fledge.load("earth_imager")
+    sim.plots = False
+    watch = Requirements(sim).watch()
+    sim.scenarios["contact"]()
+    assert [outcome.verdict for outcome in watch.outcomes()] == ["holds"] * 4
+
+    sim = fledge.load("earth_imager")
+    sim.world.wheels.faults = [{"kind": "DEAD", "channels": 0b1111, "begin": 0 * s}]
+    watch = Requirements(sim).watch()
+    sim.flight.commands.telemetry("flight.tracking.error", every=2)     # no radio brings it
+    sim.flight.commands.telemetry("housekeeping")
+    sim.run(4 * minute)
+    assert [outcome.verdict for outcome in watch.outcomes()] == ["violated"] * 4
 
 
 def test_flight_knows_how_the_earth_stands_and_turns():
