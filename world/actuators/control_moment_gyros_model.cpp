@@ -116,37 +116,6 @@ Vec3 ControlMomentGyrosModel::axis(std::size_t i, double angle) const
     return vec_add(vec_scale(cosine, column(state_.gyros.s, i)), vec_scale(sine, column(state_.gyros.t, i)));
 }
 
-/// The gyros i to i + 3.
-LANES_INLINE ControlMomentGyrosModel::Four ControlMomentGyrosModel::four(std::size_t i, const double *x,
-                                                                         const Vec3 &omega) const
-{
-    const Fours &all = state_.gyros;
-    const Quad3 rate = quads(omega), s0 = quads(all.s, i), t0 = quads(all.t, i);
-    Quad sine, cosine;
-    sincos(quad_at(x + 2 * padded_ + i), sine, cosine);
-    Four now;
-    now.s = cosine * s0 + sine * t0;
-    now.t = cosine * t0 - sine * s0;
-    now.h = quad_at(x + i);
-    now.p = quad_at(x + padded_ + i);
-    now.omega_s = dot(now.s, rate);
-    now.omega_t = dot(now.t, rate);
-    now.rate = now.p * quad_at(all.J_g_inverse + i) - dot(quads(all.g, i), rate);
-    now.gyration = (now.h + (quad_at(all.J_s + i) - quad_at(all.J_t + i)) * now.omega_s) * now.omega_t;
-    return now;
-}
-
-/// [N m] of the gimbals' motors. For a rate, they also carry the gyration.
-LANES_INLINE Quad ControlMomentGyrosModel::gimbal_torque(std::size_t i, const Four &now) const
-{
-    const Motors &motors = state_.motors;
-    const Quad most = quad_at(motors.most + i), servo = quad_at(motors.servo + i);
-    const Quad rate = quad_at(motors.wanted + i) - now.rate;
-    const Quad wanted = quad_at(motors.gimbal + i) + quad_at(motors.per_lag + i) * rate - servo * now.gyration;
-    const Quad below = wanted < most ? wanted : most;
-    return below > -most ? below : -most;
-}
-
 std::vector<StateName> ControlMomentGyrosModel::names() const
 {
     std::vector<StateName> all;
@@ -249,12 +218,16 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
 LANES_INLINE void ControlMomentGyrosModel::observe(const double *x, const BodyRate &rate, Seen &seen) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four now = four(i, x, rate.omega);
-        put_quad(seen.Omega + i, now.h * quad_at(state_.gyros.J_inverse + i) - now.omega_s);
+        const Four gyros{*this, i};
+        const Four::State state = gyros.load(x);
+        Four::Place at;
+        gyros.turned(state.angle, at);
+        const Four::Now now = gyros.now(at, state, quads(rate.omega));
+        put_quad(seen.Omega + i, state.h * quad_at(state_.gyros.J_inverse + i) - now.omega_s);
         put_quad(seen.rate + i, now.rate);
         put_quad(seen.gyration + i, now.gyration);
         put_quad(seen.omega_t + i, now.omega_t);
-        put_quad(seen.domega_s + i, dot(now.s, quads(rate.domega)));
+        put_quad(seen.domega_s + i, dot(at.s, quads(rate.domega)));
         put_quad(seen.domega_g + i, dot(quads(state_.gyros.g, i), quads(rate.domega)));
     }
 }
@@ -267,25 +240,18 @@ void ControlMomentGyrosModel::couple(const double *x, const Motion &motion, Load
 LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, const Motion &motion, Loads &loads,
                                                            Whole &whole)
 {
-    symmetric(state_.gyros.all_ways).add_to(whole.inertia);
+    Placed placed(whole);
+    Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four now = four(i, x, motion.omega);
-        const Quad J_st = quad_at(state_.gyros.J_s + i) - quad_at(state_.gyros.J_t + i);
-        const Quad u = quad_at(state_.motors.wheel + i), v = gimbal_torque(i, now), dp = v + now.gyration;
-        const Quad turning = now.rate * J_st;
-        const Quad3 g = quads(state_.gyros.g, i);
-        product(J_st * now.s, now.s).sum().add_to(whole.inertia);
-        put(loads.momentum, quad(loads.momentum) + sums(now.h * now.s + now.p * g));
-        put(loads.torque, quad(loads.torque) - sums((u + turning * now.omega_t) * now.s +
-                                                    (now.h * now.rate + turning * now.omega_s) * now.t + dp * g));
-        Quad(&to)[3] = acting_[i / sim::state_block];
-        to[0] = u;
-        to[1] = dp;
-        to[2] = now.rate;
-        put_quad(seen_.rate + i, now.rate);
-        put_quad(seen_.torque + i, v);
-        put_quad(seen_.omega_s + i, now.omega_s);
+        const Four gyros{*this, i};
+        const Four::State state = gyros.load(x);
+        Four::Place at;
+        gyros.place(state.angle, placed, at);
+        acting_[i / sim::state_block] = gyros.act(at, state, quad(motion.omega), moved);
+        gyros.show(acting_[i / sim::state_block]);
     }
+    placed.put(whole);
+    moved.put(whole, loads);
 }
 
 void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec3 &, double *dx) const
@@ -296,9 +262,8 @@ void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec
 LANES_INLINE void ControlMomentGyrosModel::accelerate_in_lanes(double *dx) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        for (std::size_t k = 0; k < 3; k++) {
-            put_quad(dx + k * padded_ + i, acting_[i / sim::state_block][k]);
-        }
+        const Four gyros{*this, i};
+        gyros.store(dx, gyros.accelerate(Four::Place{}, acting_[i / sim::state_block], Quad{}, Quad{}));
     }
 }
 

@@ -15,7 +15,7 @@
 #pragma once
 
 #include "world/actuators/control_moment_gyros.h"
-#include "world/dynamics/lanes.h"
+#include "world/dynamics/coupled_step.h"
 #include "world/faults.h"
 
 #include <string>
@@ -42,14 +42,48 @@ public:
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
-private:
-    /// Four gyros at one instant.
+    /// Four gyros, `i` and the next three, as a part of a CoupledCraft.
     struct Four {
-        Quad3 s, t;
-        Quad h, p, omega_s, omega_t;
-        Quad rate;     ///< of the gimbal
-        Quad gyration; ///< [N m] on the gimbal
+        static constexpr bool is_free = false;
+        struct State {
+            Quad h, p, angle;
+
+            LANES_INLINE State operator+(const State &b) const { return {h + b.h, p + b.p, angle + b.angle}; }
+            LANES_INLINE friend State operator*(double s, const State &a) { return {s * a.h, s * a.p, s * a.angle}; }
+            LANES_INLINE friend Quad coordinate(const State &x) { return x.angle; }
+            LANES_INLINE friend void set_coordinate(State &x, Quad angle) { x.angle = angle; }
+        };
+        struct Place {
+            Quad3 s, t;
+        };
+        /// At the body's rate.
+        struct Now {
+            Quad omega_s, omega_t;
+            Quad rate;     ///< of the gimbal
+            Quad gyration; ///< [N m] on the gimbal
+        };
+        struct Acting {
+            Quad rate, dp;
+            Quad torque; ///< [N m] of the gimbal's motor
+            Quad omega_s;
+        };
+        const ControlMomentGyrosModel &of;
+        std::size_t i;
+
+        LANES_INLINE void turned(Quad angle, Place &to) const;
+        LANES_INLINE Now now(const Place &at, const State &x, const Quad3 &omega) const;
+        LANES_INLINE void place(Quad angle, Placed &all, Place &to) const;
+        LANES_INLINE Acting act(const Place &at, const State &x, Quad omega, Moved &all) const;
+        LANES_INLINE State accelerate(const Place &, const Acting &now, Quad, Quad) const;
+        LANES_INLINE void show(const Acting &now) const;
+        LANES_INLINE State load(const double *x) const;
+        LANES_INLINE void store(double *x, const State &k) const;
+        LANES_INLINE static Quad sum(const State &x) { return (x.h + x.p) + x.angle; }
     };
+    std::size_t size() const { return interface_.par.n; }
+    Four four() const { return {*this, 0}; } ///< the first ones
+
+private:
     /// What limits need of a gyro.
     struct Seen {
         double Omega[WHEELS_MAX], rate[WHEELS_MAX]; ///< of wheel, gimbal
@@ -90,8 +124,6 @@ private:
 
     void fail(std::size_t channel, double &x, double most);
     Vec3 axis(std::size_t i, double angle) const;
-    Four four(std::size_t i, const double *x, const Vec3 &omega) const;
-    Quad gimbal_torque(std::size_t i, const Four &now) const;
     void observe(const double *x, const BodyRate &rate, Seen &seen) const;
     void couple_in_lanes(const double *x, const Motion &motion, Loads &loads, Whole &whole);
     void accelerate_in_lanes(double *dx) const;
@@ -100,12 +132,85 @@ private:
     std::string name_;
     sim::Random seeded_; ///< the stream as each run begins it
     std::size_t n_ = 0, padded_ = 0;
-    Quad acting_[WHEELS_MAX / 4][3]{}; ///< the derivatives of the states, of the last couple()
-    /// Of the last couple(), for publish(): of the gimbal, of its motor, of the body about the wheel's axis.
-    struct {
+    Four::Acting acting_[WHEELS_MAX / 4]{}; ///< of the last couple()
+    /// Of the last stage, for publish(): of the gimbal, of its motor, of the body about the wheel's axis.
+    mutable struct {
         double rate[WHEELS_MAX], torque[WHEELS_MAX], omega_s[WHEELS_MAX];
     } seen_{};
     State state_{};
 };
+
+LANES_INLINE ControlMomentGyrosModel::Four::State ControlMomentGyrosModel::Four::load(const double *x) const
+{
+    return {quad_at(x + i), quad_at(x + of.padded_ + i), quad_at(x + 2 * of.padded_ + i)};
+}
+
+LANES_INLINE void ControlMomentGyrosModel::Four::store(double *x, const State &k) const
+{
+    put_quad(x + i, k.h);
+    put_quad(x + of.padded_ + i, k.p);
+    put_quad(x + 2 * of.padded_ + i, k.angle);
+}
+
+LANES_INLINE void ControlMomentGyrosModel::Four::turned(Quad angle, Place &to) const
+{
+    const Quad3 s = quads(of.state_.gyros.s, i), t = quads(of.state_.gyros.t, i);
+    Quad sine, cosine;
+    sincos(angle, sine, cosine);
+    to.s = cosine * s + sine * t;
+    to.t = cosine * t - sine * s;
+}
+
+LANES_INLINE void ControlMomentGyrosModel::Four::place(Quad angle, Placed &all, Place &to) const
+{
+    const Fours &gyros = of.state_.gyros;
+    turned(angle, to);
+    if (i == 0) {
+        all.inertia = all.inertia + symmetric(gyros.all_ways);
+    }
+    all.inertia = all.inertia + product((quad_at(gyros.J_s + i) - quad_at(gyros.J_t + i)) * to.s, to.s).sum();
+}
+
+LANES_INLINE ControlMomentGyrosModel::Four::Now ControlMomentGyrosModel::Four::now(const Place &at, const State &x,
+                                                                                   const Quad3 &omega) const
+{
+    const Fours &gyros = of.state_.gyros;
+    const Quad omega_s = dot(at.s, omega), omega_t = dot(at.t, omega);
+    return {omega_s, omega_t, x.p * quad_at(gyros.J_g_inverse + i) - dot(quads(gyros.g, i), omega),
+            (x.h + (quad_at(gyros.J_s + i) - quad_at(gyros.J_t + i)) * omega_s) * omega_t};
+}
+
+LANES_INLINE ControlMomentGyrosModel::Four::Acting ControlMomentGyrosModel::Four::act(const Place &at, const State &x,
+                                                                                      Quad omega, Moved &all) const
+{
+    const Fours &gyros = of.state_.gyros;
+    const Motors &motors = of.state_.motors;
+    const Now now = this->now(at, x, {quad(omega[0]), quad(omega[1]), quad(omega[2])});
+    // Of the gimbals' motors. For a rate, they also carry the gyration.
+    const Quad most = quad_at(motors.most + i), servo = quad_at(motors.servo + i);
+    const Quad wanted = quad_at(motors.gimbal + i) +
+                        quad_at(motors.per_lag + i) * (quad_at(motors.wanted + i) - now.rate) - servo * now.gyration;
+    const Quad below = wanted < most ? wanted : most;
+    const Quad v = below > -most ? below : -most, dp = v + now.gyration;
+    const Quad turning = now.rate * (quad_at(gyros.J_s + i) - quad_at(gyros.J_t + i));
+    const Quad3 g = quads(gyros.g, i);
+    all.momentum += sums(x.h * at.s + x.p * g);
+    all.acting -= sums((quad_at(motors.wheel + i) + turning * now.omega_t) * at.s +
+                       (x.h * now.rate + turning * now.omega_s) * at.t + dp * g);
+    return {now.rate, dp, v, now.omega_s};
+}
+
+LANES_INLINE ControlMomentGyrosModel::Four::State
+ControlMomentGyrosModel::Four::accelerate(const Place &, const Acting &now, Quad, Quad) const
+{
+    return {quad_at(of.state_.motors.wheel + i), now.dp, now.rate};
+}
+
+LANES_INLINE void ControlMomentGyrosModel::Four::show(const Acting &now) const
+{
+    put_quad(of.seen_.rate + i, now.rate);
+    put_quad(of.seen_.torque + i, now.torque);
+    put_quad(of.seen_.omega_s + i, now.omega_s);
+}
 
 } // namespace fledge::world

@@ -4,6 +4,7 @@
 // stand between each other.
 #include "world/dynamics/coupled_step.h"
 
+#include "world/actuators/control_moment_gyros_model.h"
 #include "world/dynamics/hinged_panels_model.h"
 #include "world/dynamics/reaction_wheels_model.h"
 #include "world/dynamics/spacecraft_model.h"
@@ -31,16 +32,16 @@ LANES_INLINE void SpacecraftModel::step_coupled(First first, std::size_t at_firs
     using Craft = CoupledCraft<First, Second>;
     using State = typename Craft::State;
     const auto load = [&](const double *from) LANES_LAMBDA {
-        return State{quad_at(from + at_r),     quad_at(from + at_v),         quad_at(from + at_sigma),
-                     quad_at(from + at_omega), First::load(from + at_first), Second::load(from + at_second)};
+        return State{quad_at(from + at_r),     quad_at(from + at_v),        quad_at(from + at_sigma),
+                     quad_at(from + at_omega), first.load(from + at_first), second.load(from + at_second)};
     };
     const auto store = [&](double *to, const State &x) LANES_LAMBDA {
         put_quad(to + at_r, x.r);
         put_quad(to + at_v, x.v);
         put_quad(to + at_sigma, x.sigma);
         put_quad(to + at_omega, x.omega);
-        First::store(to + at_first, x.first);
-        Second::store(to + at_second, x.second);
+        first.store(to + at_first, x.first);
+        second.store(to + at_second, x.second);
     };
     Quad torque = quad_at(held_ + at_torque_B);
     if constexpr (std::is_same_v<Second, BalancedWheels>) {
@@ -86,6 +87,11 @@ LANES_INLINE void SpacecraftModel::step_panels_and_balanced_wheels(sim::Ns dt)
     step_coupled(as<HingedPanelsModel>(first_).two(), first_->at, BalancedWheels{*rotors_}, second_->at, dt);
 }
 
+LANES_INLINE void SpacecraftModel::step_gyros(sim::Ns dt)
+{
+    step_coupled(as<ControlMomentGyrosModel>(first_).four(), first_->at, NoPart{}, 0, dt);
+}
+
 SpacecraftModel::Step SpacecraftModel::coupled_step()
 {
     const auto has_wheels = [](const Part &part) {
@@ -96,6 +102,10 @@ SpacecraftModel::Step SpacecraftModel::coupled_step()
         const auto *panels = dynamic_cast<const HingedPanelsModel *>(part.effector);
         return panels && panels->size() <= 2;
     };
+    const auto has_gyros = [](const Part &part) {
+        const auto *gyros = dynamic_cast<const ControlMomentGyrosModel *>(part.effector);
+        return gyros && gyros->size() <= state_block;
+    };
     if (parts_.size() > 2) {
         return nullptr;
     }
@@ -104,6 +114,7 @@ SpacecraftModel::Step SpacecraftModel::coupled_step()
     if (first_ == second_) {
         return has_wheels(*first_)   ? in_steps<&SpacecraftModel::step_wheels>
                : has_panels(*first_) ? in_steps<&SpacecraftModel::step_panels>
+               : has_gyros(*first_)  ? in_steps<&SpacecraftModel::step_gyros>
                                      : nullptr;
     }
     if (has_wheels(*first_) && has_panels(*second_)) {

@@ -43,13 +43,14 @@ struct Placed {
     LANES_INLINE Quad moment() const { return after_first(mass); }
 };
 
-/// What the rates of moving masses add to a Whole, and their momentum to the Loads.
+/// What the rates of moving masses add to a Whole; `acting` and `momentum` of the Loads.
 struct Moved {
-    Quad drift{}, force{}, torque{}, momentum{};
+    Quad drift{}, force{}, torque{}, momentum{}, acting{};
 
-    Moved() = default;
+    LANES_INLINE explicit Moved(Quad on_body) : acting(on_body) {}
     LANES_INLINE Moved(const Whole &w, const Loads &loads)
-        : drift(quad(w.drift)), force(quad(w.force)), torque(quad(w.torque)), momentum(quad(loads.momentum))
+        : drift(quad(w.drift)), force(quad(w.force)), torque(quad(w.torque)), momentum(quad(loads.momentum)),
+          acting(quad(loads.torque))
     {
     }
     LANES_INLINE void put(Whole &w, Loads &loads) const
@@ -58,6 +59,7 @@ struct Moved {
         world::put(w.force, force);
         world::put(w.torque, torque);
         world::put(loads.momentum, momentum);
+        world::put(loads.torque, acting);
     }
 };
 
@@ -114,6 +116,32 @@ struct Factors {
     }
 };
 
+/// The same where no part has a degree of freedom. With the moment b of the mass M, the inertia about the centre of
+/// mass is what the angular acceleration meets: I - (b.b - b b) / M.
+struct RigidFactors {
+    SymmetricQuads by_torque;
+    Quad b;
+    double mass, per_mass, per_torque;
+
+    LANES_INLINE void take(const Placed &w)
+    {
+        b = w.moment();
+        mass = w.mass[0];
+        const double b2 = dot(b, b);
+        const SymmetricQuads spread = SymmetricQuads{{b2, b2, b2, 0.0}, {}} - product(b, b);
+        const Adjugate q(mass * w.inertia - spread); // with the mass as a factor, so that no division waits
+        by_torque = q.adjugate;
+        per_mass = 1.0 / mass;
+        per_torque = 1.0 / q.determinant;
+    }
+
+    LANES_INLINE void solve(Quad force, Quad torque, Quad &a, Quad &domega) const
+    {
+        domega = per_torque * by_torque.times(mass * torque - cross(b, force));
+        a = per_mass * (force + cross(b, domega));
+    }
+};
+
 // The states of a part are a Swing, four numbers without a coordinate (a Quad), or None.
 
 /// Four coordinates, and their rates or momenta.
@@ -163,12 +191,16 @@ template <class Part, class Coordinate> LANES_INLINE Coordinate normalized(Coord
 ///   act(Place, State, omega, Moved &)        what its rates add -> Acting, whose `rate` is that of its coordinate
 ///   accelerate(Place, Acting, a, domega)     -> the rates of its states
 ///   normalized(coordinate)                   if a step changes its range
+///   show(Acting)                             if it shows something of the last stage
+///   is_free                                  false if it has no degree of freedom
 template <class First, class Second> struct CoupledCraft {
     First first;
     Second second;
     const Whole &hub;
     Quad torque; ///< [N m] on the body
     double h;    ///< [s] of a step
+
+    static constexpr bool is_rigid = requires { requires !First::is_free; };
 
     struct State {
         Quad r, v, sigma, omega;
@@ -190,7 +222,7 @@ template <class First, class Second> struct CoupledCraft {
         SymmetricQuads inertia;
         typename First::Place first;
         typename Second::Place second;
-        Factors factors;
+        std::conditional_t<is_rigid, RigidFactors, Factors> factors;
     };
     /// Besides the rates, what the craft shows.
     struct Rates {
@@ -210,19 +242,19 @@ template <class First, class Second> struct CoupledCraft {
         to.factors.take(all);
     }
 
-    /// The rates of the state x. next(first, second) gets those of the coordinates as soon as they are known, to place
-    /// the next stage.
+    /// The rates of the state x. next(first, second) gets what the parts do, as soon as that is known, to place the
+    /// next stage by their rates.
     template <class Next>
     LANES_INLINE void rates(Rates &to, const State &x, Quad gravity, const Shape &now, const Next &next) const
     {
-        Moved moved;
+        Moved moved(torque);
         const auto on_first = first.act(now.first, x.first, x.omega, moved);
         const auto on_second = second.act(now.second, x.second, x.omega, moved);
-        next(on_first.rate, on_second.rate);
+        next(on_first, on_second);
         const Quad momentum = now.inertia.times(x.omega) + moved.momentum;
         const Quad force =
             moved.force + Quad{} - cross(x.omega, cross(x.omega, after_first(now.mass)) + 2.0 * moved.drift);
-        now.factors.solve(force, moved.torque + torque - cross(x.omega, momentum), to.a, to.k.omega);
+        now.factors.solve(force, moved.torque + moved.acting - cross(x.omega, momentum), to.a, to.k.omega);
         to.k.r = x.v;
         to.k.v = gravity;
         to.k.sigma = mrp_rate(x.sigma, x.omega);
@@ -244,19 +276,19 @@ template <class First, class Second> struct CoupledCraft {
         Rates k2, k3, k4, k5;
         place(s2, at_first + 0.5 * h * f1, at_second + 0.5 * h * g1);
         const State x2 = x + 0.5 * h * k1;
-        rates(k2, x2, gravity(0.5 * h, x2.r), s2, [&](auto f, auto g) LANES_LAMBDA {
-            f2 = f, g2 = g;
-            place(s3, at_first + 0.5 * h * f, at_second + 0.5 * h * g);
+        rates(k2, x2, gravity(0.5 * h, x2.r), s2, [&](const auto &f, const auto &g) LANES_LAMBDA {
+            f2 = f.rate, g2 = g.rate;
+            place(s3, at_first + 0.5 * h * f.rate, at_second + 0.5 * h * g.rate);
         });
         const State x3 = x + 0.5 * h * k2.k;
-        rates(k3, x3, gravity(0.5 * h, x3.r), s3, [&](auto f, auto g) LANES_LAMBDA {
-            f3 = f, g3 = g;
-            place(s4, at_first + h * f, at_second + h * g);
+        rates(k3, x3, gravity(0.5 * h, x3.r), s3, [&](const auto &f, const auto &g) LANES_LAMBDA {
+            f3 = f.rate, g3 = g.rate;
+            place(s4, at_first + h * f.rate, at_second + h * g.rate);
         });
         const State x4 = x + h * k3.k;
-        rates(k4, x4, gravity(h, x4.r), s4, [&](auto f, auto g) LANES_LAMBDA {
-            first_end = normalized<First>(at_first + h / 6.0 * ((f1 + f) + 2.0 * (f2 + f3)));
-            second_end = normalized<Second>(at_second + h / 6.0 * ((g1 + g) + 2.0 * (g2 + g3)));
+        rates(k4, x4, gravity(h, x4.r), s4, [&](const auto &f, const auto &g) LANES_LAMBDA {
+            first_end = normalized<First>(at_first + h / 6.0 * ((f1 + f.rate) + 2.0 * (f2 + f3)));
+            second_end = normalized<Second>(at_second + h / 6.0 * ((g1 + g.rate) + 2.0 * (g2 + g3)));
             place(s5, first_end, second_end);
         });
         State x5 = x + h / 6.0 * ((k1 + k4.k) + 2.0 * (k2.k + k3.k));
@@ -265,7 +297,11 @@ template <class First, class Second> struct CoupledCraft {
         if (dot(x5.sigma, x5.sigma) > 1.0) {
             x5.sigma = quad(mrp_shadow(vec(x5.sigma)));
         }
-        rates(k5, x5, gravity(-1.0, x5.r), s5, [](auto, auto) LANES_LAMBDA {});
+        rates(k5, x5, gravity(-1.0, x5.r), s5, [&](const auto &f, const auto &) LANES_LAMBDA {
+            if constexpr (requires { first.show(f); }) {
+                first.show(f);
+            }
+        });
         end(x5, k5, s5.mass);
     }
 };

@@ -70,19 +70,6 @@ bool positive(const SymmetricQuads &a)
     return Eigen::LLT<Eigen::Matrix3d>(view(matrix)).info() == Eigen::Success;
 }
 
-/// The accelerations of a whole without degrees of freedom. With the moment b of the mass M, the inertia about the
-/// centre of mass is what the angular acceleration meets: I - (b.b - b b) / M.
-LANES_INLINE void rigid_accelerations(const Whole &w, double per_mass, Quad &a, Quad &domega)
-{
-    const Quad b = quad(w.moment), force = quad(w.force);
-    const double b2 = dot(b, b);
-    const SymmetricQuads spread = SymmetricQuads{{b2, b2, b2, 0.0}, {}} - product(b, b);
-    const Adjugate q(w.mass * symmetric(w.inertia) - spread); // with the mass as a factor, so that no division waits
-    const Quad torque = w.mass * quad(w.torque) - cross(b, force);
-    domega = 1.0 / q.determinant * q.adjugate.times(torque);
-    a = per_mass * (force + cross(b, domega));
-}
-
 /// The inertia of all about C, with what I_B leaves out.
 Mat3 inertia_about(const Whole &whole, const Vec3 &c, const Mat3 &hidden)
 {
@@ -624,7 +611,9 @@ LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads 
         left.take(Placed(whole_));
         left.solve(quad(whole_.force), quad(whole_.torque), a, angular);
     } else {
-        rigid_accelerations(whole_, per_mass, a, angular);
+        RigidFactors left;
+        left.take(Placed(whole_));
+        left.solve(quad(whole_.force), quad(whole_.torque), a, angular);
     }
     put(a_, a);
     put_quad(dx + at_omega, angular);
