@@ -137,6 +137,7 @@ Initialized SimulationNode::initialize(const Initialize &request)
         others_.add_task({"stand", first.period, first.offset, 0, others_.instances()});
     }
     end_ = request.end;
+    stepped_ = false;
     simulation_.set_seed(request.seed);
     simulation_.prepare();
     if (request.start >= 0 && request.snapshot.empty()) {
@@ -282,7 +283,8 @@ Tock SimulationNode::tick(const Tick &tick)
             const Input &input = inputs_.at(record.channel);
             read_payload(record.payload, input.fields, input.bytes);
         });
-        simulation_.step();
+        simulation_.run_until(t, {0.0, {}, stepped_});
+        stepped_ = true;
         outbox_.collect(t, tock.records);
         hand_over(t, tock.records);
     }

@@ -77,7 +77,8 @@ private:
     sim::Simulation &simulation_;
     sim::Process &process_;
     sim::Process &others_;
-    Ns end_ = 0; ///< of the run
+    Ns end_ = 0;           ///< of the run
+    bool stepped_ = false; ///< since its beginning: parameters do not change between the ticks of a run
     std::vector<Subscription> subscriptions_;
     std::map<std::string, std::unique_ptr<StandIn>> stand_ins_; ///< by topic
     std::map<std::uint32_t, Input> inputs_;                     ///< by channel

@@ -172,11 +172,9 @@ public:
 
     void operator()(Number auto x)
     {
-        while ((out_.size() - frame_header_size) % sizeof x) {
-            out_.push_back(std::byte{0});
-        }
+        size_ += (frame_header_size - size_) % sizeof x; // a gap of zeros
         x = swap_ ? turned(x) : x;
-        append(&x, sizeof x);
+        std::memcpy(room(sizeof x), &x, sizeof x);
     }
     void operator()(Enum auto x) { (*this)(static_cast<std::uint8_t>(x)); }
     void operator()(const Bytes &b) { counted(b); }
@@ -192,6 +190,13 @@ public:
         }
     }
 
+    /// The bytes of the body.
+    std::size_t end()
+    {
+        out_.resize(size_);
+        return size_ - frame_header_size;
+    }
+
 private:
     void length(std::size_t n)
     {
@@ -205,17 +210,22 @@ private:
     {
         length(bytes.size());
         if (bytes.size()) {
-            append(bytes.data(), bytes.size());
+            std::memcpy(room(bytes.size()), bytes.data(), bytes.size());
         }
     }
 
-    void append(const void *from, std::size_t n)
+    /// For n bytes more. It grows in large steps, which fill it with zeros.
+    std::byte *room(std::size_t n)
     {
-        out_.resize(out_.size() + n);
-        std::memcpy(out_.data() + out_.size() - n, from, n);
+        size_ += n;
+        if (size_ > out_.size()) {
+            out_.resize(2 * size_);
+        }
+        return out_.data() + size_ - n;
     }
 
-    Bytes &out_;
+    Bytes &out_; ///< of which `size_` bytes are written
+    std::size_t size_ = frame_header_size;
     bool swap_;
 };
 
@@ -227,7 +237,7 @@ public:
 
     void operator()(Number auto &x)
     {
-        while (at_ % sizeof x) {
+        for (std::size_t gap = -at_ % sizeof x; gap; gap--) {
             if (take(1)[0] != std::byte{0}) {
                 fail("a gap is not zero");
             }
@@ -276,7 +286,19 @@ public:
         const auto bytes = counted(limits_.frame);
         b.assign(bytes.begin(), bytes.end());
     }
-    void operator()(Payload &b) { b = Payload(counted(limits_.frame)); }
+    /// All payloads of a short frame are parts of one copy.
+    void operator()(Payload &b)
+    {
+        const auto bytes = counted(limits_.frame);
+        if (from_.size() > most_shared || bytes.empty()) {
+            b = Payload(bytes);
+            return;
+        }
+        if (copy_.empty()) {
+            copy_ = Payload(from_);
+        }
+        b = copy_.part(at_ - bytes.size(), bytes.size());
+    }
 
     template <class T> void operator()(std::vector<T> &list)
     {
@@ -301,9 +323,14 @@ public:
     }
 
 private:
-    [[noreturn]] void fail(const std::string &why) const
+    [[noreturn, gnu::cold]] void fail(const std::string &why) const
     {
         throw ProtocolError("byte " + std::to_string(at_) + " of the body: " + why);
+    }
+
+    [[noreturn, gnu::cold]] void fail_short(std::size_t n) const
+    {
+        fail("it ends here, " + std::to_string(n) + " bytes too early");
     }
 
     template <class T> T number()
@@ -316,7 +343,7 @@ private:
     std::span<const std::byte> take(std::size_t n)
     {
         if (n > from_.size() - at_) {
-            fail("it ends here, " + std::to_string(n - (from_.size() - at_)) + " bytes too early");
+            fail_short(n - (from_.size() - at_));
         }
         at_ += n;
         return from_.subspan(at_ - n, n);
@@ -345,7 +372,10 @@ private:
         }
     }
 
+    static constexpr std::size_t most_shared = 65536; ///< bytes of a frame that a payload keeps in memory
+
     std::span<const std::byte> from_;
+    Payload copy_; ///< of it
     const Limits &limits_;
     std::size_t at_ = 0;
     bool swap_;
@@ -389,7 +419,7 @@ void encode(const Frame &frame, Bytes &out, Order order, Sum sum)
     out.assign(frame_header_size, std::byte{0});
     Writer writer(out, swap);
     std::visit([&](const auto &m) { walk(writer, m); }, frame.message);
-    const std::size_t size = out.size() - frame_header_size;
+    const std::size_t size = writer.end();
     if (size > std::numeric_limits<std::uint32_t>::max()) {
         throw ProtocolError(std::string(kind_name(frame.message)) + ": a body of " + std::to_string(size) +
                             " bytes is too long for a frame");

@@ -84,6 +84,14 @@ public:
     const std::byte *begin() const { return data(); }
     const std::byte *end() const { return data() + size_; }
     Bytes copy() const { return {begin(), end()}; }
+    /// Shares these bytes.
+    Payload part(std::size_t at, std::size_t n) const
+    {
+        Payload some;
+        some.bytes_ = {bytes_, data() + at};
+        some.size_ = n;
+        return some;
+    }
     std::byte operator[](std::size_t i) const { return bytes_[static_cast<std::ptrdiff_t>(i)]; }
     bool operator==(const Payload &other) const;
 
