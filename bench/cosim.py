@@ -13,7 +13,7 @@ the median over groups of rounds.
   partner lives in the controller's program. `ring_shm_*`: the same, each with its neighbour.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
-- `constellation`: up to 128 programs on this machine (bench/cosim_scaling.py).
+- `constellation`: up to 128 programs on this machine, and where a tick's time goes (bench/cosim_scaling.py).
 - `start_shm`, `start_tcp`: so many programs that start, join a controller, make 64 rounds, and end.
 - `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
   of which is stopped, against the same without. On few processors, the observers also use computing time.
@@ -82,10 +82,11 @@ def main(arguments: list[str]) -> None:
     for way, bare in (("ipc", samples["req_rep_ipc"]), ("shm", samples["futex_1"])):
         floor = sorted(bare)[len(bare) // 2] * 1e-6
         figure = f"nadir_spin, {way}"
-        rows.add("one_program", figure, [alone for *_, alone in samples[way]], "s")
-        rows.add("one_program_and_exchanges", figure, [alone + n * floor for n, _, alone in samples[way]], "s")
-        rows.add("nadir_spin", figure, [wall for _, wall, _ in samples[way]], "s", "one_program_and_exchanges",
-                 note=f"{samples[way][0][0]} ticks")
+        flown = samples[way]
+        rows.add("one_program", figure, [run.alone for run in flown], "s")
+        rows.add("one_program_and_exchanges", figure, [run.alone + run.ticks * floor for run in flown], "s")
+        rows.add("nadir_spin", figure, [run.wall for run in flown], "s", "one_program_and_exchanges",
+                 note=f"{flown[0].ticks} ticks")
     for transport in ("ipc", "shm"):
         alone, *watched = (samples[f"{name}_{transport}"] for name in ("alone", "broker", "watched"))
         figure = f"{transport} pair, watched"
@@ -97,4 +98,5 @@ def main(arguments: list[str]) -> None:
             whole = [nodes * rounds("start", transport, nodes) * 1e-6 for _ in range(min(chosen.runs, 3))]
             rows.add(f"start_{transport}", f"{nodes} programs, from start to end", whole, "s")
     cosim_scaling.measure(rows, 1)
+    cosim_scaling.measure_shares(rows, min(chosen.runs, 3), rounds)
     report(rows, chosen)
