@@ -109,6 +109,21 @@ auto value(Judge &judge, int formula)
                       without.unknown ? without.t : -1, without.unknown ? without.atom : -1);
 }
 
+/// Formulas of many judges, by their numbers.
+struct Highest {
+    std::vector<std::pair<std::shared_ptr<Judge>, int>> formulas;
+
+    Array<double> margins() const
+    {
+        Array<double> found(static_cast<py::ssize_t>(formulas.size()));
+        double *to = found.mutable_data();
+        for (const auto &[judge, number] : formulas) {
+            *to++ = judge->value(number).high;
+        }
+        return found;
+    }
+};
+
 } // namespace
 
 void bind_judge(py::module_ &m)
@@ -163,6 +178,9 @@ void bind_judge(py::module_ &m)
                 return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
             },
             "atom"_a);
+    py::class_<Highest>(m, "Highest", "Reads formulas of many judges at once.")
+        .def(py::init<std::vector<std::pair<std::shared_ptr<Judge>, int>>>(), "formulas"_a)
+        .def("margins", &Highest::margins, "the largest that each can still have");
 }
 
 } // namespace fledge::core

@@ -30,6 +30,7 @@ from fledge.errors import SetupError, listed
 from fledge.mission.batch import ByPath
 from fledge.objects.si import Time, time_ns
 from fledge.requirements import Formula, Judged, Requirement, Requirements
+from fledge.requirements.judge import highest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -195,6 +196,7 @@ class VectorEnv(_VectorBase):
         self._ends = terminated if callable(terminated) else None
         required: Any = [] if self._ends or terminated is None else terminated
         self._judged = _judged(self.batch, simulation, [required] if isinstance(required, (str, Formula)) else required)
+        self._highest = highest(self._judged)
         self._margins: Any = None                       # (n, requirements) after the last step
         columns = len(self.batch.observation_names), len(self.batch.action_names)
         self.num_envs = self.batch.n
@@ -287,9 +289,7 @@ class VectorEnv(_VectorBase):
 
     def _still(self) -> NDArray[Any]:
         """(n, requirements) the largest margin that each can still have."""
-        import numpy as np
-
-        return np.array([judged.highest() for judged in self._judged]).reshape(self.num_envs, -1)
+        return self._highest().reshape(self.num_envs, -1)
 
     def _named(self, rows: NDArray[Any], margins: NDArray[Any]) -> ByPath:
         own = [requirement.id for requirement in self._judged[0].requirements] if self._judged else []

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -141,10 +141,6 @@ class Judged:
             judge.core.finish(end)
         return self._outcomes()
 
-    def highest(self) -> list[float]:
-        """The largest margin that each can still have; < 0: it is violated, whatever may follow."""
-        return [judge.core.value(number)[1] for judge, number in self._formulas]
-
     def _outcomes(self) -> list[Outcome]:
         return [self._outcome(requirement, judge, number)
                 for requirement, (judge, number) in zip(self.requirements, self._formulas)]
@@ -181,6 +177,12 @@ class Judged:
             if number is not None:
                 return judge.core.times / 1e9, judge.core.trace(number)
         raise SetupError(f"{comparison.text} is in no formula that was judged")
+
+
+def highest(judged: Sequence[Judged]) -> Callable[[], NDArray[np.float64]]:
+    """What reads, of each requirement of all of these, the largest margin that it can still have; < 0: it is violated,
+    whatever may follow."""
+    return _core.Highest([(judge.core, number) for each in judged for judge, number in each._formulas]).margins
 
 
 class _Judge:
