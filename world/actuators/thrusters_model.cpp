@@ -25,13 +25,13 @@ Vec3 swing(const Vec3 &r, const Vec3 &a)
     return vec_sub(vec_scale(vec_norm2(r), a), vec_scale(vec_dot(r, a), r));
 }
 
+} // namespace
+
 /// x^(2/3), the same bits everywhere.
-double power_two_thirds(double x)
+double ThrustersModel::power_two_thirds(double x)
 {
     return x > 0.0 ? fm_exp(2.0 / 3.0 * fm_log(x)) : 0.0;
 }
-
-} // namespace
 
 void ThrustersModel::prepare(const sim::Setup &setup)
 {
@@ -142,20 +142,6 @@ double ThrustersModel::per_thrust(std::size_t i) const
 double ThrustersModel::level(const Valve &valve, Ns t) const
 {
     return t >= valve.arrives ? valve.goal : valve.level + valve.slope * since(t);
-}
-
-/// The part of the propellant that is left.
-double ThrustersModel::left(double tau) const
-{
-    return std::max(1.0 - (state_.used + burnt(tau)) * per_total_, 0.0);
-}
-
-/// part^(2/3): within a stretch that is a short series about its beginning.
-double ThrustersModel::two_thirds(double part) const
-{
-    const double x = part * state_.per_begun - 1.0;
-    return fm_abs(x) < 1e-4 ? state_.begun_two_thirds * (1.0 + x * (2.0 / 3.0 + x * (-1.0 / 9.0 + x * (4.0 / 81.0))))
-                            : power_two_thirds(part);
 }
 
 bool ThrustersModel::stretch(Ns t, Ns &end)
@@ -282,7 +268,7 @@ void ThrustersModel::take_loads()
     state_.flow = {};
     state_.acts = 0;
     for (std::size_t i = 0; i < par.n; i++) {
-        if (!acts(i)) {
+        if (!is_on(i)) {
             continue;
         }
         const Valve &valve = state_.valves[i];
@@ -309,48 +295,22 @@ void ThrustersModel::couple(const double *, const Motion &motion, Loads &, Whole
     if (panels_) {
         riding_ = {};
         for (std::size_t i = 0; i < par.n; i++) {
-            if (par.panel[i] > 0 && acts(i)) {
+            if (par.panel[i] > 0 && is_on(i)) {
                 ride(i, tau, motion.omega, whole);
             }
         }
     }
     if (par.n_tanks > 0) {
-        sim::in_registers<&ThrustersModel::fill>(*this, left(tau), whole);
+        sim::in_registers<&ThrustersModel::fill>(*this, tau, whole);
     }
 }
 
-/// Add the tanks, of which this part of the propellant is left.
-LANES_INLINE void ThrustersModel::fill(double part, Whole &whole)
+/// Add the tanks.
+LANES_INLINE void ThrustersModel::fill(double tau, Whole &whole)
 {
-    const double shrunk = shrinks_ ? two_thirds(part) : 0.0;
-    const auto ball = [&](const double(&sizes)[2]) {
-        const double size = sizes[0] + shrunk * sizes[1];
-        return SymmetricQuads{{size, size, size, 0.0}, {}};
-    };
-    Quad mass = part * quad_at(round_.mass), source = quad_at(round_.source);
-    SymmetricQuads inertia = part * (symmetric(round_.inertia) + ball(round_.ball));
-    SymmetricQuads leaving = symmetric(round_.leaving) + ball(round_.ball_leaving);
-    for (std::size_t j = 0; j < interface_.par.n_tanks; j++) {
-        if (interface_.par.shape[j] != TANK_SETTLES) {
-            continue;
-        }
-        const Fuel fuel = settled(j, part);
-        const double share = interface_.par.propellant[j] / total_;
-        const Quad center = quad(fuel.center), down = quad(fuel.down), from = quad(fuel.source);
-        const auto about = [&](double axial, double across, Quad r) {
-            const double round = across + dot(r, r);
-            return SymmetricQuads{{round, round, round, 0.0}, {}} + (axial - across) * product(down, down) -
-                   product(r, r);
-        };
-        mass += fuel.mass * Quad{1.0, center[0], center[1], center[2]};
-        inertia = inertia + fuel.mass * about(fuel.axial, fuel.across, center);
-        source += share * from;
-        leaving = leaving + share * about(fuel.axial_rate, fuel.across_rate, from);
-    }
-    add_at(&whole.mass, mass);
-    inertia.add_to(whole.inertia);
-    put_quad(source_, source);
-    leaving.put(leaving_);
+    hold(tau, content_);
+    add_at(&whole.mass, content_.mass);
+    content_.inertia.add_to(whole.inertia);
 }
 
 /// What a thruster on a panel does, with its propellant.
@@ -399,41 +359,18 @@ ThrustersModel::Fuel ThrustersModel::settled(std::size_t j, double part) const
 void ThrustersModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
 {
     if (state_.acts) {
-        sim::in_registers<&ThrustersModel::thrust>(*this, motion, loads);
+        sim::in_registers<&ThrustersModel::push>(*this, motion, loads);
     }
 }
 
-LANES_INLINE void ThrustersModel::thrust(const Motion &motion, Loads &loads) const
+LANES_INLINE void ThrustersModel::push(const Motion &motion, Loads &loads) const
 {
-    const double tau = since(motion.start) + motion.tau;
-    const auto after = [tau](const LinearVector &a) { return quad(a.at) + tau * quad(a.rate); };
-    Quad force = after(state_.force), torque = after(state_.torque);
-    if (panels_) {
-        force += quad(riding_.force);
-        torque += quad(riding_.torque);
-    }
-    if (total_ > 0.0) {
-        const Quad omega = quad(motion.omega), source = quad_at(source_);
-        const double flow = state_.flow.after(tau);
-        Quad moment = after(state_.moment), crossing = moment;
-        const SymmetricQuads spread = symmetric(state_.spread) + tau * symmetric(state_.spread_rate);
-        torque += (flow * symmetric(leaving_) - spread).times(omega);
-        if (panels_) {
-            moment += quad(riding_.moment);
-            crossing += quad(riding_.crossing);
-        }
-        const Quad taken = flow * source;
-        Quad pipes = cross(source, crossing);
-        if (panels_) {
-            pipes += quad(riding_.angular);
-        }
-        loads.mass_rate -= flow;
-        put(loads.moment_rate, quad(loads.moment_rate) - taken);
-        force -= 2.0 * cross(omega, moment - taken);
-        torque -= cross(omega, pipes);
-    }
-    put(loads.force_B, quad(loads.force_B) + force);
-    put(loads.torque, quad(loads.torque) + torque - cross(quad(motion.r_CB_B), force));
+    Thrust now;
+    thrust<true>(since(motion.start) + motion.tau, quad(motion.omega), content_, now);
+    loads.mass_rate -= now.flow;
+    put(loads.moment_rate, quad(loads.moment_rate) - now.taken);
+    put(loads.force_B, quad(loads.force_B) + now.force);
+    put(loads.torque, quad(loads.torque) + now.torque - cross(quad(motion.r_CB_B), now.force));
 }
 
 void ThrustersModel::publish(Ns t, const double *, const Vec3 &)

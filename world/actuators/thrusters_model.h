@@ -38,6 +38,7 @@
 #include "world/dynamics/lanes.h"
 #include "world/faults.h"
 
+#include <algorithm>
 #include <string>
 
 namespace fledge::world {
@@ -70,6 +71,27 @@ public:
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
     void copy_setup(const sim::Model &original,
                     const std::function<sim::Model *(const sim::Model *)> &counterpart) override;
+
+    /// What the tanks hold at one instant.
+    struct Content {
+        Quad mass;                       ///< [kg, kg m] with its moment about B's origin
+        Quad source;                     ///< [m] where propellant leaves all tanks, on average
+        SymmetricQuads inertia, leaving; ///< [kg m^2], [m^2] what takes inertia away per mass that leaves
+    };
+    /// What the thrusters do at one instant.
+    struct Thrust {
+        Quad force, torque; ///< [N], [N m] about B's origin
+        Quad taken;         ///< [kg m/s] the moment of what leaves the tanks
+        double flow;        ///< [kg/s]
+    };
+    bool has_tanks() const { return interface_.par.n_tanks > 0; }
+    bool acts() const { return state_.acts != 0; }
+    /// [s] since the stretch began.
+    double since(sim::Ns t) const { return tick_seconds(t - state_.begin); }
+    /// `tau` [s] after the stretch began.
+    LANES_INLINE void hold(double tau, Content &to) const;
+    /// On panels too, if they are any.
+    template <bool may_ride> LANES_INLINE void thrust(double tau, Quad omega, const Content &from, Thrust &to) const;
 
 private:
     struct Valve {
@@ -132,13 +154,14 @@ private:
 
     bool mounted() const;
     bool begin(sim::Ns t, bool faulty);
-    void thrust(const Motion &motion, Loads &loads) const;
-    bool acts(std::size_t i) const { return state_.valves[i].level != 0.0 || state_.valves[i].slope != 0.0; }
-    void fill(double part, Whole &whole);
+    void push(const Motion &motion, Loads &loads) const;
+    bool is_on(std::size_t i) const { return state_.valves[i].level != 0.0 || state_.valves[i].slope != 0.0; }
+    void fill(double tau, Whole &whole);
     void ride(std::size_t i, double tau, const Vec3 &omega, Whole &whole);
-    double since(sim::Ns t) const { return tick_seconds(t - state_.begin); }
     double burnt(double tau) const { return tau * (state_.flow.at + 0.5 * tau * state_.flow.rate); }
-    double left(double tau) const;
+    /// The part of the propellant that is left.
+    double left(double tau) const { return std::max(1.0 - (state_.used + burnt(tau)) * per_total_, 0.0); }
+    static double power_two_thirds(double x);
     double two_thirds(double part) const;
     double level(const Valve &valve, sim::Ns t) const;
     Fuel settled(std::size_t j, double part) const;
@@ -154,12 +177,83 @@ private:
     double per_total_ = 0.0;
     bool shrinks_ = false; ///< whether a tank has the shape TANK_SHRINKS
     Round round_{};
-    double source_[4]{};  ///< [m] of the last couple(): where propellant leaves all tanks, on average
-    Symmetric leaving_{}; ///< [m^2] of the last couple(): what takes inertia away per mass that leaves
-    Riding riding_{};     ///< of the last couple()
+    // Of the last couple().
+    Content content_{};
+    Riding riding_{};
     HingedPanelsModel *panels_ = nullptr;
     State state_{};
     const Ramp ramp_{&state_.force, &state_.torque, &state_.begin, &state_.acts};
 };
+
+/// part^(2/3): within a stretch that is a short series about its beginning.
+inline double ThrustersModel::two_thirds(double part) const
+{
+    const double x = part * state_.per_begun - 1.0;
+    return fm_abs(x) < 1e-4 ? state_.begun_two_thirds * (1.0 + x * (2.0 / 3.0 + x * (-1.0 / 9.0 + x * (4.0 / 81.0))))
+                            : power_two_thirds(part);
+}
+
+LANES_INLINE void ThrustersModel::hold(double tau, Content &to) const
+{
+    const double part = left(tau), shrunk = shrinks_ ? two_thirds(part) : 0.0;
+    const auto ball = [&](const double(&sizes)[2]) LANES_LAMBDA {
+        const double size = sizes[0] + shrunk * sizes[1];
+        return SymmetricQuads{{size, size, size, 0.0}, {}};
+    };
+    to.mass = part * quad_at(round_.mass);
+    to.source = quad_at(round_.source);
+    to.inertia = part * (symmetric(round_.inertia) + ball(round_.ball));
+    to.leaving = symmetric(round_.leaving) + ball(round_.ball_leaving);
+    for (std::size_t j = 0; j < interface_.par.n_tanks; j++) {
+        if (interface_.par.shape[j] != TANK_SETTLES) {
+            continue;
+        }
+        const Fuel fuel = settled(j, part);
+        const double share = interface_.par.propellant[j] / total_;
+        const Quad center = quad(fuel.center), down = quad(fuel.down), from = quad(fuel.source);
+        const auto about = [&](double axial, double across, Quad r) LANES_LAMBDA {
+            const double round = across + dot(r, r);
+            return SymmetricQuads{{round, round, round, 0.0}, {}} + (axial - across) * product(down, down) -
+                   product(r, r);
+        };
+        to.mass += fuel.mass * Quad{1.0, center[0], center[1], center[2]};
+        to.inertia = to.inertia + fuel.mass * about(fuel.axial, fuel.across, center);
+        to.source += share * from;
+        to.leaving = to.leaving + share * about(fuel.axial_rate, fuel.across_rate, from);
+    }
+}
+
+template <bool may_ride>
+LANES_INLINE void ThrustersModel::thrust(double tau, Quad omega, const Content &from, Thrust &to) const
+{
+    const auto after = [tau](const LinearVector &a) LANES_LAMBDA { return quad(a.at) + tau * quad(a.rate); };
+    const bool rides = may_ride && panels_;
+    to.force = after(state_.force);
+    to.torque = after(state_.torque);
+    to.taken = Quad{};
+    to.flow = 0.0;
+    if (rides) {
+        to.force += quad(riding_.force);
+        to.torque += quad(riding_.torque);
+    }
+    if (total_ > 0.0) {
+        const Quad source = from.source;
+        to.flow = state_.flow.after(tau);
+        Quad moment = after(state_.moment), crossing = moment;
+        const SymmetricQuads spread = symmetric(state_.spread) + tau * symmetric(state_.spread_rate);
+        to.torque += (to.flow * from.leaving - spread).times(omega);
+        if (rides) {
+            moment += quad(riding_.moment);
+            crossing += quad(riding_.crossing);
+        }
+        to.taken = to.flow * source;
+        Quad pipes = cross(source, crossing);
+        if (rides) {
+            pipes += quad(riding_.angular);
+        }
+        to.force -= 2.0 * cross(omega, moment - to.taken);
+        to.torque -= cross(omega, pipes);
+    }
+}
 
 } // namespace fledge::world

@@ -8,22 +8,34 @@ namespace fledge::world {
 
 using sim::state_block;
 
+template <class Wheels> LANES_INLINE auto SpacecraftModel::state_at(const double *from, std::size_t at_wheels)
+{
+    return RigidState<typename Wheels::State>{quad_at(from + at_r), quad_at(from + at_v), quad_at(from + at_sigma),
+                                              quad_at(from + at_omega), Wheels::load(from + at_wheels)};
+}
+
+/// Where a step that began at `from` ended, and the rates k there.
+template <class Wheels>
+LANES_INLINE void SpacecraftModel::end_pushed(const auto &from, const auto &x, const auto &k, std::size_t at_wheels,
+                                              Quad gravity, sim::Ns dt)
+{
+    const auto store = [&](double *to, const auto &state) LANES_LAMBDA {
+        put_quad(to + at_r, state.r);
+        put_quad(to + at_v, state.v);
+        put_quad(to + at_sigma, state.sigma);
+        put_quad(to + at_omega, state.omega);
+        Wheels::store(to + at_wheels, state.h);
+    };
+    store(x_, x);
+    store(dx_, k);
+    put(gravity_, gravity);
+    end_in_registers(from.r, from.v, x.r, (x.r + x.v) + (x.sigma + x.omega) + Wheels::sum(x.h), tick_seconds(dt));
+}
+
 template <class Wheels, bool has_rods>
 LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_wheels, sim::Ns dt)
 {
     using Craft = PushedCraft<Wheels>;
-    using State = typename Craft::State;
-    const auto load = [&](const double *from) LANES_LAMBDA {
-        return State{quad_at(from + at_r), quad_at(from + at_v), quad_at(from + at_sigma), quad_at(from + at_omega),
-                     Wheels::load(from + at_wheels)};
-    };
-    const auto store = [&](double *to, const State &x) LANES_LAMBDA {
-        put_quad(to + at_r, x.r);
-        put_quad(to + at_v, x.v);
-        put_quad(to + at_sigma, x.sigma);
-        put_quad(to + at_omega, x.omega);
-        Wheels::store(to + at_wheels, x.h);
-    };
     Pushing pushing[pushing_parts];
     std::size_t n = 0;
     for (const Part &part : parts_) {
@@ -66,16 +78,13 @@ LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_whe
         }
         return turning;
     };
-    State x = load(x_), k = load(dx_);
-    const Quad from_r = x.r, from_v = x.v;
+    const auto from = state_at<Wheels>(x_, at_wheels);
+    auto x = from, k = state_at<Wheels>(dx_, at_wheels);
     craft.step(x, k, tick_seconds(dt), fall, turn);
-    store(x_, x);
-    store(dx_, k);
-    put(gravity_, gravity);
     if constexpr (has_rods) {
         rods_->keep(turning);
     }
-    end_in_registers(from_r, from_v, x.r, (x.r + x.v) + (x.sigma + x.omega) + Wheels::sum(x.h), tick_seconds(dt));
+    end_pushed<Wheels>(from, x, k, at_wheels, gravity, dt);
 }
 
 template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_alone(sim::Ns dt)
@@ -91,6 +100,68 @@ template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_rotors(s
 template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_jitter(sim::Ns dt)
 {
     step_pushed<PushedJitter, has_rods>({shaking_->four()}, first_->at, dt);
+}
+
+template <class Wheels> LANES_INLINE void SpacecraftModel::step_tanked(Wheels wheels, std::size_t at_wheels, sim::Ns dt)
+{
+    const TankedCraft<Wheels> craft{wheels,
+                                    first_ == parts_.data(),
+                                    *tanked_,
+                                    hub_,
+                                    tanked_->since(from_),
+                                    tanked_->since(from_ + dt),
+                                    quad_at(held_ + at_force_N),
+                                    quad_at(held_ + at_force_B),
+                                    quad_at(held_ + at_torque_B)};
+    Quad gravity, a;
+    const auto fall = [&](double tau, Quad r) LANES_LAMBDA {
+        return gravity = tau < 0.0 ? gravity_at(from_ + dt, 0.0, r) : gravity_at(from_, tau, r);
+    };
+    const auto from = state_at<Wheels>(x_, at_wheels);
+    auto x = from, k = state_at<Wheels>(dx_, at_wheels);
+    typename TankedCraft<Wheels>::Shape last;
+    craft.step(x, k, last, a, tick_seconds(dt), fall);
+    put_quad(&whole_.mass, last.mass);
+    put(whole_.drift, Quad{});
+    put(a_, a);
+    end_pushed<Wheels>(from, x, k, at_wheels, gravity, dt);
+}
+
+LANES_INLINE void SpacecraftModel::step_tanked_alone(sim::Ns dt)
+{
+    step_tanked<PushedAlone>({}, 0, dt);
+}
+
+LANES_INLINE void SpacecraftModel::step_tanked_rotors(sim::Ns dt)
+{
+    step_tanked<PushedRotors>({{*rotors_}}, first_->at, dt);
+}
+
+/// The step of a craft with one part with tanks, and at most another, with balanced wheels; else null.
+SpacecraftModel::Step SpacecraftModel::tanked_step()
+{
+    const Part *wheels = nullptr;
+    tanked_ = nullptr;
+    if (parts_.size() > 2) {
+        return nullptr;
+    }
+    for (const Part &part : parts_) {
+        const auto *thrusters = dynamic_cast<const ThrustersModel *>(part.effector);
+        if (thrusters && !tanked_ && thrusters->has_tanks() && !thrusters->source()) {
+            tanked_ = thrusters;
+        } else if (dynamic_cast<const ReactionWheelsModel *>(part.effector) && !part.couples &&
+                   !part.effector->pushes()) {
+            wheels = &part;
+        } else {
+            return nullptr;
+        }
+    }
+    if (!tanked_) {
+        return nullptr;
+    }
+    first_ = wheels;
+    turned_ = wheels ? wheels->effector : nullptr;
+    return wheels ? in_steps<&SpacecraftModel::step_tanked_rotors> : in_steps<&SpacecraftModel::step_tanked_alone>;
 }
 
 /// The step while something pushes a rigid craft. Its parts are at most one with wheels, one with rods, and others

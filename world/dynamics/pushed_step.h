@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A step of Runge and Kutta for a rigid craft that something pushes, in registers from its begin to its end: inputs,
-// thrusters without tanks, torque rods, and wheels, balanced ones or with simple jitter. It has the operations of the
-// general way (SpacecraftModel::derive_pushed, the parts, sim::make_rk4), in their order, and so their bits.
+// A step of Runge and Kutta for a craft that something pushes, in registers from its begin to its end: a rigid one with
+// inputs, thrusters without tanks, torque rods, and wheels, balanced ones or with simple jitter; or one with tanks that
+// feed its thrusters, and balanced wheels. It has the operations of the general way (SpacecraftModel::derive_pushed,
+// the parts, sim::make_rk4), in their order, and so their bits.
 #pragma once
 
+#include "world/actuators/thrusters_model.h"
 #include "world/dynamics/coupled_step.h"
 #include "world/dynamics/reaction_wheels_model.h"
 
@@ -127,6 +129,102 @@ template <class Wheels> struct PushedCraft {
             x.sigma = quad(mrp_shadow(vec(x.sigma)));
         }
         rates(k1, x, -1.0, gravity(-1.0, x.r), rods);
+    }
+};
+
+/// A craft with tanks. What they hold depends on time alone, so that the second and the third stage share it.
+template <class Wheels> struct TankedCraft {
+    using State = RigidState<typename Wheels::State>;
+
+    Wheels wheels;
+    bool wheels_first; ///< they act before the thrusters
+    const ThrustersModel &thrusters;
+    const Whole &hub;
+    double since, since_end;       ///< [s] from where the stretch begins to the step's begin, to its end
+    Quad force_N, force_B, torque; ///< of the inputs
+
+    struct Shape {
+        double tau; ///< [s] in the stretch
+        ThrustersModel::Content tanks;
+        Quad mass; ///< and the moment
+        SymmetricQuads inertia;
+        RigidFactors factors;
+    };
+    LANES_INLINE void shape(double tau, Shape &to) const
+    {
+        to.tau = tau;
+        thrusters.hold(tau, to.tanks);
+        Placed all(hub);
+        all.mass += to.tanks.mass;
+        all.inertia = all.inertia + to.tanks.inertia;
+        to.mass = all.mass;
+        to.inertia = all.inertia;
+        to.factors.take(all);
+    }
+
+    LANES_INLINE void rates(State &to, Quad &a, const State &x, Quad gravity, const Shape &now) const
+    {
+        const typename Wheels::Turned turned;
+        const Attitude attitude(x.sigma);
+        const Quad b = now.factors.b;
+        const double per_mass = now.factors.per_mass;
+        const Quad c = per_mass * b;
+        to.h = wheels.rates(x.h, turned, x.omega);
+        Pushed all;
+        all.force_B = force_B;
+        all.torque = torque;
+        all.momentum = Quad{};
+        if constexpr (!std::is_same_v<typename Wheels::State, None>) {
+            all.momentum += wheels.momentum(x.h);
+        }
+        if (wheels_first) {
+            wheels.act(turned, to.h, c, all);
+        }
+        double mass_rate = 0.0;
+        Quad moment_rate{};
+        if (thrusters.acts()) {
+            ThrustersModel::Thrust thrust;
+            thrusters.thrust<false>(now.tau, x.omega, now.tanks, thrust);
+            mass_rate -= thrust.flow;
+            moment_rate -= thrust.taken;
+            all.add(thrust.force, thrust.torque, c);
+        }
+        if (!wheels_first) {
+            wheels.act(turned, to.h, c, all);
+        }
+        const Quad force = all.force_B + attitude.to_B(force_N), drift{};
+        const Quad momentum = now.inertia.times(x.omega) + all.momentum;
+        now.factors.solve(Quad{} + force - cross(x.omega, cross(x.omega, b) + 2.0 * drift),
+                          Quad{} + (all.torque + cross(c, force)) - cross(x.omega, momentum), a, to.omega);
+        // As masses change, C moves in B without momentum.
+        const Quad shift = per_mass * (moment_rate - mass_rate * c);
+        const Quad gained = per_mass * (force - mass_rate * per_mass * drift) + cross(x.omega, shift);
+        to.r = x.v + attitude.to_N(shift);
+        to.v = gravity + attitude.to_N(gained);
+        to.sigma = mrp_rate(x.sigma, x.omega);
+    }
+
+    /// From x and its rates k1 to those after h [s]; as PushedCraft::step(). `last`: at the end; a: of B's origin.
+    template <class Gravity>
+    LANES_INLINE void step(State &x, State &k1, Shape &last, Quad &a, double h, const Gravity &gravity) const
+    {
+        State k2, k3, k4;
+        Shape middle, end;
+        shape(since + 0.5 * h, middle);
+        shape(since + h, end);
+        shape(since_end, last);
+        const auto after = [&](State &to, double tau, const State &k, const Shape &now) LANES_LAMBDA {
+            const State probe = x + tau * k;
+            rates(to, a, probe, gravity(tau, probe.r), now);
+        };
+        after(k2, 0.5 * h, k1, middle);
+        after(k3, 0.5 * h, k2, middle);
+        after(k4, h, k3, end);
+        x = x + h / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3));
+        if (dot(x.sigma, x.sigma) > 1.0) {
+            x.sigma = quad(mrp_shadow(vec(x.sigma)));
+        }
+        rates(k1, a, x, gravity(-1.0, x.r), last);
     }
 };
 

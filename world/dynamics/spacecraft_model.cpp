@@ -246,6 +246,7 @@ void SpacecraftModel::choose_steps()
     }
     if (coupled_) {
         unpushed_step_ = coupled_step();
+        pushed_step_ = tanked_step();
         return;
     }
     pushed_step_ = pushed_step();

@@ -47,6 +47,7 @@
 namespace fledge::world {
 
 class ReactionWheelsModel;
+class ThrustersModel;
 class TorqueRodsModel;
 
 class SpacecraftModel final : private sim::System, public sim::Model, public SkyUser {
@@ -126,6 +127,14 @@ private:
     template <bool has_rods> void step_pushed_alone(sim::Ns dt);
     template <bool has_rods> void step_pushed_rotors(sim::Ns dt);
     template <bool has_rods> void step_pushed_jitter(sim::Ns dt);
+    Step tanked_step();
+    template <class Wheels> LANES_INLINE void step_tanked(Wheels wheels, std::size_t at_wheels, sim::Ns dt);
+    void step_tanked_alone(sim::Ns dt);
+    void step_tanked_rotors(sim::Ns dt);
+    template <class Wheels> LANES_INLINE static auto state_at(const double *from, std::size_t at_wheels);
+    template <class Wheels>
+    LANES_INLINE void end_pushed(const auto &from, const auto &x, const auto &k, std::size_t at_wheels, Quad gravity,
+                                 sim::Ns dt);
     Step coupled_step();
     template <class Wheels> LANES_INLINE void step_rigid(sim::Ns dt);
     template <class First, class Second>
@@ -196,6 +205,7 @@ private:
     const Part *first_ = nullptr, *second_ = nullptr; ///< those of a coupled step; the wheels of a pushed one
     const ReactionWheelsModel *shaking_ = nullptr;    ///< the same, if they jitter
     const TorqueRodsModel *rods_ = nullptr;           ///< of a pushed step
+    const ThrustersModel *tanked_ = nullptr;          ///< of a step with tanks
     static constexpr std::size_t pushing_parts = 6;   ///< at most, in that
 
     // For the check that the craft stays outside of all bodies.
