@@ -190,14 +190,72 @@ int TemporalMonitor::formula(const std::vector<FormulaNode> &nodes)
         node.wanted = !parent ? 0 : in_window ? after(parent->wanted, parent->what.to) : parent->wanted;
         restart(node);
     }
+    for (std::size_t i = begin; i < nodes_.size(); i++) {
+        const Node &joined = nodes_[i];
+        if ((joined.what.kind != FormulaNode::OR && joined.what.kind != FormulaNode::AND) || joined.front) {
+            continue;
+        }
+        const Node &parent = at(joined.parent);
+        const auto kind = joined.what.kind == FormulaNode::OR ? FormulaNode::ALWAYS : FormulaNode::EVENTUALLY;
+        if (!parent.front || parent.what.kind != kind || parent.what.to != no_end) {
+            continue;
+        }
+        for (const auto &[a, b] : {std::pair{joined.what.a, joined.what.b}, std::pair{joined.what.b, joined.what.a}}) {
+            Node &part = at(a), &node = at(b);
+            if (part.instant >= 0 &&
+                (node.what.kind == FormulaNode::ALWAYS || node.what.kind == FormulaNode::EVENTUALLY) &&
+                at(node.what.a).instant >= 0) {
+                node.beside = a;
+                part.beside = b;
+            }
+        }
+    }
     return static_cast<int>(roots_.size()) - 1;
+}
+
+/// Of a window with a part beside it: the window from the first sample on that takes the least of what joins the two,
+/// or of the negation. No sample counts there whose part, or window, is not below what it has gathered.
+const TemporalMonitor::Node *TemporalMonitor::least_of_joined(const Node &node) const
+{
+    return node.beside < 0 ? nullptr : &at(at(node.parent).parent);
+}
+
+/// A sample's window waits for later samples, and so does what is beside it. Returns false if it does not count.
+bool TemporalMonitor::wait(Node &node, Ns t, std::size_t k)
+{
+    if (const Node *least = least_of_joined(node)) {
+        const Node &part = at(node.beside);
+        const Instants::Column &column = instants_.column(part.instant);
+        if ((least->what.kind == FormulaNode::ALWAYS ? column.low[k] : -column.high[k]) >= least->value.high) {
+            return false;
+        }
+        Node &joined = at(node.parent);
+        const Robustness value = instants_.at(part.instant, k);
+        joined.waiting.push({t, value, value});
+        joined.here[part.second]++;
+    }
+    node.pending.push(t);
+    return true;
+}
+
+/// The windows that wait do not count.
+void TemporalMonitor::wait_no_more(Node &node)
+{
+    if (node.beside >= 0) {
+        Node &joined = at(node.parent);
+        joined.here[at(node.beside).second] -= node.pending.size();
+        for (std::size_t i = node.pending.size(); i > 0; i--) {
+            joined.waiting.pop_back();
+        }
+    }
+    node.pending.clear();
 }
 
 void TemporalMonitor::restart(Node &node) const
 {
     Node anew;
     anew.what = node.what, anew.instant = node.instant, anew.parent = node.parent, anew.second = node.second;
-    anew.front = node.front, anew.wanted = node.wanted;
+    anew.beside = node.beside, anew.front = node.front, anew.wanted = node.wanted;
     const bool least_yet = node.what.kind == FormulaNode::ALWAYS || node.what.kind == FormulaNode::EVENTUALLY;
     anew.value = least_yet ? true_always : false_always; // of EVENTUALLY: of the negation
     anew.before = node.what.kind == FormulaNode::UNTIL ? true_always : false_always;
@@ -234,6 +292,10 @@ void TemporalMonitor::take(std::span<const Ns> times, const double *margins, con
             continue;
         }
         Node &parent = at(node.parent);
+        if (node.beside >= 0) { // the window beside it has given what counts
+            instants_.column(node.instant);
+            continue;
+        }
         if (parent.front && parent.passed) {
             continue;
         }
@@ -378,7 +440,7 @@ template <class Operand> void TemporalMonitor::take_window(Node &node, const Ope
         const Ns t = samples.t(k);
         give_windows(node, t);
         if (!endless || t <= last) {
-            node.pending.push(t);
+            wait(node, t, k);
         }
         push(node.lows, k, false);
         push(node.highs, k, true);
@@ -395,9 +457,11 @@ template <class Operand> void TemporalMonitor::push_known(Node &node, const Oper
     Queue<Bound> &lows = node.lows;
     // The other kind of window, from the first sample on, takes no value that is above its own: a window with a sample
     // this low need not be looked through.
-    const Node &parent = at(node.parent);
-    const bool skips = from == 0 && parent.front && parent.what.to == no_end && dual(parent.what.kind, node.what.kind);
-    const double low_enough = skips ? -parent.value.high : -unbounded;
+    const Node *joined = least_of_joined(node);
+    const Node &least_of = joined ? *joined : at(node.parent);
+    const bool skips =
+        from == 0 && least_of.front && least_of.what.to == no_end && dual(least_of.what.kind, node.what.kind);
+    const double low_enough = skips ? -least_of.value.high : -unbounded;
     for (std::size_t k = 0; k < samples.size(); k++) {
         const Ns t = samples.t(k);
         while (!node.pending.empty() && after(node.pending.front(), to) < t) {
@@ -416,12 +480,13 @@ template <class Operand> void TemporalMonitor::push_known(Node &node, const Oper
         }
         const double x = samples.bound(k, false);
         if (skips && x <= low_enough) {
-            node.pending.clear();
+            wait_no_more(node);
             lows.clear();
             continue;
         }
-        if (t <= last) {
-            node.pending.push(t);
+        if (t <= last && !wait(node, t, k) && node.pending.empty()) {
+            lows.clear(); // no window that counts has this sample
+            continue;
         }
         while (!lows.empty() && x < lows.back().value) {
             lows.pop_back();

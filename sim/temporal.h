@@ -69,6 +69,7 @@ private:
         FormulaNode what;
         int instant = -1; ///< the part that it is; only of such a node
         int parent = -1;
+        int beside = -1; ///< of a window of a part: the part beside it under a parent, whose samples it gives that, too
         bool second = false;       ///< it is its parent's second operand
         bool front = false;        ///< only its value at the first sample counts
         Ns wanted = no_end;        ///< its value counts until so long after the first sample
@@ -90,6 +91,9 @@ private:
     struct Bounds;
 
     void restart(Node &node) const;
+    const Node *least_of_joined(const Node &node) const;
+    bool wait(Node &node, Ns t, std::size_t k);
+    void wait_no_more(Node &node);
     template <class Operand> void take_window(Node &node, const Operand &samples);
     template <class Operand> void gather(Node &node, const Operand &samples);
     template <class Operand> void push_known(Node &node, const Operand &samples, Ns last);
@@ -102,6 +106,7 @@ private:
     void close(Node &node);
     Robustness front(const Node &node) const;
     Node &at(int node) { return nodes_[static_cast<std::size_t>(node)]; }
+    const Node &at(int node) const { return nodes_[static_cast<std::size_t>(node)]; }
 
     Instants instants_;
     std::vector<Node> nodes_; ///< of all formulas

@@ -162,12 +162,13 @@ public:
     {
         n = std::min({n, Instants::most, signals_.times.size() - given_});
         std::vector<double> margins(signals_.atoms[0].size() * Instants::most, 1.0);
+        std::vector<unsigned char> unknown(signals_.atoms[0].size(), 0);
         for (std::size_t k = 0; k < n; k++) {
             for (std::size_t a = 0; a < signals_.atoms[0].size(); a++) {
                 margins[a * Instants::most + k] = signals_.atoms[given_ + k][a];
+                unknown[a] |= std::isnan(signals_.atoms[given_ + k][a]) ? 1 : 0;
             }
         }
-        const std::vector<unsigned char> unknown(signals_.atoms[0].size(), 1);
         monitor_.take({signals_.times.data() + given_, n}, margins.data(), unknown.data());
         given_ += n;
         return n > 0;
@@ -243,6 +244,37 @@ TEST(TemporalMonitor, EqualsTheDefinitionAcrossBlocks)
         const Signals signals = random.signals(3, 4 * static_cast<int>(Instants::most), true);
         const Robustness wanted = Naive(nodes, signals).at(static_cast<int>(nodes.size()) - 1, 0);
         expect_same(judged(nodes, signals), wanted, true, seed);
+    }
+}
+
+/// What must follow, within a window, wherever something holds: the window waits beside a part that does not.
+TEST(TemporalMonitor, EqualsTheDefinitionOfResponses)
+{
+    for (unsigned seed = 0; seed < 2'000; seed++) {
+        Random random(seed);
+        std::vector<FormulaNode> nodes = random.formula(3, 2);
+        const bool all = random.below(2) != 0, dual = random.below(4) != 0, second = random.below(2) != 0;
+        const Kind always = all ? Kind::ALWAYS : Kind::EVENTUALLY, eventually = all ? Kind::EVENTUALLY : Kind::ALWAYS;
+        const int beside = static_cast<int>(nodes.size()) - 1, from = random.below(2) * random.below(4);
+        nodes.push_back({Kind::ATOM, random.below(3)});
+        nodes.push_back({random.below(2) ? Kind::NOT : Kind::BEGINS, beside + 1});
+        nodes.push_back({dual ? eventually : always, beside + 2, -1, from, random.below(3) ? from + 9 : no_end});
+        nodes.push_back({all ? Kind::OR : Kind::AND, second ? beside + 3 : beside, second ? beside : beside + 3});
+        nodes.push_back({always, beside + 4, -1, random.below(3)});
+        Signals signals = random.signals(3, 2 * static_cast<int>(Instants::most), seed % 2 == 0);
+        const std::size_t known = random.below(2) ? signals.times.size() * 2 / 3 : 0; // for so many samples
+        for (std::size_t i = 0; i < known; i++) {
+            for (double &x : signals.atoms[i]) {
+                x = std::isnan(x) ? 0.001 * static_cast<double>(i) : x;
+            }
+        }
+        TemporalMonitor monitor;
+        monitor.formula(nodes);
+        Feed feed(monitor, signals);
+        while (feed.take(static_cast<std::size_t>(1 + random.below(static_cast<int>(Instants::most))))) {
+        }
+        monitor.finish(signals.end);
+        expect_same(monitor.value(0), Naive(nodes, signals).at(beside + 5, 0), seed % 2 == 0, seed);
     }
 }
 
