@@ -12,8 +12,8 @@ import fledge
 from fledge import SetupError
 from fledge.mission import learning
 from fledge.mission.learning import Box, Env, VectorEnv
-from fledge.requirements import after, always, implies
-from fledge.requirements.declared import signal
+from fledge.requirements import after, always, implies, never
+from fledge.requirements.declared import Declaration, signal
 from fledge.units import minute, s
 
 ERROR, RATE, TORQUE = "flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B", "flight.motor.command.u[:4]"
@@ -164,6 +164,18 @@ def test_margins_of_requirements_are_those_of_a_run_alone(sim):
         vector(sim, terminated="PNT-9")
     with pytest.raises(SetupError, match="expected a function, an id of a requirement or a formula; found 3"):
         vector(sim, terminated=[3])
+
+
+@pytest.mark.parametrize("what, name", [("command", "telemetry"), ("packet", "flight.tracking.error")])
+def test_an_episode_ends_by_what_flight_executes_and_sends(what, name):
+    own = fledge.load("nadir_spin")
+    commands = own.flight.commands
+    commands.script([(1_100_000_000, commands.packets.telemetry("flight.tracking.error"))])
+    envs = vector(own, autoreset="Disabled", terminated=never(getattr(Declaration(own), what)("flight", name)))
+    for _ in range(2):
+        envs.reset()
+        ends = [envs.step(np.zeros((3, 4)))[2].tolist() for _ in range(3)]
+        assert ends == [[False] * 3] * 2 + [[True] * 3]
 
 
 def test_some_are_reset_by_a_mask(sim):
