@@ -9,13 +9,14 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive
-from fledge.commands import Report, Stage, decoded
+from fledge.commands import SERVICES, Report, Stage, decoded
 from fledge.errors import SetupError, Stopped
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.requirements import (Requirements, after, always, angle, before, begins, eventually, implies, never,
                                  settles, turned, until, within)
 from fledge.requirements.declared import Declaration
 from fledge.requirements.judge import Judged
+from fledge.requirements.telemetered import SENDERS
 from fledge.units import N, deg, m, minute, s
 
 HEAD = '''
@@ -292,7 +293,8 @@ def test_of_packets_that_are_not_known_here_nothing_is_known():
     (lambda r: r.packet("world", "housekeeping"), "world is no process of flight"),
     (lambda r: r.telemetry("world", "housekeeping.mode"), "world is no process of flight"),
     (lambda r: r.telemetry("flight", "housekeeping.moda"), "has no number 'moda'; did you mean 'mode'"),
-    (lambda r: r.telemetry("flight", "files.n"), "a packet files has no numbers with a name"),
+    (lambda r: r.telemetry("flight", "housekeping.mode"), "did you mean 'housekeeping'"),
+    (lambda r: r.packet("flight", "events"), "sends no packet 'events'; it sends housekeeping, reports, flight.vehicle"),
     (lambda r: r.telemetry("flight", "flight.tracking.error"), "is a whole message; name one of its fields"),
     (lambda r: r.telemetry("flight", "flight.tracking.error.sigma_BN"), "has no 'sigma_BN'; did you mean 'sigma_BR'"),
     (lambda r: r.telemetry("flight", "flight.control.K"), "is no field of an output of flight"),
@@ -302,6 +304,14 @@ def test_of_packets_that_are_not_known_here_nothing_is_known():
 def test_what_is_no_packet_or_number_of_one_is_refused(tmp_path, make, text):
     with pytest.raises(SetupError, match=text):
         make(Declaration(plays(tmp_path)))
+
+
+def test_packets_of_services_are_those_of_their_modules():
+    r = Declaration(fledge.load("flatsat"))
+    assert "a packet files of flight is sent" == str(r.packet("flight", "files"))
+    with pytest.raises(SetupError, match="a packet files has no numbers with a name"):
+        r.telemetry("flight", "files.n")
+    assert set(SENDERS) == set(SERVICES) and all(hasattr(fledge.flight, module) for module in SENDERS.values())
 
 
 def test_a_run_stops_at_the_first_violation_and_may_go_on(mission):

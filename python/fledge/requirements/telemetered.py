@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from fledge import _core
 from fledge.commands import HOUSEKEEPING, REPORTS, SERVICES
 from fledge.commands.protocol import EVENT_RECORD, HOUSEKEEPING_RECORD, REPORT_RECORD, TEXT_RECORD, Record
 from fledge.elements import ELEMENTS
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 RECORDS: dict[str, Record] = {"housekeeping": HOUSEKEEPING_RECORD, "reports": REPORT_RECORD, "texts": TEXT_RECORD,
                               "events": EVENT_RECORD}
+SENDERS = {"events": "EventLog", "selected": "Housekeeping", "files": "Files"}     # the modules of services
 
 
 class RecordField:
@@ -55,7 +57,8 @@ class Sent:
         d: Dictionary = dictionary(flight)
         self._streams = {"housekeeping": d.telemetry + HOUSEKEEPING, "reports": d.telemetry + REPORTS,
                          **{output.path: output.stream for output in d.outputs}, "texts": d.texts,
-                         **{service: d.texts + 1 + i for i, service in enumerate(SERVICES)}}
+                         **{service: d.texts + 1 + i for i, service in enumerate(SERVICES)
+                            if any(_core.struct(module).name == SENDERS[service] for module in flight)}}
 
     def packet(self, name: str) -> Comparison:
         """True at a sample up to which a packet of a stream was sent since the sample before."""
@@ -69,6 +72,8 @@ class Sent:
     def number(self, path: str) -> Signal:
         """Numbers of the newest packet of a stream: of an output, or of what RECORDS has."""
         packet, _, name = path.partition(".")
+        if packet not in self._streams and packet != self._process:
+            self.packet(packet)
         field: Any = self._of_record(path, packet, name) if packet in self._streams else self._of_output(path)
         stream = self._streams[packet if packet in self._streams else field.port]
         return Signal("telemetry", text=f"telemetry of {path}", shape=field.shape, unit=field.unit,
