@@ -294,7 +294,7 @@ def test_of_packets_that_are_not_known_here_nothing_is_known():
     (lambda r: r.telemetry("world", "housekeeping.mode"), "world is no process of flight"),
     (lambda r: r.telemetry("flight", "housekeeping.moda"), "has no number 'moda'; did you mean 'mode'"),
     (lambda r: r.telemetry("flight", "housekeping.mode"), "did you mean 'housekeeping'"),
-    (lambda r: r.packet("flight", "events"), "sends no packet 'events'; it sends housekeeping, reports, flight.vehicle"),
+    (lambda r: r.packet("flight", "events"), "no packet 'events'; it sends housekeeping, reports, flight.vehicle"),
     (lambda r: r.telemetry("flight", "flight.tracking.error"), "is a whole message; name one of its fields"),
     (lambda r: r.telemetry("flight", "flight.tracking.error.sigma_BN"), "has no 'sigma_BN'; did you mean 'sigma_BR'"),
     (lambda r: r.telemetry("flight", "flight.control.K"), "is no field of an output of flight"),
