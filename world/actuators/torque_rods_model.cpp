@@ -91,7 +91,7 @@ void TorqueRodsModel::derive(const double *, const Motion &motion, double *, Loa
 /// Add the torque in the field x, y, z.
 LANES_INLINE void TorqueRodsModel::turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const
 {
-    const Quad torque = turned(x, y, z, Attitude(quad(sigma_BN)));
+    const Quad torque = cross(quad(state_.dipole_B), Attitude(quad(sigma_BN)).to_B(Quad{x, y, z, 0.0}));
     keep(torque);
     put(loads.torque, quad(loads.torque) + torque);
 }

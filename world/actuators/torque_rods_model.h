@@ -35,13 +35,14 @@ public:
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
-    /// [N m] Where B's origin is at r [m], N components, at start + tau [s].
-    LANES_INLINE Quad torque(sim::Ns start, double tau, Quad r, const Attitude &attitude) const
+    const Vec3 &dipole_B() const { return state_.dipole_B; } ///< [A m^2]
+    /// [T] At r [m] and start + tau [s], N components.
+    LANES_INLINE Quad field(sim::Ns start, double tau, Quad r) const
     {
         Vec3 place;
         put(place, r);
         const Eigen::Vector3d B_N = field_->at(start, tau, view(place));
-        return turned(B_N.x(), B_N.y(), B_N.z(), attitude);
+        return Quad{B_N.x(), B_N.y(), B_N.z(), 0.0};
     }
     LANES_INLINE void keep(Quad torque) const { put(torque_, torque); } ///< the last one, for the output
     void copy_setup(const sim::Model &original,
@@ -58,10 +59,6 @@ private:
     };
 
     void apply();
-    LANES_INLINE Quad turned(double x, double y, double z, const Attitude &attitude) const
-    {
-        return cross(quad(state_.dipole_B), attitude.to_B(Quad{x, y, z, 0.0}));
-    }
     void turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const;
 
     TorqueRods &interface_;

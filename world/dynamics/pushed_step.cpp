@@ -35,7 +35,7 @@ LANES_INLINE void SpacecraftModel::end_pushed(const auto &from, const auto &x, c
 template <class Wheels, bool has_rods>
 LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_wheels, sim::Ns dt)
 {
-    using Craft = PushedCraft<Wheels>;
+    using Craft = PushedCraft<Wheels, has_rods>;
     Pushing pushing[pushing_parts];
     std::size_t n = 0;
     for (const Part &part : parts_) {
@@ -55,6 +55,10 @@ LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_whe
         }
         n++;
     }
+    Quad dipole{};
+    if constexpr (has_rods) {
+        dipole = quad(rods_->dipole_B());
+    }
     const Craft craft{wheels,
                       pushing,
                       n,
@@ -63,26 +67,26 @@ LANES_INLINE void SpacecraftModel::step_pushed(Wheels wheels, std::size_t at_whe
                       quad_at(held_ + at_force_B),
                       quad_at(held_ + at_torque_B),
                       quad(center_),
+                      dipole,
                       {quad_at(I_transposed_.m[0]), quad_at(I_transposed_.m[1]), quad_at(I_transposed_.m[2])},
                       {quad_at(I_inverse_.m[0]), quad_at(I_inverse_.m[1]), quad_at(I_inverse_.m[2])}};
-    Quad gravity, turning{};
+    Quad gravity, B{};
     const auto fall = [&](double tau, Quad r) LANES_LAMBDA {
         return gravity = tau < 0.0 ? gravity_at(from_ + dt, 0.0, r) : gravity_at(from_, tau, r);
     };
-    const auto turn = [&]([[maybe_unused]] double tau, [[maybe_unused]] Quad r,
-                          [[maybe_unused]] const Attitude &attitude) LANES_LAMBDA {
+    const auto field = [&]([[maybe_unused]] double tau, [[maybe_unused]] Quad r,
+                           [[maybe_unused]] Quad sigma) LANES_LAMBDA {
         if constexpr (has_rods) {
-            const Quad place = offset_ ? r - attitude.to_N(craft.center) : r;
-            turning = tau < 0.0 ? rods_->torque(from_ + dt, 0.0, place, attitude)
-                                : rods_->torque(from_, tau, place, attitude);
+            const Quad place = offset_ ? r - Attitude(sigma).to_N(quad(center_)) : r;
+            B = tau < 0.0 ? rods_->field(from_ + dt, 0.0, place) : rods_->field(from_, tau, place);
         }
-        return turning;
+        return B;
     };
     const auto from = state_at<Wheels>(x_, at_wheels);
     auto x = from, k = state_at<Wheels>(dx_, at_wheels);
-    craft.step(x, k, tick_seconds(dt), fall, turn);
+    craft.step(x, k, tick_seconds(dt), fall, field);
     if constexpr (has_rods) {
-        rods_->keep(turning);
+        rods_->keep(craft.turning(B, Attitude(x.sigma)));
     }
     end_pushed<Wheels>(from, x, k, at_wheels, gravity, dt);
 }

@@ -68,7 +68,7 @@ struct Pushing {
     double since, since_end;                     ///< [s] from where it begins to the step's begin, to its end
 };
 
-template <class Wheels> struct PushedCraft {
+template <class Wheels, bool has_rods> struct PushedCraft {
     using State = RigidState<typename Wheels::State>;
 
     Wheels wheels;
@@ -77,15 +77,14 @@ template <class Wheels> struct PushedCraft {
     double per_mass;
     Quad force_N, force_B, torque; ///< of the inputs
     Quad center;                   ///< C in B
+    Quad dipole;                   ///< [A m^2] of the rods
     Quad inertia[3], inverse[3];   ///< columns
 
-    /// rods(tau, r, attitude): their torque. tau < 0: at the end of the step.
-    template <class Rods>
-    LANES_INLINE void rates(State &to, const State &x, double tau, Quad gravity, const Rods &rods) const
+    /// tau < 0: at the end of the step. field: N components.
+    LANES_INLINE void rates(State &to, const State &x, double tau, Quad gravity, Quad field) const
     {
         const auto turned = wheels.turned(x.h);
         const Attitude attitude(x.sigma);
-        const Quad by_rods = rods(tau, x.r, attitude);
         to.h = wheels.rates(x.h, turned, x.omega);
         Pushed all;
         all.force_B = force_B;
@@ -101,8 +100,8 @@ template <class Wheels> struct PushedCraft {
                 all.add(part.force + t * part.force_rate, part.torque + t * part.torque_rate, center);
             } else if (part.kind == Pushing::as_wheels) {
                 wheels.act(turned, to.h, center, all);
-            } else {
-                all.torque += by_rods;
+            } else if constexpr (has_rods) {
+                all.torque += turning(field, attitude);
             }
         }
         to.r = x.v;
@@ -111,15 +110,21 @@ template <class Wheels> struct PushedCraft {
         to.omega = combine(inverse[0], inverse[1], inverse[2], all.torque - cross(x.omega, all.momentum));
     }
 
+    LANES_INLINE Quad turning(Quad field, const Attitude &attitude) const
+    {
+        return cross(dipole, attitude.to_B(field));
+    }
+
     /// From x and its rates k1 to those after h [s]. gravity(tau, r): the acceleration at r after tau [s], < 0: at the
-    /// end.
-    template <class Gravity, class Rods>
-    LANES_INLINE void step(State &x, State &k1, double h, const Gravity &gravity, const Rods &rods) const
+    /// end; field(tau, r, sigma): the field, which is called while the least is in registers.
+    template <class Gravity, class Field>
+    LANES_INLINE void step(State &x, State &k1, double h, const Gravity &gravity, const Field &field) const
     {
         State k2, k3, k4;
         const auto after = [&](State &to, double tau, const State &k) LANES_LAMBDA {
+            const Quad B = field(tau, x.r + tau * k.r, x.sigma + tau * k.sigma);
             const State probe = x + tau * k;
-            rates(to, probe, tau, gravity(tau, probe.r), rods);
+            rates(to, probe, tau, gravity(tau, probe.r), B);
         };
         after(k2, 0.5 * h, k1);
         after(k3, 0.5 * h, k2);
@@ -128,7 +133,8 @@ template <class Wheels> struct PushedCraft {
         if (dot(x.sigma, x.sigma) > 1.0) {
             x.sigma = quad(mrp_shadow(vec(x.sigma)));
         }
-        rates(k1, x, -1.0, gravity(-1.0, x.r), rods);
+        const Quad B = field(-1.0, x.r, x.sigma);
+        rates(k1, x, -1.0, gravity(-1.0, x.r), B);
     }
 };
 
