@@ -250,8 +250,9 @@ LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, cons
         acting_[i / sim::state_block] = gyros.act(at, state, quad(motion.omega), moved);
         gyros.show(acting_[i / sim::state_block]);
     }
-    placed.put(whole);
-    moved.put(whole, loads);
+    placed.inertia.put(whole.inertia); // they add nothing else
+    put(loads.momentum, moved.momentum);
+    put(loads.torque, moved.acting);
 }
 
 void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec3 &, double *dx) const
