@@ -59,19 +59,19 @@ public:
     {
         Watched &task = tasks_[number];
         task.updates++;
-        const bool finite = all_finite(task);
-        bool good = true;
-        for (std::uint32_t i = task.first_output; i < task.last_output; i++) {
-            Seen &seen = seen_[i];
+        const bool finite = task.first_double == task.last_double || all_finite(task);
+        std::uint32_t other = 0; // than good
+        for (Seen *seen = seen_.data() + task.first_output, *const end = seen_.data() + task.last_output; seen != end;
+             seen++) {
             // Each by itself: one load of both would wait for the two stores of the module.
             std::uint32_t quality, sequence;
-            __builtin_memcpy(&quality, seen.message + offsetof(Head, quality), sizeof quality);
-            __builtin_memcpy(&sequence, seen.message + offsetof(Head, sequence), sizeof sequence);
-            seen.before = seen.sequence;
-            seen.sequence = sequence;
-            good &= quality == QUALITY_GOOD;
+            __builtin_memcpy(&quality, seen->message + offsetof(Head, quality), sizeof quality);
+            __builtin_memcpy(&sequence, seen->message + offsetof(Head, sequence), sizeof sequence);
+            seen->before = seen->sequence;
+            seen->sequence = sequence;
+            other |= quality ^ QUALITY_GOOD;
         }
-        if (!good || !finite) {
+        if (other || !finite) {
             note(task, finite, t);
         }
         for (std::uint32_t i = task.first_limit; i < task.last_limit; i++) {

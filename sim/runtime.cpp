@@ -275,14 +275,16 @@ inline void Runtime::run_task(RunTask &task, Ns t)
     const std::int32_t mode = task.process->mode;
     running_->task.store(task.task, std::memory_order_relaxed);
     const Copy *const copies = wiring_.copies();
-    for (const Step &step : std::span(steps_).subspan(task.first_step, task.last_step - task.first_step)) {
-        for (const Copy *copy = copies + step.first_copy; copy != copies + step.last_copy; copy++) {
+    for (const Step *step = steps_.data() + task.first_step, *const end = steps_.data() + task.last_step; step != end;
+         step++) {
+        for (const Copy *copy = copies + step->first_copy, *const last = copies + step->last_copy; copy != last;
+             copy++) {
             if (carry(*copy, mode, t)) {
                 health.was_stale(copy->age, t);
             }
         }
-        running_->instance.store(step.instance, std::memory_order_relaxed);
-        step.update(step.self, tick);
+        running_->instance.store(step->instance, std::memory_order_relaxed);
+        step->update(step->self, tick);
     }
     running_->instance.store(nullptr, std::memory_order_relaxed);
     health.task_ran(task.watched, t);
@@ -302,12 +304,13 @@ inline void Runtime::end_turn(RunProcess *process, bool down, Ns t)
     }
 }
 
-/// The tasks that are due, in the order of equal times: a process has its turn with all of its own.
-inline void Runtime::run_tasks(Ns t)
+/// The tasks that are due, in the order of equal times: a process has its turn with all of its own. after: the last one
+/// that has run; null: none.
+void Runtime::run_tasks(Ns t, const RunTask *after)
 {
-    RunProcess *turn = nullptr;
+    RunProcess *turn = after ? after->process : nullptr;
     bool down = false;
-    for (RunTask &task : tasks_) {
+    for (RunTask &task : std::span(tasks_).subspan(after ? static_cast<std::size_t>(after - tasks_.data()) + 1 : 0)) {
         if (task.process != turn) {
             end_turn(turn, down, t);
             turn = task.process;
@@ -323,10 +326,47 @@ inline void Runtime::run_tasks(Ns t)
     end_turn(turn, down, t);
 }
 
+inline void Runtime::take_records(Ns t)
+{
+    recorder_.take(t);
+    outputs_.take(t);
+}
+
+/// The tasks that are due, where nothing else can be: without a look at what the general way asks each process. Returns
+/// whether it stayed so.
+inline bool Runtime::run_plainly(Ns t)
+{
+    Ns soonest = never;
+    for (RunTask &task : tasks_) {
+        if (exec_due(&task.state, t)) {
+            run_task(task, t);
+            if (changes_) { // by a function of Python
+                run_tasks(t, &task);
+                return false;
+            }
+        }
+        soonest = exec_sooner(soonest, task.state.active ? task.state.next : never);
+    }
+    now = t;
+    take_records(t);
+    next = changes_ ? next_instant() : soonest;
+    return true;
+}
+
 void Runtime::instant()
 {
     const Ns t = next;
     running_->t.store(t, std::memory_order_relaxed);
+    if (!plain_ || changes_ || modes_begin_) {
+        run_generally(t);
+    } else if (run_plainly(t)) {
+        return;
+    }
+    end_instant(t);
+}
+
+void Runtime::run_generally(Ns t)
+{
     for (std::size_t i = 0; plays_ && i < processes_.size(); i++) {
         if (processes_[i].process->executive().plays()) {
             play(processes_[i], t);
@@ -337,11 +377,18 @@ void Runtime::instant()
     }
     wiring_.feed(t);
     run_tasks(t);
+}
+
+void Runtime::end_instant(Ns t)
+{
     if (changes_) {
         changes_ = std::any_of(processes_.begin(), processes_.end(), [t](const RunProcess &process) {
             return process.requested != process.mode || process.publishes ||
                    (process.commands && process.commands->next(t) < never);
         });
+        plain_ = !plays_ && !has_events_ && wiring_.exchanges.empty() && !wiring_.feeds() &&
+                 std::none_of(processes_.begin(), processes_.end(),
+                              [](const RunProcess &process) { return process.reset || process.commands; });
     }
     if (now < 0) {
         set_begun(true);
@@ -353,8 +400,7 @@ void Runtime::instant()
     if (has_events_) {
         run_events(t);
     }
-    recorder_.take(t);
-    outputs_.take(t);
+    take_records(t);
     next = next_instant();
 }
 

@@ -138,7 +138,11 @@ private:
     void add_instances(RunProcess &run);
     void take_parameters();
     void instant(); ///< run one
-    void run_tasks(Ns t);
+    void run_tasks(Ns t, const RunTask *after = nullptr);
+    bool run_plainly(Ns t);
+    void run_generally(Ns t);
+    void end_instant(Ns t);
+    void take_records(Ns t);
     void end_turn(RunProcess *process, bool down, Ns t);
     Ns last_tick(const Process &process, Ns t) const;
     Ns next_of(const RunTask &task) const;
@@ -171,6 +175,7 @@ private:
     std::vector<Model *> models_;
     std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
+    bool plain_ = false;   ///< unless changes_: no process has more than tasks and wires
     bool has_events_ = false;
     bool plays_ = false;         ///< some process flew elsewhere
     bool modes_begin_ = false;   ///< some process with modes has not run since it began

@@ -21,7 +21,7 @@ void Runtime::event_added(const Process &process)
     // The process checks it from the next instant on: an action may add an event that adds another one.
     of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), {}, now + 1});
     find_own_events(of(process));
-    has_events_ = true;
+    has_events_ = changes_ = true;
 }
 
 /// At the end of the process' turn: the processes that run later at the same instant see what the events have changed,

@@ -170,6 +170,43 @@ TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
     EXPECT_EQ(interface<Source>(source).out.number.head.sequence, 1u) << "reset, then updated";
 }
 
+TEST(Modes, ThatAFunctionRequestsCountForTheTurnsBehindIt)
+{
+    for (const bool general : {false, true}) {
+        Simulation sim;
+        Process &world = sim.add_process("world");
+        Process &flight = sim.add_process("flight");
+        auto source = make(world, "source", source_type);
+        auto work = make(flight, "work", source_type);
+        interface<Source>(source).par.value = interface<Source>(work).par.value = 1.0;
+        world.add_task({"look", 10 * ms, 0, 0, {source}});
+        flight.add_task({"work", 10 * ms, 0, 0, {work}});
+        flight.add_mode({"working", {"work"}});
+        flight.add_mode({"resting", {}});
+        int fired = 0;
+        Event event;
+        event.predicate = [&] { return sim.time() >= 50 * ms; };
+        event.action = [&] { fired++; };
+        if (general) { // an event, so that the loop asks each process at each instant
+            event.name = "early";
+            flight.add_event(event);
+        }
+        source->script.update = [&](Instance &, Tick tick) {
+            if (tick.t == 50 * ms) {
+                flight.enter("resting");
+                event.name = "late";
+                world.add_event(event);
+            }
+        };
+        sim.run_until(40 * ms);
+        EXPECT_EQ(flight.mode(), "working");
+        sim.run_until(50 * ms);
+        EXPECT_EQ(flight.mode(), "resting");
+        EXPECT_EQ(interface<Source>(work).out.number.head.sequence, 5u) << "at 0 to 40 ms";
+        EXPECT_EQ(fired, 1) << "at the end of the instant";
+    }
+}
+
 TEST(Events, FireOnceTheirConditionHeldAndArmAgainWhenItNoLongerHolds)
 {
     Loop loop;
