@@ -683,14 +683,17 @@ void SpacecraftModel::put_out(Ns t)
 {
     CraftState &state = interface_.out.state;
     state.head = head_next(state.head, t, QUALITY_GOOD);
-    state.r_BN_N = state.r_CN_N = get(x_, at_r);
-    state.v_BN_N = state.v_CN_N = get(x_, at_v);
-    state.sigma_BN = get(x_, at_sigma);
-    state.omega_BN_B = get(x_, at_omega);
-    state.domega_BN_B = get(dx_, at_omega);
-    state.a_BN_N = get(dx_, at_v);
+    const Quad r = quad_at(x_ + at_r), v = quad_at(x_ + at_v), a = quad_at(dx_ + at_v);
+    put(state.r_BN_N, r);
+    put(state.r_CN_N, r);
+    put(state.v_BN_N, v);
+    put(state.v_CN_N, v);
+    put(state.sigma_BN, quad_at(x_ + at_sigma));
+    put(state.omega_BN_B, quad_at(x_ + at_omega));
+    put(state.domega_BN_B, quad_at(dx_ + at_omega));
+    put(state.a_BN_N, a);
     // Where gravity alone accelerates, it is known already.
-    state.g_CN_N = simple_ ? state.a_BN_N : gravity_;
+    put(state.g_CN_N, simple_ ? a : quad(gravity_));
     if (offset_) {
         sim::in_registers<&SpacecraftModel::publish_origin>(*this);
     }
