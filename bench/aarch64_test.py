@@ -44,7 +44,7 @@ def library():
 
 
 @pytest.mark.long("builds the library for aarch64, and flies all cases under QEMU")
-@pytest.mark.parametrize("name", [name for name in cases() if name != "rods with WMM"])     # docs/performance.md
+@pytest.mark.parametrize("name", cases())
 def test_all_outputs_have_the_bytes_of_x86(library, name, tmp_path):
     case = Case(name, tmp_path)
     hashes = case.fly("x86_64", 3)

@@ -10,5 +10,7 @@ set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
 set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
+# Else Eigen's products fuse by themselves, and the bits are not those of x86-64.
+set(CMAKE_CXX_FLAGS_INIT -U__ARM_FEATURE_FMA)
 set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
 set(BUILD_TESTING OFF CACHE BOOL "its programs run elsewhere")
