@@ -37,7 +37,8 @@ RECORDED = {
     "8 thrusters and settled tank": 1801,
     "gyros": 1582,
     "rods": 855,
-    "rods with WMM": 3293,
+    "rods with WMM": 3278,
+    "rods with WMM to 0.1 nT": 1743,
     NADIR_SPIN: 3096,
 }
 

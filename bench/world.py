@@ -77,6 +77,10 @@ def rods(**earth):
     return {"field": field, "rods": part}
 
 
+def wmm():
+    return {"body": world.EARTH, "coefficients": "WMM2025", "sky": world.Sky("2026-01-01", center=world.EARTH)}
+
+
 CASES = {
     "rigid": lambda: {},
     "wheels": lambda: {"wheels": wheels()},
@@ -93,8 +97,8 @@ CASES = {
     "8 thrusters and settled tank": lambda: {"thrusters": thrusters(8, **tank(2, fill=[0.7], down_B=[[0, 0, -1]]))},
     "gyros": lambda: {"gyros": gyros()},
     "rods": rods,
-    "rods with WMM": lambda: rods(body=world.EARTH, coefficients="WMM2025",
-                                  sky=world.Sky("2026-01-01", center=world.EARTH)),
+    "rods with WMM": lambda: rods(**wmm()),
+    "rods with WMM to 0.1 nT": lambda: rods(**wmm(), tolerance=1e-10),
 }
 GROWTH = {"coupled": lambda n: wheels(n, jitter=0), "panels": panels, "slosh": slosh, "thrusters": thrusters,
           "gyros": gyros}

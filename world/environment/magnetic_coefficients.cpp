@@ -14,7 +14,7 @@ namespace fledge::world {
 namespace {
 
 constexpr double reference_radius = 6371.2e3; // [m]
-constexpr int most = 20;                      // degrees; the model itself has 12
+constexpr int most = 20; // degrees; the model itself has 12
 
 struct Row {
     int n, m;
@@ -42,6 +42,30 @@ std::optional<Row> row_of(const std::vector<std::string_view> &words)
 }
 
 } // namespace
+
+/// By Cauchy and Schwarz, Schmidt's functions of a degree n, whose squares add up to 1, give no more than (n + 1) times
+/// the root of the sum of the squares of its coefficients. A derivative along an axis leads to the degree n + 1.
+MagneticCoefficients::MagneticCoefficients(std::string name, double epoch, const HarmonicField &main,
+                                           const HarmonicField &rate)
+    : name_(std::move(name)), epoch_(epoch), main_(main), rate_(rate), now_(main)
+{
+    now_.leave_out_the_point();
+    for (int n = 1; n <= main.degree; n++) {
+        double squares = 0.0, rates = 0.0;
+        for (int m = 0; m <= n; m++) {
+            const std::size_t at = HarmonicField::index(n, m);
+            const double unit = 1e-18 * (2.0 * n + 1.0), years = end() - epoch_;
+            const auto most = [&](const std::vector<double> &now, const std::vector<double> &a_year) {
+                return std::abs(now[at]) + years * std::abs(a_year[at]);
+            };
+            squares += unit * (std::pow(most(main.C, rate.C), 2) + std::pow(most(main.S, rate.S), 2));
+            rates += unit * (std::pow(rate.C[at], 2) + std::pow(rate.S[at], 2));
+        }
+        const double factors = (n + 2.0) * (n + 3.0) * (n + 4.0) * (n + 5.0);
+        bend_ += (n + 1.0) * factors * std::sqrt(squares) / std::pow(reference_radius, 4);
+        drift_ += (n + 1.0) * std::sqrt(rates) / (365.2425 * 86400.0);
+    }
+}
 
 MagneticCoefficients MagneticCoefficients::read(const std::string &path, int degree)
 {

@@ -17,7 +17,9 @@ namespace {
 
 constexpr int earth_id = 399;
 constexpr double seconds_a_year = 365.2425 * 86400.0;
-constexpr Ns held = 1'000'000'000; ///< as long as coefficients stay as they are: the field changes by 1e-5 nT
+constexpr Ns least_held = 1'000'000'000; ///< in which the field changes by 1e-5 nT
+constexpr double least_tolerance = 1e-14;
+constexpr double least_turned = 1e-5; ///< [rad^2]
 
 /// Decimal, as the World Magnetic Model counts: the share of the calendar year that has passed.
 double decimal_year(const TimeSystem &system, Epoch epoch)
@@ -47,6 +49,9 @@ void MagnetismModel::refresh()
         if (!dipole) {
             refuse(": give a moment, dipole_P, or a model, coefficients=\"WMM2025\"");
         }
+        if (par.tolerance > 0.0) {
+            refuse(".tolerance: there is no file of coefficients, and a dipole needs none");
+        }
         if (par.degree > 0) {
             refuse(".degree: there is no file of coefficients; found " + std::to_string(par.degree));
         }
@@ -68,6 +73,14 @@ void MagnetismModel::refresh()
         refuse(std::string(".coefficients: ") + error.what());
     }
     require_year(0, "begins");
+    held_ = least_held;
+    if (par.tolerance > 0.0 && !(par.tolerance >= least_tolerance)) {
+        refuse(".tolerance: expected 0, or at least 1e-14 T; found " + sim::format_number(par.tolerance));
+    }
+    if (par.tolerance > 0.0) { // a half for space, a half for time
+        cubes_.set(0.5 * par.tolerance, model_->bend());
+        held_ *= static_cast<Ns>(std::clamp(0.5 * par.tolerance / model_->drift(), 1.0, 86400.0));
+    }
 }
 
 double MagnetismModel::year(Ns t) const
@@ -103,7 +116,13 @@ const Eigen::Matrix3d &MagnetismModel::dcm_PN(Ns start, double tau) const
         const double rate = begin.omega_PN_P.norm();
         const Vector3d axis = begin.omega_PN_P / rate;
         double s, c;
-        fm_sincos(rate * tau, &s, &c);
+        const double angle = rate * tau, a2 = angle * angle;
+        if (interface_.par.tolerance > 0.0 && a2 < least_turned) { // to 1e-17
+            s = angle * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0));
+            c = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0);
+        } else {
+            fm_sincos(angle, &s, &c);
+        }
         for (int i = 0; i < 3; i++) {
             const Vector3d column = begin.dcm_PN.col(i);
             turned_PN_.col(i) = c * column - s * axis.cross(column) + ((1.0 - c) * axis.dot(column)) * axis;
@@ -124,7 +143,10 @@ Vector3d MagnetismModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
     }
     if (model_) {
         const Eigen::Matrix3d &PN = dcm_PN(start, tau);
-        return PN.transpose() * model_->field(PN * r, year(start - start % held));
+        const Ns when = start - start % held_;
+        const auto exact = [&](const Vector3d &r_P) { return model_->field(r_P, year(when)); };
+        const Vector3d r_P = PN * r;
+        return PN.transpose() * (interface_.par.tolerance > 0.0 ? cubes_.at(r_P, when, exact) : exact(r_P));
     }
     const Vector3d m = attitude(start, tau).dcm_PN.transpose() * view(interface_.par.dipole_P);
     return 1.0 / (r2 * std::sqrt(r2)) * (3.0 * m.dot(r) / r2 * r - m);

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "world/environment/environment_model.h"
+#include "world/environment/field_cubes.h"
 #include "world/environment/magnetic_coefficients.h"
 #include "world/environment/magnetism.h"
 
@@ -44,6 +45,8 @@ private:
     std::string path_;
     std::optional<MagneticCoefficients> model_;
     double year_ = 0.0; ///< at time 0
+    sim::Ns held_ = 0;  ///< as long as coefficients stay as they are
+    mutable FieldCubes cubes_;
     mutable Eigen::Matrix3d turned_PN_;
     mutable sim::Ns turned_start_ = 0; ///< at which turned_PN_ is
     mutable double turned_tau_ = std::numeric_limits<double>::quiet_NaN();

@@ -280,6 +280,51 @@ TEST_F(Field, AFilesFieldTurnsWithTheEarthAndChangesWithTheYears)
     EXPECT_EQ(clone.at(0, 0.0, r), model.at(0, 0.0, r));
 }
 
+TEST_F(Field, InCubesIsWithinItsTolerance)
+{
+    const TemporaryFile rough("field.COF", Coefficients(12).text());
+    model.set_sky(sky("2026-07-02T12:00:00"));
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> share(0.0, 1.0);
+    for (const std::string &path :
+         {std::string(FLEDGE_ROOT "/python/fledge/world/magnetic/WMM2025.COF"), rough.path()}) {
+        model.set_coefficients(path);
+        double before = 0.0;
+        for (const double tolerance : {1e-9, 1e-11}) {
+            i.par.tolerance = tolerance;
+            ASSERT_EQ(refusal(), "");
+            MagnetismModel clone(i);
+            clone.copy_setup(model, [](const sim::Model *other) { return const_cast<sim::Model *>(other); });
+            clone.prepare({"world.field", 1, nullptr});
+            Magnetism exact_interface{};
+            MagnetismModel exact(exact_interface);
+            exact.copy_setup(model, [](const sim::Model *other) { return const_cast<sim::Model *>(other); });
+            exact.prepare({"world.field", 1, nullptr});
+            double worst = 0.0;
+            for (int round = 0; round < 300; round++) {
+                const Vector3d up = Vector3d(normal(random), normal(random), normal(random)).normalized();
+                const Vector3d r = (6.378e6 + 3e5 + 1.7e6 * share(random)) * up;
+                const sim::Ns t = static_cast<sim::Ns>(1e5 * share(random)) * second;
+                for (const double tau : {0.0, 0.05}) {
+                    const Vector3d B = model.at(t, tau, r);
+                    worst = std::max(worst, (B - exact.at(t, tau, r)).cwiseAbs().maxCoeff());
+                    EXPECT_EQ(clone.at(t, tau, r), B);
+                }
+            }
+            EXPECT_LT(worst, tolerance);
+            EXPECT_TRUE(before == 0.0 || worst < 0.1 * before) << worst << " after " << before;
+            before = worst;
+        }
+    }
+    i.par.tolerance = 1e-15;
+    EXPECT_EQ(refusal(), "world.field.tolerance: expected 0, or at least 1e-14 T; found 1e-15");
+    i.par.tolerance = 1e-10;
+    model.set_coefficients("");
+    i.par.dipole_P = vec3(1, 0, 0);
+    EXPECT_EQ(refusal(), "world.field.tolerance: there is no file of coefficients, and a dipole needs none");
+}
+
 TEST_F(Field, NamesWhatIsWrong)
 {
     EXPECT_EQ(refusal(), "world.field: give a moment, dipole_P, or a model, coefficients=\"WMM2025\"");

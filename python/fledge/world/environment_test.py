@@ -255,7 +255,7 @@ def test_help_has_all_keywords_of_a_model():
             own = [attribute for attribute, value in vars(cls).items() if isinstance(value, property)]
             assert set(own) <= set(keywords), name
     assert str(inspect.signature(world.Magnetism)) == (
-        "(*, dipole_P=0, spin=0, degree=0, sky=None, body=None, coefficients=None)")
+        "(*, dipole_P=0, tolerance=0, spin=0, degree=0, sky=None, body=None, coefficients=None)")
 
 
 def test_wrong_set_ups_are_refused_before_the_first_step():
