@@ -45,9 +45,13 @@ struct BuildsOf<loop> : Builds<loop, const Object, Arguments...> {
 template <auto loop> [[gnu::always_inline]] inline void in_registers(auto &object, auto &&...arguments)
 {
     using Of = BuildsOf<loop>;
+#if defined(__x86_64__)
     wide == 2   ? Of::in_avx2(object, arguments...)
     : wide == 1 ? Of::in_avx(object, arguments...)
                 : Of::in_narrow(object, arguments...);
+#else
+    Of::in_narrow(object, arguments...);
+#endif
 }
 
 } // namespace fledge::sim
