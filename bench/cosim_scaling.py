@@ -4,8 +4,8 @@
 N spacecraft are 2 N programs, which hear each other in a ring, and one controller. Each figure is from the
 first to the last instant, without starting the programs. The same in one program is what the physics costs.
 
-Where a tick's time goes: processor time of all programs, by a run of twice the span less one of the span, so that
-starts and ends cancel. The time of both processors that no program used is idle.
+Where a tick's time goes: processor time of all programs, by a run of ten spans less one of one span, so that starts and
+ends cancel. What the programs did not use of the processors is idle, or another program's.
 """
 from __future__ import annotations
 import os
@@ -81,11 +81,11 @@ def measure_shares(rows, runs, rounds):
     """
     processors = os.cpu_count() or 1
     figure = f"{PROGRAMS} programs, a tick"
-    parts = ("wall", "controller", "controller, kernel", "nodes", "nodes, kernel", "idle", "changes of context")
+    parts = ("constellation", "controller", "its kernel", "nodes", "their kernel", "idle", "changes of context")
     samples: dict[str, list] = {"futex_barrier": [], **{part: [] for part in parts}}
     for _ in range(runs):
         samples["futex_barrier"].append(rounds("barrier", "-", PROGRAMS, 1000) / PROGRAMS)
-        short, long = (fly("constellation", k * SPAN, spacecraft=PROGRAMS // 2) for k in (1, 2))
+        short, long = (fly("constellation", k * SPAN, spacecraft=PROGRAMS // 2) for k in (1, 10))
         ticks = long.ticks - short.ticks
         *spent, switches = ((b - a) / ticks for a, b in zip(short.spent, long.spent, strict=True))
         wall = (long.wall - short.wall) / ticks
@@ -95,7 +95,7 @@ def measure_shares(rows, runs, rounds):
     rows.add("futex_barrier", figure, samples["futex_barrier"], "us")
     for part in parts:
         rows.add(part, figure, samples[part], "-" if part == "changes of context" else "us",
-                 "futex_barrier" if part == "wall" else None)
+                 "futex_barrier" if part == "constellation" else None)
 
 
 def main(arguments: list[str]) -> None:
