@@ -27,7 +27,7 @@ using Unit = std::span<const std::uint8_t>;
 /// The newest packet of a stream, of which each packet has the id in its first two bytes.
 struct Newest {
     std::uint16_t stream = 0;
-    std::uint64_t count = 0; ///< of packets since someone looks
+    std::uint64_t count = 0; ///< of packets since the first Units::newest() of the stream
     std::vector<std::uint8_t> bytes = {};
 };
 

@@ -175,7 +175,7 @@ private:
     std::vector<Model *> models_;
     std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
-    bool plain_ = false;   ///< unless changes_: no process has more than tasks and wires
+    bool plain_ = false;   ///< while changes_ is false: nothing but tasks can be due
     bool has_events_ = false;
     bool plays_ = false;         ///< some process flew elsewhere
     bool modes_begin_ = false;   ///< some process with modes has not run since it began

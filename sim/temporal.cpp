@@ -214,7 +214,7 @@ int TemporalMonitor::formula(const std::vector<FormulaNode> &nodes)
 }
 
 /// Of a window with a part beside it: the window from the first sample on that takes the least of what joins the two,
-/// or of the negation. No sample counts there whose part, or window, is not below what it has gathered.
+/// or of the negation. A sample counts there only if its part and its window are below what that has gathered.
 const TemporalMonitor::Node *TemporalMonitor::least_of_joined(const Node &node) const
 {
     return node.beside < 0 ? nullptr : &at(at(node.parent).parent);

@@ -69,7 +69,9 @@ private:
         FormulaNode what;
         int instant = -1; ///< the part that it is; only of such a node
         int parent = -1;
-        int beside = -1; ///< of a window of a part: the part beside it under a parent, whose samples it gives that, too
+        /// Of a window of a part: its parent's other operand, if that is a part; the window then passes that part's
+        /// samples to the parent, too. Of that part: the window.
+        int beside = -1;
         bool second = false;       ///< it is its parent's second operand
         bool front = false;        ///< only its value at the first sample counts
         Ns wanted = no_end;        ///< its value counts until so long after the first sample

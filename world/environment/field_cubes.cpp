@@ -11,11 +11,11 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double lebesgue = 1.85;
+constexpr double outer = 0.92387953251128674, inner = 0.38268343236508977; // cos(pi / 8), cos(3 pi / 8): the roots
 
 /// From the values at the four roots, which ascend, to the factors of the powers.
 void to_powers(double *f, std::size_t stride)
 {
-    constexpr double outer = 0.92387953251128674, inner = 0.38268343236508977; // cos(pi / 8), cos(3 pi / 8)
     constexpr double outer2 = outer * outer, apart = outer2 - inner * inner;
     double &f0 = f[0], &f1 = f[stride], &f2 = f[2 * stride], &f3 = f[3 * stride];
     const double even_outer = 0.5 * (f3 + f0), even_inner = 0.5 * (f2 + f1);
@@ -39,7 +39,7 @@ void FieldCubes::set(double error, double fourth)
 
 void FieldCubes::fill(Cube &cube, const std::function<Vector3d(const Vector3d &)> &exact) const
 {
-    constexpr double roots[4] = {-0.92387953251128674, -0.38268343236508977, 0.38268343236508977, 0.92387953251128674};
+    constexpr double roots[4] = {-outer, -inner, inner, outer};
     double(&p)[4][4][4][4] = cube.powers;
     const auto place = [&](int i, std::size_t root) {
         return edge_ * (static_cast<double>(cube.key[i]) + 0.5 * (roots[root] + 1.0));

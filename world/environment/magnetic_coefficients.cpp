@@ -14,7 +14,7 @@ namespace fledge::world {
 namespace {
 
 constexpr double reference_radius = 6371.2e3; // [m]
-constexpr int most = 20; // degrees; the model itself has 12
+constexpr int most = 20;                      // degrees; the model itself has 12
 
 struct Row {
     int n, m;
@@ -62,8 +62,8 @@ MagneticCoefficients::MagneticCoefficients(std::string name, double epoch, const
             rates += unit * (std::pow(rate.C[at], 2) + std::pow(rate.S[at], 2));
         }
         const double factors = (n + 2.0) * (n + 3.0) * (n + 4.0) * (n + 5.0);
-        bend_ += (n + 1.0) * factors * std::sqrt(squares) / std::pow(reference_radius, 4);
-        drift_ += (n + 1.0) * std::sqrt(rates) / (365.2425 * 86400.0);
+        most_fourth_derivative_ += (n + 1.0) * factors * std::sqrt(squares) / std::pow(reference_radius, 4);
+        most_rate_ += (n + 1.0) * std::sqrt(rates);
     }
 }
 

@@ -30,10 +30,10 @@ public:
     double epoch() const { return epoch_; }
     double end() const { return epoch_ + 5.0; }
 
-    /// Bounds outside the sphere of radius a: of the fourth derivatives of a component along an axis [T/m^4] until
-    /// end(), and of what a component changes in a second [T].
-    double bend() const { return bend_; }
-    double drift() const { return drift_; }
+    /// Bounds outside the sphere of radius a, until end(): of a component's fourth derivatives along an axis [T/m^4],
+    /// and of its rate [T a year].
+    double most_fourth_derivative() const { return most_fourth_derivative_; }
+    double most_rate() const { return most_rate_; }
 
     /// [T] at r_P [m], axes fixed in the Earth, in a decimal year. A new year takes as long as half a field, which is
     /// then that of this year for further places. Not for two threads at a time.
@@ -43,7 +43,7 @@ private:
     MagneticCoefficients(std::string name, double epoch, const HarmonicField &main, const HarmonicField &rate);
 
     std::string name_;
-    double epoch_, bend_ = 0.0, drift_ = 0.0;
+    double epoch_, most_fourth_derivative_ = 0.0, most_rate_ = 0.0;
     Harmonics main_, rate_; ///< [nT], [nT a year]
     mutable Harmonics now_; ///< [nT] in the year that was asked for last, without a point mass
     mutable double year_ = epoch_;

@@ -20,8 +20,8 @@ typedef struct Magnetism {
     struct {
         Vec3 dipole_P;    ///< [T m^3] moment times mu0 / 4 pi, in axes fixed in the body; of the Earth, about
                           ///< [-3.6e14, 1.2e15, -7.6e15]; not with coefficients
-        double tolerance; ///< [T] 0, or >= 1e-14: so far the field of a file may be from its sums, so that it costs
-                          ///< less: it is then a polynomial in cubes fixed in the body. 0: the sums
+        double tolerance; ///< [T] 0, or >= 1e-14: the largest error of a polynomial in cubes that replaces the sums
+                          ///< of a file, because it takes less time; 0: the sums
         double spin;      ///< [rad/s] >= -1, <= 1: rate of the body about its pole, if there is no sky
         uint32_t degree;  ///< [-] in [0, 20]: highest degree of the coefficients; 0: all; 1: its tilted dipole
         uint32_t spare;

@@ -19,7 +19,7 @@ constexpr int earth_id = 399;
 constexpr double seconds_a_year = 365.2425 * 86400.0;
 constexpr Ns least_held = 1'000'000'000; ///< in which the field changes by 1e-5 nT
 constexpr double least_tolerance = 1e-14;
-constexpr double least_turned = 1e-5; ///< [rad^2]
+constexpr double most_small = 1e-5; ///< [rad^2] of an angle whose sine is a short series
 
 /// Decimal, as the World Magnetic Model counts: the share of the calendar year that has passed.
 double decimal_year(const TimeSystem &system, Epoch epoch)
@@ -78,8 +78,8 @@ void MagnetismModel::refresh()
         refuse(".tolerance: expected 0, or at least 1e-14 T; found " + sim::format_number(par.tolerance));
     }
     if (par.tolerance > 0.0) { // a half for space, a half for time
-        cubes_.set(0.5 * par.tolerance, model_->bend());
-        held_ *= static_cast<Ns>(std::clamp(0.5 * par.tolerance / model_->drift(), 1.0, 86400.0));
+        cubes_.set(0.5 * par.tolerance, model_->most_fourth_derivative());
+        held_ *= static_cast<Ns>(std::clamp(0.5 * par.tolerance / model_->most_rate() * seconds_a_year, 1.0, 86400.0));
     }
 }
 
@@ -117,7 +117,7 @@ const Eigen::Matrix3d &MagnetismModel::dcm_PN(Ns start, double tau) const
         const Vector3d axis = begin.omega_PN_P / rate;
         double s, c;
         const double angle = rate * tau, a2 = angle * angle;
-        if (interface_.par.tolerance > 0.0 && a2 < least_turned) { // to 1e-17
+        if (interface_.par.tolerance > 0.0 && a2 < most_small) { // to 1e-17
             s = angle * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0));
             c = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0);
         } else {
