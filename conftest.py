@@ -53,8 +53,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "spread: the tests of this file share no folder; workers take them one by "
                             "one, where each other file is one worker's")
-    config.addinivalue_line("markers", "long(why): this takes long, and says why; a shorter test of the same folder "
-                            "shows the same capability each time")
+    config.addinivalue_line("markers", "long(why, share=True): this takes long, and says why; a shorter test of the "
+                            "same folder shows the same capability each time. share=False: in no share, only with all")
     if not re.fullmatch(r"all|none|\d+/[1-9]\d*", config.getoption("--long")):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
 
@@ -78,6 +78,8 @@ def runs_now(item: pytest.Item, wanted: str) -> bool:
     if "/" not in wanted:
         return wanted == "all"
     share, shares = map(int, wanted.split("/"))
+    if not all(mark.kwargs.get("share", True) for mark in item.iter_markers("long")):
+        return False
     return zlib.crc32(item.nodeid.encode()) % shares == share % shares
 
 

@@ -37,6 +37,7 @@ def test_a_long_test_without_a_reason_is_refused(tmp_path):
 @pytest.mark.long("starts pytest six times")
 def test_the_shares_of_the_long_tests_are_all_of_them(tmp_path):
     text = '@pytest.mark.long("20")\n@pytest.mark.parametrize("n", range(20))\ndef test_it(n):\n    pass\n' \
+        '@pytest.mark.long("an hour", share=False)\ndef test_hour():\n    pass\n' \
         "def test_quick():\n    pass\n"
 
     def passed(wanted):
@@ -46,7 +47,8 @@ def test_the_shares_of_the_long_tests_are_all_of_them(tmp_path):
 
     shares = [passed(f"{i}/3") for i in range(3)]
     assert all("test_quick" in share and len(share) > 2 for share in shares)
-    assert sum(len(share) - 1 for share in shares) == 20 and set.union(*shares) == passed("all")
+    assert sum(len(share) - 1 for share in shares) == 20
+    assert passed("all") - set.union(*shares) == {"test_hour"}
     assert passed("none") == {"test_quick"}
     code, output = run(tmp_path, text, "--long", "some")
     assert code == 4 and "--long takes all, none or I/N, such as 0/5; found some" in output

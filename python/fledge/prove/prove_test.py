@@ -214,10 +214,11 @@ ThrusterValvesChoice TimeCorrelation TrackingError Triad TwoBodyPointing VectorF
 WheelBalance WheelCommandChoice WheelConfig WheelDriveChoice WheelDriveCounts WheelMonitor WheelTorques
 flight/math/elementary flight/math/vec ccsds/space_packet ccsds/sync ccsds/tc_frame ccsds/tm_frame
 flight/exec/exec""".split()
+SLOW = {"SunLine"}      # 15 minutes; the others take one at most
 
 
-@pytest.mark.long("an analysis")
-@pytest.mark.parametrize("name", PROVED)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.long("an analysis", share=name not in SLOW))
+                                  for name in PROVED])
 def test_what_is_proved_stays_proved(name: str) -> None:
     """An alarm that is left names its place."""
     for result in prove.prove([name]):
