@@ -218,7 +218,7 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
 LANES_INLINE void ControlMomentGyrosModel::observe(const double *x, const BodyRate &rate, Seen &seen) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros{*this, i};
+        const Four gyros = four(i);
         const Four::State state = gyros.load(x);
         Four::Place at;
         gyros.turned(state.angle, at);
@@ -243,7 +243,7 @@ LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, cons
     Placed placed(whole);
     Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros{*this, i};
+        const Four gyros = four(i);
         const Four::State state = gyros.load(x);
         Four::Place at;
         gyros.place(state.angle, placed, at);
@@ -263,7 +263,7 @@ void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec
 LANES_INLINE void ControlMomentGyrosModel::accelerate_in_lanes(double *dx) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros{*this, i};
+        const Four gyros = four(i);
         gyros.store(dx, gyros.accelerate(Four::Place{}, acting_[i / sim::state_block], Quad{}, Quad{}));
     }
 }

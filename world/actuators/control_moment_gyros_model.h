@@ -81,7 +81,7 @@ public:
         LANES_INLINE static Quad sum(const State &x) { return (x.h + x.p) + x.angle; }
     };
     std::size_t size() const { return interface_.par.n; }
-    Four four() const { return {*this, 0}; } ///< the first ones
+    Four four(std::size_t i = 0) const { return {*this, i}; }
 
 private:
     /// What limits need of a gyro.

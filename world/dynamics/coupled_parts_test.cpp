@@ -251,7 +251,7 @@ TEST(CoupledParts, AStepInRegistersHasTheBitsOfTheGeneralWay)
     const unsigned all_kinds[] = {with_panels, with_wheels | with_imbalance, with_wheels | with_panels,
                                   with_wheels | with_panels | with_imbalance};
     for (const unsigned kinds : all_kinds) {
-        for (int count = 1; count <= 4; count++) {
+        for (const int count : {1, 2, 3, 4, 5, 8}) {
             const auto ends = in_all_registers([&] {
                 std::vector<std::vector<double>> both;
                 for (const bool general : {false, true}) {

@@ -23,6 +23,13 @@ template <class Model> const Model &as(const auto *part)
     return static_cast<const Model &>(*part->effector);
 }
 
+/// How many a part of this model has; 0 if it is another model's.
+template <class Model> std::size_t count(const auto &part)
+{
+    const auto *model = dynamic_cast<const Model *>(part.effector);
+    return model ? model->size() : 0;
+}
+
 } // namespace
 
 template <class First, class Second>
@@ -71,63 +78,57 @@ LANES_INLINE void SpacecraftModel::step_wheels(sim::Ns dt)
     step_coupled(as<ReactionWheelsModel>(first_).four(), first_->at, NoPart{}, 0, dt);
 }
 
-LANES_INLINE void SpacecraftModel::step_panels(sim::Ns dt)
+template <std::size_t most> LANES_INLINE void SpacecraftModel::step_gyros(sim::Ns dt)
 {
-    step_coupled(as<HingedPanelsModel>(first_).two(), first_->at, NoPart{}, 0, dt);
+    const auto &gyros = as<ControlMomentGyrosModel>(first_);
+    if constexpr (most == 4) {
+        step_coupled(gyros.four(), first_->at, NoPart{}, 0, dt);
+    } else {
+        step_coupled(gyros.four(), first_->at, gyros.four(4), first_->at, dt);
+    }
 }
 
-LANES_INLINE void SpacecraftModel::step_wheels_and_panels(sim::Ns dt)
+template <std::size_t most> LANES_INLINE void SpacecraftModel::step_panels(sim::Ns dt)
 {
-    step_coupled(as<ReactionWheelsModel>(first_).four(), first_->at, as<HingedPanelsModel>(second_).two(), second_->at,
-                 dt);
+    step_coupled(as<HingedPanelsModel>(first_).up_to<most>(), first_->at, NoPart{}, 0, dt);
 }
 
-LANES_INLINE void SpacecraftModel::step_panels_and_balanced_wheels(sim::Ns dt)
+template <std::size_t most> LANES_INLINE void SpacecraftModel::step_panels_and_balanced_wheels(sim::Ns dt)
 {
-    step_coupled(as<HingedPanelsModel>(first_).two(), first_->at, BalancedWheels{*rotors_}, second_->at, dt);
+    step_coupled(as<HingedPanelsModel>(first_).up_to<most>(), first_->at, BalancedWheels{*rotors_}, second_->at, dt);
 }
 
-LANES_INLINE void SpacecraftModel::step_gyros(sim::Ns dt)
-{
-    step_coupled(as<ControlMomentGyrosModel>(first_).four(), first_->at, NoPart{}, 0, dt);
-}
-
+/// The step of a craft with up to four wheels with imbalance, eight gyros or four panels, or with panels and balanced
+/// wheels; else null. For eight wheels with imbalance, and for such wheels with panels, registers are too few: the
+/// general way is as fast.
 SpacecraftModel::Step SpacecraftModel::coupled_step()
 {
-    const auto has_wheels = [](const Part &part) {
-        const auto *wheels = dynamic_cast<const ReactionWheelsModel *>(part.effector);
-        return wheels && wheels->couples() && wheels->size() <= state_block;
-    };
-    const auto has_panels = [](const Part &part) {
-        const auto *panels = dynamic_cast<const HingedPanelsModel *>(part.effector);
-        return panels && panels->size() <= 2;
-    };
-    const auto has_gyros = [](const Part &part) {
-        const auto *gyros = dynamic_cast<const ControlMomentGyrosModel *>(part.effector);
-        return gyros && gyros->size() <= state_block;
-    };
     if (parts_.size() > 2) {
         return nullptr;
     }
     first_ = &parts_.front();
     second_ = &parts_.back();
-    if (first_ == second_) {
-        return has_wheels(*first_)   ? in_steps<&SpacecraftModel::step_wheels>
-               : has_panels(*first_) ? in_steps<&SpacecraftModel::step_panels>
-               : has_gyros(*first_)  ? in_steps<&SpacecraftModel::step_gyros>
-                                     : nullptr;
-    }
-    if (has_wheels(*first_) && has_panels(*second_)) {
-        return in_steps<&SpacecraftModel::step_wheels_and_panels>;
-    }
-    if (has_panels(*second_)) {
+    if (count<HingedPanelsModel>(*first_) == 0) {
         std::swap(first_, second_);
     }
-    if (!has_panels(*first_) || second_->couples) {
+    const bool alone = first_ == second_;
+    const std::size_t panels = count<HingedPanelsModel>(*first_), wheels = count<ReactionWheelsModel>(*first_),
+                      gyros = count<ControlMomentGyrosModel>(*first_);
+    if (alone && gyros > 0) {
+        return gyros > 4 ? in_steps<&SpacecraftModel::step_gyros<8>> : in_steps<&SpacecraftModel::step_gyros<4>>;
+    }
+    if (alone && wheels > 0) {
+        return wheels > 4 ? nullptr : in_steps<&SpacecraftModel::step_wheels>;
+    }
+    if (panels == 0 || panels > 4 || (!alone && second_->couples)) {
         return nullptr;
     }
+    if (alone) {
+        return panels > 2 ? in_steps<&SpacecraftModel::step_panels<4>> : in_steps<&SpacecraftModel::step_panels<2>>;
+    }
     turned_ = second_->effector;
-    return in_steps<&SpacecraftModel::step_panels_and_balanced_wheels>;
+    return panels > 2 ? in_steps<&SpacecraftModel::step_panels_and_balanced_wheels<4>>
+                      : in_steps<&SpacecraftModel::step_panels_and_balanced_wheels<2>>;
 }
 
 } // namespace fledge::world

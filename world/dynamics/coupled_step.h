@@ -297,9 +297,12 @@ template <class First, class Second> struct CoupledCraft {
         if (dot(x5.sigma, x5.sigma) > 1.0) {
             x5.sigma = quad(mrp_shadow(vec(x5.sigma)));
         }
-        rates(k5, x5, gravity(-1.0, x5.r), s5, [&](const auto &f, const auto &) LANES_LAMBDA {
+        rates(k5, x5, gravity(-1.0, x5.r), s5, [&](const auto &f, const auto &g) LANES_LAMBDA {
             if constexpr (requires { first.show(f); }) {
                 first.show(f);
+            }
+            if constexpr (requires { second.show(g); }) {
+                second.show(g);
             }
         });
         end(x5, k5, s5.mass);

@@ -121,8 +121,8 @@ LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3
     Placed placed(whole);
     Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const UpTo<4> four{*this, i};
-        const Swing state{quad_at(x + i), quad_at(x + rates_ + i)};
+        const auto four = up_to<4>(i);
+        const Swing state = four.load(x);
         UpTo<4>::Place &at = places_[i / state_block];
         four.place(state.at, placed, at);
         acting_[i / state_block] = four.act(at, state, quad(rate), moved);
@@ -186,10 +186,9 @@ void HingedPanelsModel::accelerate(const double *, const Vec3 &a, const Vec3 &do
 LANES_INLINE void HingedPanelsModel::accelerate_in_lanes(const Vec3 &a, const Vec3 &domega, double *dx) const
 {
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Swing k =
-            UpTo<4>{*this, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));
-        put_quad(dx + i, k.at);
-        put_quad(dx + rates_ + i, k.rate);
+        const auto four = up_to<4>(i);
+        const std::size_t b = i / state_block;
+        four.store(dx, four.accelerate(places_[b], acting_[b], quad(a), quad(domega)));
     }
 }
 

@@ -93,11 +93,11 @@ public:
         LANES_INLINE void place(Quad theta, Placed &all, Place &to) const;
         LANES_INLINE Acting act(const Place &at, const Swing &x, Quad omega, Moved &all) const;
         LANES_INLINE Swing accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const;
-        LANES_INLINE static Swing load(const double *x) { return {quad_at(x), quad_at(x + 4)}; }
-        LANES_INLINE static void store(double *x, const Swing &k)
+        LANES_INLINE Swing load(const double *x) const { return {quad_at(x + i), quad_at(x + of.rates_ + i)}; }
+        LANES_INLINE void store(double *x, const Swing &k) const
         {
-            put_quad(x, k.at);
-            put_quad(x + 4, k.rate);
+            put_quad(x + i, k.at);
+            put_quad(x + of.rates_ + i, k.rate);
         }
         LANES_INLINE static Quad sum(const Swing &x) { return x.at + x.rate; }
         /// For each panel; for both of two, without a loop.
@@ -113,7 +113,7 @@ public:
         }
     };
 
-    UpTo<2> two() const { return {*this, 0}; }
+    template <std::size_t most> UpTo<most> up_to(std::size_t i = 0) const { return {*this, i}; }
 
 private:
     Panel panel(std::size_t i) const;

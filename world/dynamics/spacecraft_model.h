@@ -140,10 +140,9 @@ private:
     template <class First, class Second>
     LANES_INLINE void step_coupled(First first, std::size_t at_first, Second second, std::size_t at_second, sim::Ns dt);
     void step_wheels(sim::Ns dt);
-    void step_panels(sim::Ns dt);
-    void step_wheels_and_panels(sim::Ns dt);
-    void step_panels_and_balanced_wheels(sim::Ns dt);
-    void step_gyros(sim::Ns dt);
+    template <std::size_t most> void step_gyros(sim::Ns dt);
+    template <std::size_t most> void step_panels(sim::Ns dt);
+    template <std::size_t most> void step_panels_and_balanced_wheels(sim::Ns dt);
     bool clear_of_center(double h) const;
     void end_in_registers(Quad from_r, Quad from_v, Quad r, Quad sum, double h);
     void end_step(sim::Ns start, double tau, const double *x);
