@@ -17,6 +17,7 @@
 #include <numbers>
 #include <span>
 #include <thread>
+#include <tuple>
 
 // Of the build that counts branches (cmake/observed_branches.c); null in others.
 extern "C" {
@@ -315,12 +316,34 @@ public:
 /// Flies runs one after the other in a simulation of its own, and stores their results.
 class Worker {
 public:
-    Worker(const Simulation &nominal, Simulation &own, const CampaignPlan &plan)
+    Worker(const Simulation &nominal, Simulation &own, const CampaignPlan &plan, const Watch &watch)
         : nominal_(nominal), own_(own), plan_(plan)
     {
+        std::vector<int> watched;
+        if (watch && std::ranges::any_of(plan.retained, &not_a_field)) {
+            std::tie(judge_, watched) = watch(&own);
+            judge_->every = plan.every;
+            judge_->traces = true;
+            own.recorder().watch(judge_);
+        }
+        auto expression = watched.begin();
         for (const Retained &variable : plan.retained) {
-            const FieldPlace place = find_path(own, variable.port);
-            logs_.push_back(own.recorder().record(place.instance, *place.field, plan.every));
+            std::shared_ptr<Log> log;
+            std::vector<int> traces;
+            if (not_a_field(variable)) {
+                if (expression == watched.end()) {
+                    throw SetupError("nothing watches what the campaign retains");
+                }
+                for (int i = 0; i < static_cast<int>(variable.elements); i++) {
+                    const int element = judge_->expression(Judge::ELEMENT, *expression, i);
+                    traces.push_back(judge_->atom(element, Judge::GREATER, 0.0, 1.0));
+                }
+                ++expression;
+            } else {
+                const FieldPlace place = find_path(own, variable.port);
+                log = own.recorder().record(place.instance, *place.field, plan.every);
+            }
+            kept_.push_back({std::move(log), std::move(traces)});
         }
     }
 
@@ -355,40 +378,69 @@ public:
             const Tally tally = process.entered(m);
             result.entered[mode++] = tally.count ? static_cast<double>(tally.first) / 1e9 : no_number;
         });
-        for (std::size_t i = 0; i < logs_.size(); i++) {
-            keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
-                 result.retained[i].data() + run * result.samples * plan_.retained[i].elements);
+        for (std::size_t i = 0; i < kept_.size(); i++) {
+            const std::shared_ptr<Log> &log = kept_[i].log;
+            const std::vector<int> &traces = kept_[i].traces;
+            const Retained &variable = plan_.retained[i];
+            double *to = result.retained[i].data() + run * result.samples * variable.elements;
+            const bool complete = result.failures[run].empty();
+            if (log) {
+                keep(log->times, log->every, result.samples, complete, [&](std::size_t k, std::size_t taken, bool) {
+                    read(*log, taken, variable, to + k * variable.elements);
+                });
+            }
+            for (std::size_t j = 0; j < traces.size(); j++) {
+                const std::vector<double> trace = judge_->trace(traces[j]);
+                keep(judge_->times(), judge_->every, result.samples, complete,
+                     [&](std::size_t k, std::size_t taken, bool again) {
+                         const bool over = again && variable.kind == Retained::Kind::happened;
+                         to[k * variable.elements + j] = over ? 0.0 : trace[taken];
+                     });
+            }
         }
     }
 
 private:
-    /// Between two instants, the samples repeat the message of the first one.
-    static void keep(const Log &log, const Retained &variable, std::size_t samples, bool complete, double *to)
+    /// What a run retains of a variable: a log, or traces of the judge.
+    struct Kept {
+        std::shared_ptr<Log> log;
+        std::vector<int> traces;
+    };
+
+    static bool not_a_field(const Retained &variable) { return variable.kind != Retained::Kind::field; }
+
+    /// Fill the samples with what was taken at these times: put(sample, which, again). Between two instants they repeat
+    /// the first one, `again`.
+    template <class Put>
+    static void keep(const std::vector<Ns> &times, Ns every, std::size_t samples, bool complete, const Put &put)
     {
-        const auto index = [&](Ns t) { return static_cast<std::size_t>(t / log.every); };
+        const auto index = [&](Ns t) { return static_cast<std::size_t>(t / every); };
         std::size_t k = 0;
-        for (std::size_t i = 0; i < log.times.size(); i++) {
-            const std::byte *message = log.bytes.data() + i * log.field->size, *from = message + variable.offset;
-            Head head;
-            std::memcpy(&head, message, sizeof head);
-            const bool there = variable.raw || variable.offset < sizeof head || head_written(head);
-            const bool last = i + 1 == log.times.size();
-            const std::size_t end = complete && last ? samples
-                                    : last           ? index(log.times[i]) + 1
-                                                     : index(log.times[i + 1]);
-            for (; k < std::min(samples, end); k++) {
-                for (std::size_t j = 0; j < variable.elements; j++) {
-                    to[k * variable.elements + j] =
-                        there ? element_read(variable.type, from + j * element_size(variable.type)) : no_number;
-                }
+        for (std::size_t i = 0; i < times.size(); i++) {
+            const bool last = i + 1 == times.size();
+            const std::size_t end = complete && last ? samples : last ? index(times[i]) + 1 : index(times[i + 1]);
+            for (bool again = false; k < std::min(samples, end); k++, again = true) {
+                put(k, i, again);
             }
+        }
+    }
+
+    static void read(const Log &log, std::size_t taken, const Retained &variable, double *to)
+    {
+        const std::byte *message = log.bytes.data() + taken * log.field->size, *from = message + variable.offset;
+        Head head;
+        std::memcpy(&head, message, sizeof head);
+        const bool there = variable.raw || variable.offset < sizeof head || head_written(head);
+        for (std::size_t j = 0; j < variable.elements; j++) {
+            to[j] = there ? element_read(variable.type, from + j * element_size(variable.type)) : no_number;
         }
     }
 
     const Simulation &nominal_;
     Simulation &own_;
     const CampaignPlan &plan_;
-    std::vector<std::shared_ptr<Log>> logs_;
+    std::shared_ptr<Judge> judge_;
+    std::vector<Kept> kept_;
 };
 
 /// A result of the right size, filled with NaN.
@@ -590,7 +642,9 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
         }
     }
     for (const Retained &variable : plan.retained) {
-        check_retained(nominal, variable);
+        if (variable.kind == Retained::Kind::field) {
+            check_retained(nominal, variable);
+        }
     }
 }
 
@@ -671,18 +725,18 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
     return draws;
 }
 
-CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index)
+CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index, const Watch &watch)
 {
     plan.first = index;
     plan.runs = 1;
     check_plan(simulation, plan);
     CampaignResult result = room_for(simulation, plan);
-    Worker(simulation, simulation, plan).fly(0, result, false);
+    Worker(simulation, simulation, plan, watch).fly(0, result, false);
     return result;
 }
 
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
-                   const std::function<bool(CampaignProgress)> &progress)
+                   const std::function<bool(CampaignProgress)> &progress, const Watch &watch)
 {
     check_plan(nominal, plan);
     CampaignResult result = room_for(nominal, plan);
@@ -692,7 +746,7 @@ CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned
     std::vector<std::unique_ptr<Worker>> workers;
     for (unsigned i = 0; i < std::clamp<std::size_t>(threads, 1, plan.runs); i++) {
         clones.push_back(nominal.clone());
-        workers.push_back(std::make_unique<Worker>(nominal, *clones.back(), plan));
+        workers.push_back(std::make_unique<Worker>(nominal, *clones.back(), plan, watch));
     }
     std::atomic<std::size_t> next{0}, finished{0}, failed{0};
     std::atomic<bool> stop{false};

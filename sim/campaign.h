@@ -5,12 +5,15 @@
 // they finish changes no bit of it. Each thread flies a clone of its own, so nothing is shared.
 #pragma once
 
+#include "sim/judge.h"
 #include "sim/simulation.h"
 
 #include <atomic>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fledge::sim {
@@ -65,14 +68,20 @@ struct Composition {
     std::function<std::vector<ScriptedCommand>(const std::vector<double> &)> commands;
 };
 
-/// A field of a message whose samples the result retains.
+/// What the result retains at each sample: a field of a message, numbers of a packet, or whether something happened, an
+/// event, a command or a packet, since the sample before.
 struct Retained {
     std::string port;         ///< "flight.tracking.error"
     std::uint32_t offset = 0; ///< of the field, bytes from the start of the message
     std::size_t elements = 1;
     FledgeType type = FLEDGE_F64;
     bool raw = false; ///< also the zeros of messages that were never written, whose samples are NaN otherwise
+    enum class Kind { field, numbers, happened } kind = Kind::field;
 };
+
+/// A judge that looks at a simulation, and of what is retained and no field, in its order, the expression there.
+using Watched = std::pair<std::shared_ptr<Judge>, std::vector<int>>;
+using Watch = std::function<Watched(Simulation *)>;
 
 struct CampaignPlan {
     std::uint64_t seed = 0;
@@ -142,12 +151,12 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
 
 /// Fly one run in a simulation that has not run yet and has the nominal values, which the run overwrites. Use it for
 /// simulations that cannot be cloned, and that the caller builds again for each run.
-CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index);
+CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t index, const Watch &watch = {});
 
 /// Fly all runs on this many threads. The calling thread calls `progress` about ten times a second; it must not
 /// throw. If it returns false, the campaign stops and keeps the finished runs. An exception in a run makes only that
-/// run fail.
+/// run fail. The calling thread also calls `watch`, once for each thread, before the first run.
 CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned threads,
-                   const std::function<bool(CampaignProgress)> &progress = {});
+                   const std::function<bool(CampaignProgress)> &progress = {}, const Watch &watch = {});
 
 } // namespace fledge::sim

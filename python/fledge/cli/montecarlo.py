@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fledge.mission.log import Log
     from fledge.mission.simulation import Simulation
     from fledge.montecarlo import Campaign
+    from fledge.montecarlo.requirements import Watch
 
 FAILURES_SHOWN = 8
 
@@ -203,6 +204,7 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
     import fledge
 
     from fledge.cli import health
+    from fledge.montecarlo.requirements import Variable
 
     d = campaign.dispersions
     sim = campaign.simulation(options.only, options.seed)
@@ -212,14 +214,15 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
     sim.archive(folder / "run.mcap", mission=sim.name, campaign=campaign.name, campaign_seed=options.seed,
                 run=options.only, fledge=fledge.__version__)
     everything = [instance for process in sim.processes for instance in process]
-    log = sim.record(*everything, *(series.port(sim) for series in d.retained.values()), every=d.every)
+    fields = [variable.port(sim) for variable in d.retained.values() if isinstance(variable, Variable)]
+    log, watch = sim.record(*everything, *fields, every=d.every), campaign.watch(sim)
     problem, code = _attempt(campaign, sim)
     if problem and sim.time_ns < 0:
         raise Failure(f"{title}: {problem}", code)
     say(f"  flown    {sim.time:g} s")
     _show_drawn(campaign, sim)
     if not problem:
-        problem = _judged(campaign, log, options.seed)
+        problem = _judged(campaign, log, watch, options.seed)
         code = int(problem != "")
     findings = health.show(sim.health)
     if options.strict and findings and not problem:
@@ -268,9 +271,9 @@ def _show_drawn(campaign: Campaign, sim: Simulation) -> None:
             + ("" if swept else f", nominal {campaign.shown(path, nominal[path])}"))
 
 
-def _judged(campaign: Campaign, log: Log, seed: int) -> str:
+def _judged(campaign: Campaign, log: Log, watch: Watch, seed: int) -> str:
     """Print what a run reached of each requirement; returns why it failed or ""."""
-    result = campaign.judge(log, seed)
+    result = campaign.judge(log, watch, seed)
     for requirement in campaign.dispersions.requirements:
         values, times, holds = result.reached(requirement)
         at = "" if math.isnan(times[0]) else f"at {times[0]:g} s"

@@ -6,6 +6,7 @@
 #include "sim/text.h"
 #include "world/dynamics/orbit.h"
 
+#include <pybind11/functional.h>
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
@@ -178,6 +179,15 @@ void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const
     plan.retained.push_back(std::move(variable));
 }
 
+void add_watched(sim::CampaignPlan &plan, std::size_t elements, bool happened)
+{
+    using Kind = sim::Retained::Kind;
+    sim::Retained variable;
+    variable.kind = happened ? Kind::happened : Kind::numbers;
+    variable.elements = elements;
+    plan.retained.push_back(std::move(variable));
+}
+
 /// A numpy array on the result's own memory, which it keeps alive.
 py::array_t<double> view(py::handle owner, std::vector<double> &values, const std::vector<std::size_t> &shape)
 {
@@ -195,7 +205,8 @@ template <std::vector<double> sim::CampaignResult::*member> py::array_t<double> 
 using Progress = Typed<py::object, "Callable[[int, int], object] | None">;
 
 std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
-                                                          unsigned threads, const Progress &progress)
+                                                          unsigned threads, const Progress &progress,
+                                                          const sim::Watch &watch)
 {
     if (!sim::callables(nominal).empty()) {
         throw sim::SetupError("a mission that calls Python cannot be flown by threads");
@@ -207,7 +218,7 @@ std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation 
     std::unique_ptr<sim::CampaignResult> result;
     {
         py::gil_scoped_release release;
-        result = std::make_unique<sim::CampaignResult>(sim::fly(nominal, plan, threads, report));
+        result = std::make_unique<sim::CampaignResult>(sim::fly(nominal, plan, threads, report, watch));
     }
     try {
         poll.rethrow();
@@ -247,6 +258,8 @@ void bind_campaign(py::module_ &m)
              "drawn"_a, "mu"_a, "radius"_a, "surface"_a, "axes"_a, "origin"_a)
         .def("command", add_command, "nominal"_a, "process"_a, "path"_a, "packets"_a, "which"_a, "at"_a)
         .def("retain", add_retained, "nominal"_a, "port"_a, "offset"_a, "elements"_a, "field"_a, "raw"_a)
+        .def("watch", add_watched, "elements"_a, "happened"_a,
+             "Retain numbers of a packet, or whether something happened: what `watch` of fly() finds, in its order.")
         .def(
             "check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); },
             "nominal"_a);
@@ -286,15 +299,17 @@ void bind_campaign(py::module_ &m)
     m.def("mode_names", sim::mode_names, "simulation"_a);
     m.def(
         "fly_one",
-        [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
+        [](sim::Simulation &simulation, const Plan &plan, std::size_t index, const sim::Watch &watch) {
             py::gil_scoped_release release;
-            return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
+            return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index, watch));
         },
-        "simulation"_a, "plan"_a, "index"_a, "The result of one run, flown in a simulation made for it.");
+        "simulation"_a, "plan"_a, "index"_a, "watch"_a = py::none(),
+        "The result of one run, flown in a simulation made for it.");
     m.def("disperse", sim::disperse, "nominal"_a, "simulation"_a, "plan"_a, "index"_a,
           "Set seed and parameters of one run; returns the draws.");
-    m.def("fly", fly, "nominal"_a, "plan"_a, "threads"_a, "progress"_a = py::none(),
-          "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");
+    m.def("fly", fly, "nominal"_a, "plan"_a, "threads"_a, "progress"_a = py::none(), "watch"_a = py::none(),
+          "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then. watch: gives for a "
+          "simulation a judge, and of what the plan watches, the expressions there.");
 }
 
 } // namespace fledge::core

@@ -18,6 +18,7 @@ from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.simulation import report_crashes
 from fledge.montecarlo.dispersions import Dispersions
+from fledge.montecarlo.requirements import Reported, Watch
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_pool, by_threads
 from fledge.montecarlo.store import Store
@@ -161,17 +162,23 @@ class Campaign:
         plain = f"{x / 1e9:.7g} s" if unit == "ns" else f"{x:.7g}{unit_after(unit) if unit != 'SI' else ''}"
         return self.enumerators(path).get(x, plain)
 
-    def judge(self, log: Log, seed: int = 0) -> Result:
-        """The Result of one run that was flown by hand, from its records every `every`."""
+    def watch(self, simulation: Simulation) -> Watch:
+        """Look at a run by hand from now on, for judge()."""
+        return Watch(simulation, self.dispersions.reported, self.dispersions._sampling())
+
+    def judge(self, log: Log, watch: Watch, seed: int = 0) -> Result:
+        """The Result of one run that was flown by hand, from its records every `every`, and from what watched it."""
         import numpy as np
 
         d = self.dispersions
-        every = d.ns[1] if len(d.ns) > 1 else d.ns[0] + 1
         retained = []
         for variable in d.retained.values():
+            if isinstance(variable, Reported):
+                retained.append(watch.found(variable, len(d.ns))[None])
+                continue
             path = variable.field_path.recorded
             # As the kernel keeps them: between two instants a sample is that of the first.
-            taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
+            taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // d._sampling()
             at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
             retained.append(np.asarray((log.raw if variable.raw else log)[
                             path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))

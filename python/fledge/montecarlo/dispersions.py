@@ -33,7 +33,7 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt, suggesting
 from fledge.objects.si import enumerator, enumerator_names, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
-from fledge.montecarlo.requirements import FormulaCheck, Requirement, Variable
+from fledge.montecarlo.requirements import FormulaCheck, Reported, Requirement, Variable
 from fledge.requirements.declared import Requirement as Declared, Requirements, signal
 from fledge.requirements.formula import Formula, Signal, time_text
 from fledge.world.attributes import given_orbit
@@ -153,7 +153,7 @@ class Dispersions:
         self._parameter_columns: dict[str, str] = {}    # axes of a sweep that the mission takes
         self._columns: dict[str, str] = {}          # path of each dispersed element of a parameter -> unit
         self._composed_columns: dict[str, str] = {}     # the same of `composed`
-        self.retained: dict[str, Variable] = {}     # by path, and with " raw" behind it
+        self.retained: dict[str, Variable | Reported] = {}    # by path, and with " raw" behind it
         self.requirements: list[Requirement] = []
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -468,7 +468,13 @@ class Dispersions:
     @property
     def shown(self) -> list[Variable]:
         """The variables that were retained by name, without the qualities that requirements read."""
-        return [variable for variable in self.retained.values() if not variable.hidden]
+        return [variable for variable in self.retained.values()
+                if isinstance(variable, Variable) and not variable.hidden]
+
+    @property
+    def reported(self) -> list[Reported]:
+        """What is retained of events, commands and packets, in the order of the plan."""
+        return [variable for variable in self.retained.values() if isinstance(variable, Reported)]
 
     def retain(self, *paths: str, raw: bool = False) -> Any:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.
@@ -494,7 +500,9 @@ class Dispersions:
             self._plan.retain(self.simulation.kernel, target.port, target.offset + target.width * target.elements[0],
                               len(target.elements), target.stored, raw)
             self.retained[key] = Variable(target, key, lambda: self._duration)
-        return self.retained[key]
+        variable = self.retained[key]
+        assert isinstance(variable, Variable)
+        return variable
 
     def signal(self, path: str) -> Signal:
         """A field as a signal of formulas (fledge.requirements), looked at at the retained samples; a mode too."""
@@ -512,9 +520,11 @@ class Dispersions:
     def _check_formula(self, declared: Declared, message: str) -> None:
         assert declared.formula is not None
         for comparison in declared.formula.comparisons:
-            if comparison.signal.events:
-                raise SetupError(f"{declared.id}: {comparison.text}: campaigns retain no events, commands or packets; "
-                                 "look at a mode, or at what an event sets")
+            for signal in comparison.signal.reported:
+                report = Reported(signal)
+                if report.path not in self.retained:
+                    self._plan.watch(len(report.elements), report.happened)
+                    self.retained[report.path] = report
             for field in comparison.signal.fields:
                 self._retain(field.path, False)
                 if field.has_quality:

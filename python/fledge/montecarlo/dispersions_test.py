@@ -530,11 +530,11 @@ def test_numbers_of_every_type_are_retained(every_kind):
 
     result = flown(every_kind, declare, 20)
     sim = result.campaign.simulation(7, seed=5)
-    log = sim.record(sim.flight.noise.kinds, every=1)
+    log, watch = sim.record(sim.flight.noise.kinds, every=1), result.campaign.watch(sim)
     sim.run(4)
     for path in paths:
         assert (result.retained[f"flight.noise.kinds.{path}"][7] == log[f"flight.noise.kinds.{path}"]).all(), path
-    judged = result.campaign.judge(log)
+    judged = result.campaign.judge(log, watch)
     assert judged.failures.get(0) == result.failures.get(7)
     last = result.retained["flight.noise.kinds.phase"][:, -1]
     drained = (result.retained["flight.noise.kinds.parts[1].phase"] == 100).any(axis=1)

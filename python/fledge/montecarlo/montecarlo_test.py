@@ -21,11 +21,13 @@ from fledge import Archive, _core, cli
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import report, Campaign, Sweep, drivers, plots, report, store
 from fledge.montecarlo.counts import BOUND, Counts
+from fledge.montecarlo.requirements import Variable
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, fly_share
 from fledge.report import campaign as pages
+from fledge.export.run_test import FLIGHT, WORLD
 from fledge.report.report_test import Page
-from fledge.requirements import after, always, implies, within
+from fledge.requirements import Requirements, after, always, implies, within
 from fledge.units import N, deg, kg, m, s
 
 
@@ -628,6 +630,72 @@ def test_formulas_are_checks_of_a_campaign(tmp_path):
         Campaign(tmp_path / "plays", lambda d: d.require("RATE-2"))
     with pytest.raises(fledge.SetupError, match="did you mean 'RATE-1'"):
         Campaign(tmp_path / "plays", lambda d: d.require("RATE-11"))
+
+
+REPORTS = """
+from fledge.requirements import *
+from fledge.units import s
+
+
+def reports(r):
+    \"\"\"What happens, and what packets say.\"\"\"
+    for every in 0.5, 2:
+        name, r.every = every, every * s
+        r.require(f"EVENT-{name}", "", never(after(4 * s) & r.event("flight", "start")))
+        r.require(f"MODE-{name}", "", always(implies(r.command("flight", "mode"), within(4 * s, r.mode() == "point"))))
+        r.require(f"NOOP-{name}", "", never(r.command("flight", "noop", "accepted")))
+        r.require(f"SENT-{name}", "", eventually(r.packet("flight", "flight.tracking.error"), 9 * s, 11 * s))
+        r.require(f"SAID-{name}", "", always(implies(
+            after(12 * s), r.telemetry("flight", "flight.tracking.error.sigma_BR").norm() < 0.6)))
+        r.require(f"BOTH-{name}", "", always(implies(after(12 * s), (r.telemetry(
+            "flight", "flight.tracking.error.sigma_BR") - r.signal("flight.tracking.error.sigma_BR")).norm() < 0.01)))
+"""
+
+
+@pytest.fixture(scope="module")
+def reporting(tmp_path_factory):
+    """A campaign of runs that get commands, with requirements on events, commands and packets."""
+    folder = tmp_path_factory.mktemp("reporting") / "plays"
+    folder.mkdir()
+    for name, text in (("flight", FLIGHT), ("world", WORLD), ("requirements", REPORTS)):
+        (folder / f"{name}.py").write_text(text)
+
+    def commanded(d):
+        d.duration, d.every = 20 * s, 0.5 * s
+        d["world.craft.sigma_BN"] = d.attitude()
+        d.command(d.packets.telemetry("flight.tracking.error", every=3), at=d.uniform(1 * s, 16 * s))
+        d.command(d.choice(None, d.packets.noop(), d.packets.mode("rest")), at=d.uniform(1 * s, 19 * s))
+        d.require(*REQUIRED)
+
+    return Campaign(folder, commanded)
+
+
+REQUIRED = [f"{name}-{every}" for every in ("0.5", "2") for name in ("EVENT", "MODE", "NOOP", "SENT", "SAID", "BOTH")]
+
+
+def test_events_commands_and_packets_are_judged_as_in_each_run_alone(reporting):
+    result = reporting.fly(30, seed=3)
+    reached = [result.reached(requirement) for requirement in reporting.dispersions.requirements]
+    verdicts = {id: set() for id in REQUIRED}
+    for index in range(30):
+        sim = reporting.simulation(index, seed=3)
+        judged, watch = Requirements(sim).watch(), reporting.watch(sim)
+        log = sim.record(*(retained.port(sim) for retained in reporting.dispersions.retained.values()
+                           if isinstance(retained, Variable)), every=0.5 * s)
+        sim.run(20 * s)
+        assert reporting.judge(log, watch).failures.get(0) == result.failures.get(index)
+        for outcome, (margins, times, holds) in zip(judged.outcomes(), reached):
+            verdicts[outcome.requirement.id].add(outcome.verdict)
+            assert holds[index] == (outcome.verdict == "holds"), outcome
+            if outcome.verdict != "unknown":
+                at = np.nan if outcome.at is None else outcome.at
+                assert np.array_equal([margins[index], times[index]], [outcome.margin, at], equal_nan=True), outcome
+    mixed = {id for id, found in verdicts.items() if "holds" in found and len(found) > 1}
+    assert mixed == {id for id in REQUIRED if not id.startswith("EVENT")}, verdicts
+    assert same(reporting.fly(30, seed=3, threads=3), result)
+    assert same(reporting.fly(6, seed=3, processes=True), reporting.fly(6, seed=3))
+    with pytest.raises(fledge.SetupError, match="nothing watches what the campaign retains"):
+        _core.fly(reporting.nominal.kernel, reporting.plan, 1)
 
 
 def test_a_live_line_on_a_terminal(monkeypatch, capsys):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
@@ -18,8 +18,8 @@ from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import enumerator_names, time_ns
 from fledge.records.series import GOOD, NONE
-from fledge.requirements.formula import Formula, number_text
-from fledge.requirements.judge import STALE, Judged
+from fledge.requirements.formula import Formula, Signal, number_text
+from fledge.requirements.judge import STALE, Judged, watched
 
 if TYPE_CHECKING:
     import numpy as np
@@ -138,6 +138,51 @@ class Variable(Measured):
         return " ".join(filter(None, [self.measure_text, self.when]))
 
 
+class Reported:
+    """Of what a formula reads, and no message has: whether an event fired, a command became something or a packet was
+    sent since the sample before, or numbers of the newest packet. In the place of a Variable that was not retained by
+    name."""
+
+    def __init__(self, signal: Signal) -> None:
+        self.signal, self.path, self.doc = signal, self.name(signal), signal.text
+        self.unit, self.shape = signal.unit, signal.shape
+        self.elements = list(range(math.prod(signal.shape)))
+        self.field_path = self.field = self
+
+    @staticmethod
+    def name(signal: Signal) -> str:
+        """Where the results have it."""
+        assert signal.event
+        return " ".join(signal.event)
+
+    @property
+    def happened(self) -> bool:
+        """Whether it is one number, 1 if it happened."""
+        return self.signal.operation == "event"
+
+
+class Watch:
+    """Looks at a simulation from now on, and finds of a run by hand what the kernel finds of those of a campaign."""
+
+    def __init__(self, simulation: Simulation, reported: Sequence[Reported], every: int) -> None:
+        self._core, expressions = watched(simulation, [report.signal for report in reported])
+        self._core.every, self._core.traces = every, True
+        self._traces = {report.path: [self._core.atom(self._core.expression("element", of, i, 0.0), ">", 0.0, 1.0)
+                                      for i in report.elements] for report, of in zip(reported, expressions)}
+        self._core.watch(simulation.kernel)
+
+    def found(self, report: Reported, samples: int) -> np.ndarray:
+        """(samples, elements): between two instants a sample is that of the first, at which alone things happen."""
+        import numpy as np
+
+        taken = self._core.times // self._core.every
+        at = np.searchsorted(taken, np.arange(samples), "right") - 1
+        values = np.column_stack([self._core.trace(trace) for trace in self._traces[report.path]])[np.maximum(at, 0)]
+        if report.happened:
+            values[taken[np.maximum(at, 0)] != np.arange(samples)] = 0.0
+        return values
+
+
 class Requirement:
     """A number that must stay on one side of a limit, or be one, or not. `message`: the meaning of a failure"""
 
@@ -241,21 +286,24 @@ class FormulaCheck(Requirement):
         """(margins, when they were decided [s], whether it holds) of each run; NaN, and not held, where unknown."""
         import numpy as np
 
+        ns = result.ns
+        slots = ns // (self.declared.every or 1)    # as while it flies: the first sample at or after each multiple
+        taken = np.flatnonzero(np.r_[True, slots[1:] != slots[:-1]])
         columns = []
         for source in self._judged.sources:
-            field = source.fields[0]
-            values = result.retained[field.path].astype(float)
+            field = None if source.event else source.fields[0]
+            values = result.retained[field.path if field else Reported.name(source)].astype(float)
             values = values.reshape(*values.shape[:2], -1)
-            if field.has_quality:
+            if field and field.has_quality:
                 values[result.retained[f"{field.port}.head.quality"] <= STALE] = math.nan
+            if source.operation == "event":     # since the sample before of those that are taken
+                values = np.maximum.reduceat(values[:, :taken[-1] + 1], np.r_[0, taken[:-1] + 1], axis=1)
+            else:
+                values = values[:, taken]
             columns.append(values)
         runs = len(next(iter(result.retained.values())))
         margins, times = np.full(runs, math.nan), np.full(runs, math.nan)
-        ns = result.ns
-        if self.declared.every:     # as while it flies: the first sample at or after each multiple
-            slots = ns // self.declared.every
-            taken = np.r_[True, slots[1:] != slots[:-1]]
-            ns, columns = ns[taken], [column[:, taken] for column in columns]
+        ns = ns[taken]
         for run in range(runs):
             self._judged.play_samples(ns, [column[run] for column in columns])
             outcome = self._judged.outcomes()[0]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from fledge.montecarlo.campaign import Campaign
-    from fledge.montecarlo.requirements import Variable
+    from fledge.montecarlo.requirements import Reported, Variable
 
 EXACT = 2**25           # numbers that all runs together may retain, to be kept one by one (256 MiB)
 LINES = 12              # failed runs whose retained variables are kept beyond that, those of the lowest indices
@@ -168,7 +168,7 @@ class Store:
         self.done[runs] = True
 
     @staticmethod
-    def _shaped(variable: Variable, values: np.ndarray) -> np.ndarray:
+    def _shaped(variable: Variable | Reported, values: np.ndarray) -> np.ndarray:
         values = values.reshape(*values.shape[:2], *variable.field_path.shape)
         values.flags.writeable = False
         return values

@@ -70,7 +70,12 @@ class Signal:
     def events(self) -> list[tuple[str, ...]]:
         """(process, "event", name), (process, "command", name, what became of it), (process, "packet", name) or
         (process, "telemetry", path) of those that it reads."""
-        return ([self.event] if self.event else []) + [event for operand in self.operands for event in operand.events]
+        return [signal.event for signal in self.reported if signal.event]
+
+    @property
+    def reported(self) -> list[Signal]:
+        """The signals of these."""
+        return [self] * bool(self.event) + [signal for operand in self.operands for signal in operand.reported]
 
     # --- others of it ---
 

@@ -185,6 +185,12 @@ def highest(judged: Sequence[Judged]) -> Callable[[], NDArray[np.float64]]:
     return _core.Highest([(judge.core, number) for each in judged for judge, number in each._formulas]).margins
 
 
+def watched(simulation: Simulation, signals: Sequence[Signal]) -> tuple[_core.Judge, list[int]]:
+    """A judge that is to look at a simulation, and the expressions of signals there."""
+    judge = _Judge(simulation, 0, traces=True)
+    return judge.core, [judge._signal(signal) for signal in signals]
+
+
 class _Judge:
     """The formulas with one time between samples."""
 
