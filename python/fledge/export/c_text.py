@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 COLUMNS = 120   # as in .clang-format
+TABLE = 20      # items of a list that clang-format lays out in columns
 
 
 def wrap(pieces: Sequence[str], first: str, following: str, end: str = "") -> list[str]:
@@ -48,6 +49,8 @@ def declaration(start: str, items: list[str], indent: str = "    ") -> str:
     text = f"{start}{{{', '.join(items)}}};"
     if len(indent + text) <= COLUMNS:
         return text
+    if len(items) >= TABLE:
+        return "\n".join([f"{start}{{", *table(items, 2 * indent)]) + "};"
     under = indent + " " * (len(start) + 1)
     if len(under) > COLUMNS // 2:
         start, under = start + "{\n" + 2 * indent, 2 * indent
@@ -58,6 +61,19 @@ def declaration(start: str, items: list[str], indent: str = "    ") -> str:
     per_line = -(-len(items) // lines)
     rows = [", ".join(items[i:i + per_line]) for i in range(0, len(items), per_line)]
     return start + (",\n" + under).join(rows) + "};"
+
+
+def table(items: Sequence[str], indent: str) -> list[str]:
+    """Items in the least number of lines, below one another."""
+    for columns in range(len(items), 0, -1):
+        lines = -(-len(items) // columns)
+        even = next(n for n in range(1, columns + 1) if -(-len(items) // n) == lines)   # the fewest with as many lines
+        widths = [max(map(len, items[i::even])) + 1 for i in range(even)]
+        if len(indent) + sum(widths) + even - 1 <= COLUMNS:
+            break
+    rows = [[f"{item}," for item in items[i:i + even]] for i in range(0, len(items), even)]
+    rows[-1][-1] = rows[-1][-1][:-1]
+    return [indent + " ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def broken(line: str, indent: str = "    ") -> str:
