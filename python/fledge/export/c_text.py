@@ -65,13 +65,13 @@ def declaration(start: str, items: list[str], indent: str = "    ") -> str:
 
 def table(items: Sequence[str], indent: str) -> list[str]:
     """Items in the least number of lines, below one another."""
-    for columns in range(len(items), 0, -1):
-        lines = -(-len(items) // columns)
-        even = next(n for n in range(1, columns + 1) if -(-len(items) // n) == lines)   # the fewest with as many lines
-        widths = [max(map(len, items[i::even])) + 1 for i in range(even)]
-        if len(indent) + sum(widths) + even - 1 <= COLUMNS:
+    for most in range(COLUMNS // 3, 0, -1):     # an item, its comma and a space
+        lines = -(-len(items) // most)
+        columns = -(-len(items) // lines)       # no more than so many lines need
+        widths = [max(map(len, items[i::columns])) + 1 for i in range(columns)]
+        if len(indent) + sum(widths) + columns - 1 <= COLUMNS:
             break
-    rows = [[f"{item}," for item in items[i:i + even]] for i in range(0, len(items), even)]
+    rows = [[f"{item}," for item in items[i:i + columns]] for i in range(0, len(items), columns)]
     rows[-1][-1] = rows[-1][-1][:-1]
     return [indent + " ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
