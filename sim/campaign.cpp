@@ -313,37 +313,31 @@ public:
     Counting &operator=(const Counting &) = delete;
 };
 
+bool is_field(const Retained &variable)
+{
+    return variable.kind == Retained::Kind::field;
+}
+
 /// Flies runs one after the other in a simulation of its own, and stores their results.
 class Worker {
 public:
     Worker(const Simulation &nominal, Simulation &own, const CampaignPlan &plan, const Watch &watch)
         : nominal_(nominal), own_(own), plan_(plan)
     {
-        std::vector<int> watched;
-        if (watch && std::ranges::any_of(plan.retained, &not_a_field)) {
+        std::vector<std::vector<int>> watched;
+        if (watch && !std::ranges::all_of(plan.retained, &is_field)) {
             std::tie(judge_, watched) = watch(&own);
-            judge_->every = plan.every;
-            judge_->traces = true;
-            own.recorder().watch(judge_);
         }
-        auto expression = watched.begin();
+        auto traces = watched.begin();
         for (const Retained &variable : plan.retained) {
-            std::shared_ptr<Log> log;
-            std::vector<int> traces;
-            if (not_a_field(variable)) {
-                if (expression == watched.end()) {
-                    throw SetupError("nothing watches what the campaign retains");
-                }
-                for (int i = 0; i < static_cast<int>(variable.elements); i++) {
-                    const int element = judge_->expression(Judge::ELEMENT, *expression, i);
-                    traces.push_back(judge_->atom(element, Judge::GREATER, 0.0, 1.0));
-                }
-                ++expression;
-            } else {
+            if (is_field(variable)) {
                 const FieldPlace place = find_path(own, variable.port);
-                log = own.recorder().record(place.instance, *place.field, plan.every);
+                kept_.push_back({own.recorder().record(place.instance, *place.field, plan.every), {}});
+            } else if (traces != watched.end()) {
+                kept_.push_back({nullptr, *traces++});
+            } else {
+                throw SetupError("nothing watches what the campaign retains");
             }
-            kept_.push_back({std::move(log), std::move(traces)});
         }
     }
 
@@ -406,8 +400,6 @@ private:
         std::shared_ptr<Log> log;
         std::vector<int> traces;
     };
-
-    static bool not_a_field(const Retained &variable) { return variable.kind != Retained::Kind::field; }
 
     /// Fill the samples with what was taken at these times: put(sample, which, again). Between two instants they repeat
     /// the first one, `again`.
@@ -642,7 +634,7 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
         }
     }
     for (const Retained &variable : plan.retained) {
-        if (variable.kind == Retained::Kind::field) {
+        if (is_field(variable)) {
             check_retained(nominal, variable);
         }
     }

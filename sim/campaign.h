@@ -79,8 +79,9 @@ struct Retained {
     enum class Kind { field, numbers, happened } kind = Kind::field;
 };
 
-/// A judge that looks at a simulation, and of what is retained and no field, in its order, the expression there.
-using Watched = std::pair<std::shared_ptr<Judge>, std::vector<int>>;
+/// Makes a judge that keeps traces look at a simulation, as often as the plan retains samples. Returns it, and of each
+/// Retained that is no field, in their order, the atoms whose traces are its elements.
+using Watched = std::pair<std::shared_ptr<Judge>, std::vector<std::vector<int>>>;
 using Watch = std::function<Watched(Simulation *)>;
 
 struct CampaignPlan {

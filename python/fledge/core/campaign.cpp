@@ -308,8 +308,8 @@ void bind_campaign(py::module_ &m)
     m.def("disperse", sim::disperse, "nominal"_a, "simulation"_a, "plan"_a, "index"_a,
           "Set seed and parameters of one run; returns the draws.");
     m.def("fly", fly, "nominal"_a, "plan"_a, "threads"_a, "progress"_a = py::none(), "watch"_a = py::none(),
-          "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then. watch: gives for a "
-          "simulation a judge, and of what the plan watches, the expressions there.");
+          "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then. watch: makes a "
+          "judge look at a simulation, and gives it and the atoms of what the plan watches.");
 }
 
 } // namespace fledge::core

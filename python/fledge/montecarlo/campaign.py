@@ -18,7 +18,7 @@ from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.simulation import report_crashes
 from fledge.montecarlo.dispersions import Dispersions
-from fledge.montecarlo.requirements import Reported, Watch
+from fledge.montecarlo.requirements import Reported, Watch, repeated
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_pool, by_threads
 from fledge.montecarlo.store import Store
@@ -164,7 +164,7 @@ class Campaign:
 
     def watch(self, simulation: Simulation) -> Watch:
         """Look at a run by hand from now on, for judge()."""
-        return Watch(simulation, self.dispersions.reported, self.dispersions._sampling())
+        return Watch(self.dispersions, simulation)
 
     def judge(self, log: Log, watch: Watch, seed: int = 0) -> Result:
         """The Result of one run that was flown by hand, from its records every `every`, and from what watched it."""
@@ -177,11 +177,8 @@ class Campaign:
                 retained.append(watch.found(variable, len(d.ns))[None])
                 continue
             path = variable.field_path.recorded
-            # As the kernel keeps them: between two instants a sample is that of the first.
-            taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // d._sampling()
-            at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
-            retained.append(np.asarray((log.raw if variable.raw else log)[
-                            path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
+            at, _ = repeated(np.rint(log.time_of(path) * 1e9).astype(np.int64), d._sampling(), len(d.ns))
+            retained.append(np.asarray((log.raw if variable.raw else log)[path][at], float).reshape(1, len(d.ns), -1))
         store = Store(self, 1, seed)
         store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan),
                         np.array([[self._entered(log, name) for name in d.modes]]).reshape(1, -1), retained,

@@ -36,6 +36,7 @@ from fledge.mission.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import FormulaCheck, Reported, Requirement, Variable
 from fledge.requirements.declared import Requirement as Declared, Requirements, signal
 from fledge.requirements.formula import Formula, Signal, time_text
+from fledge.requirements.judge import watched
 from fledge.world.attributes import given_orbit
 from fledge.world.bodies import ANGLE, LENGTH
 
@@ -475,6 +476,10 @@ class Dispersions:
     def reported(self) -> list[Reported]:
         """What is retained of events, commands and packets, in the order of the plan."""
         return [variable for variable in self.retained.values() if isinstance(variable, Reported)]
+
+    def watch(self, simulation: Simulation) -> tuple[_core.Judge, list[list[int]]]:
+        """Let a judge look at these in a simulation of the mission, at the samples, as `watched` does."""
+        return watched(simulation, [reported.signal for reported in self.reported], self._sampling())
 
     def retain(self, *paths: str, raw: bool = False) -> Any:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.

@@ -18,6 +18,7 @@ import pytest
 
 import fledge
 from fledge import Archive, _core, cli
+from fledge.export.run_test import FLIGHT, WORLD
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import report, Campaign, Sweep, drivers, plots, report, store
 from fledge.montecarlo.counts import BOUND, Counts
@@ -25,7 +26,6 @@ from fledge.montecarlo.requirements import Variable
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, fly_share
 from fledge.report import campaign as pages
-from fledge.export.run_test import FLIGHT, WORLD
 from fledge.report.report_test import Page
 from fledge.requirements import Requirements, after, always, implies, within
 from fledge.units import N, deg, kg, m, s

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
@@ -19,12 +19,13 @@ from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import enumerator_names, time_ns
 from fledge.records.series import GOOD, NONE
 from fledge.requirements.formula import Formula, Signal, number_text
-from fledge.requirements.judge import STALE, Judged, watched
+from fledge.requirements.judge import STALE, Judged
 
 if TYPE_CHECKING:
     import numpy as np
 
     from fledge.mission.simulation import Simulation
+    from fledge.montecarlo.dispersions import Dispersions
     from fledge.montecarlo.shares import Series
     from fledge.requirements.declared import Requirement as Declared
 
@@ -147,7 +148,7 @@ class Reported:
         self.signal, self.path, self.doc = signal, self.name(signal), signal.text
         self.unit, self.shape = signal.unit, signal.shape
         self.elements = list(range(math.prod(signal.shape)))
-        self.field_path = self.field = self
+        self.field_path = self.field = self     # it describes itself, where a Variable has a FieldPath
 
     @staticmethod
     def name(signal: Signal) -> str:
@@ -164,23 +165,31 @@ class Reported:
 class Watch:
     """Looks at a simulation from now on, and finds of a run by hand what the kernel finds of those of a campaign."""
 
-    def __init__(self, simulation: Simulation, reported: Sequence[Reported], every: int) -> None:
-        self._core, expressions = watched(simulation, [report.signal for report in reported])
-        self._core.every, self._core.traces = every, True
-        self._traces = {report.path: [self._core.atom(self._core.expression("element", of, i, 0.0), ">", 0.0, 1.0)
-                                      for i in report.elements] for report, of in zip(reported, expressions)}
-        self._core.watch(simulation.kernel)
+    def __init__(self, dispersions: Dispersions, simulation: Simulation) -> None:
+        self._core, atoms = dispersions.watch(simulation)
+        self._atoms = dict(zip([reported.path for reported in dispersions.reported], atoms))
 
-    def found(self, report: Reported, samples: int) -> np.ndarray:
+    def found(self, reported: Reported, samples: int) -> np.ndarray:
         """(samples, elements): between two instants a sample is that of the first, at which alone things happen."""
         import numpy as np
 
-        taken = self._core.times // self._core.every
-        at = np.searchsorted(taken, np.arange(samples), "right") - 1
-        values = np.column_stack([self._core.trace(trace) for trace in self._traces[report.path]])[np.maximum(at, 0)]
-        if report.happened:
-            values[taken[np.maximum(at, 0)] != np.arange(samples)] = 0.0
+        at, again = repeated(self._core.times, self._core.every, samples)
+        values = np.column_stack([self._core.trace(atom) for atom in self._atoms[reported.path]])[at]
+        if reported.happened:
+            values[again] = 0.0
         return values
+
+
+def repeated(times: np.ndarray, every: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of each sample the number of the time [ns] whose values it has, and whether the sample before has them, too.
+
+    As the kernel keeps them: between two instants a sample is that of the first.
+    """
+    import numpy as np
+
+    taken = times // every
+    at = np.maximum(np.searchsorted(taken, np.arange(samples), "right") - 1, 0)
+    return at, taken[at] != np.arange(samples)
 
 
 class Requirement:

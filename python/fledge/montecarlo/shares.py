@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fledge import _core
 from fledge.errors import SetupError
 from fledge.pool import Died, Local, Pool, Work
-from fledge.requirements.judge import watched
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,9 +106,8 @@ def fly_share(campaign: Campaign, seed: int, first: int, end: int, threads: int 
     """(the share, whether Ctrl-C stopped it), by threads of this process."""
     plan = campaign.plan
     plan.seed, plan.first, plan.runs = seed, first, end - first
-    nominal, signals = campaign.nominal, [report.signal for report in campaign.dispersions.reported]
-    flown, interrupted = _core.fly(nominal.kernel, plan, threads, progress,
-                                   lambda clone: watched(nominal._around(clone), signals))
+    nominal, watch = campaign.nominal, campaign.dispersions.watch
+    flown, interrupted = _core.fly(nominal.kernel, plan, threads, progress, lambda clone: watch(nominal._around(clone)))
     return Share.of(first, flown), interrupted
 
 
@@ -162,8 +160,8 @@ class Runs(Work[Range, Share]):
         except SetupError as error:
             return Share.failed(self.campaign, index, str(error))
         plan.seed = self.seed
-        signals = [report.signal for report in self.campaign.dispersions.reported]
-        flown = _core.fly_one(simulation.kernel, plan, index, lambda _: watched(simulation, signals))
+        watch = self.campaign.dispersions.watch
+        flown = _core.fly_one(simulation.kernel, plan, index, lambda _: watch(simulation))
         return self.campaign.complete(Share.of(index, flown))
 
     def split(self, item: Range) -> list[Range]:

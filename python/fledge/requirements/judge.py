@@ -185,10 +185,15 @@ def highest(judged: Sequence[Judged]) -> Callable[[], NDArray[np.float64]]:
     return _core.Highest([(judge.core, number) for each in judged for judge, number in each._formulas]).margins
 
 
-def watched(simulation: Simulation, signals: Sequence[Signal]) -> tuple[_core.Judge, list[int]]:
-    """A judge that is to look at a simulation, and the expressions of signals there."""
-    judge = _Judge(simulation, 0, traces=True)
-    return judge.core, [judge._signal(signal) for signal in signals]
+def watched(simulation: Simulation, signals: Sequence[Signal], every: int) -> tuple[_core.Judge, list[list[int]]]:
+    """A judge that looks at a simulation from now on, every so many ns, and of each signal the atoms whose traces are
+    its elements."""
+    judge = _Judge(simulation, every, traces=True)
+    core = judge.core
+    atoms = [[core.atom(core.expression("element", judge._signal(signal), i, 0.0), ">", 0.0, 1.0)
+              for i in range(math.prod(signal.shape))] for signal in signals]
+    core.watch(simulation.kernel)
+    return core, atoms
 
 
 class _Judge:
