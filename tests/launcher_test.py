@@ -27,16 +27,18 @@ STAND_INS = {
     "dpkg-query": 'cat "$FAKE/installed" 2>/dev/null; exit 1',
     # The first install of each run of the test fails, as it does when the lists are outdated.
     "apt-get": 'echo "$*" >> "$FAKE/apt"; . "$FAKE/during" "$0"\n'
-               'case "$*" in *satisfy*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
+               'case "$*" in "-s "*) exit ;;\n*satisfy*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
                '*) : > "$FAKE/updated" ;; esac\n'
                'for name in $(echo "$*" | tr ",|" "  "); do echo "installed $name, " >> "$FAKE/installed"; done\n'
                'echo "Need to get 12.3 MB of archives."',
     "cmake": 'echo "$*" >> "$FAKE/cmake"; . "$FAKE/during" "$0"\n'
              'for one; do case $one in release | debug) dir=$PWD/build/$one ;; /*/build/*) dir=$one ;;\n'
-             '-DBUILD_TESTING=*) tests=${one#*=} ;; -DFledge_DIR=*) fledge=${one#*=} ;; esac; done\n'
+             '-DBUILD_TESTING=*) tests=${one#*=} ;; -DFledge_DIR=*) fledge=${one#*=} ;;\n'
+             '*AS_ERROR=*) strict=${one#*=} ;; esac; done\n'
              'mkdir -p "$dir"; cd "$dir"; : > build.ninja; : > FledgeConfig.cmake; cd "$OLDPWD"\n'
-             'printf "CMAKE_HOME_DIRECTORY:INTERNAL=%s\\nBUILD_TESTING:BOOL=%s\\nFledge_DIR:PATH=%s\\n" '
-             '"$PWD" "$tests" "$fledge" > "$dir/CMakeCache.txt"',
+             'printf "CMAKE_HOME_DIRECTORY:INTERNAL=%s\\nBUILD_TESTING:BOOL=%s\\nFledge_DIR:PATH=%s\\n'
+             'CMAKE_COMPILE_WARNING_AS_ERROR:BOOL=%s\\n" '
+             '"$PWD" "$tests" "$fledge" "$strict" > "$dir/CMakeCache.txt"',
     "ninja": 'echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
@@ -216,17 +218,78 @@ def test_what_only_developers_like_comes_when_they_ask(launch):
     assert launch.calls("apt")[-1].endswith("ccache, pre-commit")
 
 
-def test_another_system_needs_the_tools_and_says_what_else(launch):
+def on_system(launch, text):
+    """Let the copy read this in the place of /etc/os-release."""
+    (launch.fake / "os-release").write_text(text)
+    program = launch.tree / "python/fledge/launcher/packages.py"
+    (launch.fake / "x_Packages").touch()        # apt has lists
+    program.write_text(program.read_text().replace("/etc/os-release", str(launch.fake / "os-release")).replace(
+        "/var/lib/apt/lists", str(launch.fake)))
+
+
+def test_a_system_without_apt_reads_what_it_lacks_and_may_be_forced(launch):
     (launch.place / "bin/apt-get").unlink()
+    on_system(launch, "NAME=Fedora\nVERSION_CODENAME=\"\"\nPRETTY_NAME=\"Fedora Linux 42\"\n")
     done = launch("list")
     (line,) = done.stderr.splitlines()
     assert done.returncode == 1 and line.startswith(
-        "fledge: this is no Debian, and lacks g++; install by hand what is missing of: g++ cmake ")
-    (launch.place / "bin/g++").symlink_to(shutil.which("true"))
-    done = launch("list")
+        "fledge: this is Fedora Linux 42, and Fledge is made for Debian 12, Debian 13, Ubuntu 24.04; it has no "
+        "apt-get, g++; install by hand what is missing of: g++ cmake ") and line.endswith("; to try it here: ./fledge --force "
+                                                                                 "COMMAND")
+    done = launch("--force", "list")
     assert done.returncode == 0 and "list in" in done.stdout
-    assert done.stderr.startswith("fledge: this is no Debian; install by hand")
+    assert done.stderr.startswith("fledge: this is Fedora Linux 42: it has no apt-get, g++; install by hand")
     assert launch("list").stderr == ""
+
+
+def test_another_debian_reads_which_packages_it_lacks_and_is_tried_without_them(launch):
+    (launch.fake / "during").write_text('case "$0 $*" in *apt-get*cppzmq-dev*) exit 100 ;; esac\n')
+    (launch.fake / "updated").touch()
+    on_system(launch, "PRETTY_NAME='x'\nPRETTY_NAME=\"Debian GNU/Linux 14 (forky)\"\nVERSION_CODENAME=forky\n")
+    done = launch("setup")
+    assert done.returncode == 1 and done.stderr == (
+        "fledge: this is Debian GNU/Linux 14 (forky), and Fledge is made for Debian 12, Debian 13, Ubuntu 24.04; it "
+        "has no cppzmq-dev; to try it here: ./fledge --force COMMAND\n")
+    assert all(line.startswith("-s ") for line in launch.calls("apt")) and not launch.calls("cmake")
+    done = launch("--force", "demo")
+    assert "\nfledge: this system has no cppzmq-dev; without it, what needs it is skipped\n" in done.stderr
+    assert "list in" in launch("list").stdout       # it is not asked again, nor are the commands that demo starts
+
+
+@pytest.mark.parametrize("text", ["VERSION_CODENAME=trixie\n", 'ID=linuxmint\nVERSION_CODENAME=xia\nUBUNTU_CODENAME='
+                                  '"noble"\n', "VERSION_CODENAME=faye\nDEBIAN_CODENAME=bookworm\n"])
+def test_what_is_made_of_a_known_system_is_known(launch, text):
+    (launch.fake / "updated").touch()
+    on_system(launch, text)
+    assert launch("list").returncode == 0
+
+
+def test_tests_go_on_without_the_packages_that_only_some_of_them_need(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(report(0))
+    (launch.fake / "during").write_text('case "$0 $*" in *apt-get*frama-c-base* | *apt-get*qemu-system-arm*)\n'
+                                        'echo "E: Unable to locate package"; exit 100 ;; esac\n')
+    done = launch("test", "-k", "x")
+    assert "fledge: this system has no frama-c-base; without it, what needs it is skipped\n" in done.stderr
+    assert "fledge: going on without cortex_m7\n" in done.stderr
+    assert any("tshark" in line and "frama" not in line for line in launch.calls("apt") if not line.startswith("-s "))
+    assert "5 passed, 0 failed" in done.stdout
+    (launch.fake / "during").write_text('case "$0 $*" in *apt-get*libgmock-dev*) exit 100 ;; esac\n')
+    (launch.tree / "build/packages-unit.stamp").unlink()
+    (launch.fake / "installed").unlink()
+    assert launch("test").returncode == 1       # without that, no test can be built
+
+
+def test_warnings_are_errors_for_developers_alone(launch):
+    (launch.fake / "updated").touch()
+    launch("setup")
+    launch("setup", "--develop")
+    launch("setup", "--develop", "--test")
+    assert launch.calls("cmake")[:2] == [
+        "--fresh --preset release -DBUILD_TESTING=OFF",
+        "--preset release -DBUILD_TESTING=OFF -DCMAKE_COMPILE_WARNING_AS_ERROR=ON"]
+    assert launch.calls("cmake")[-1] == "--preset release -DBUILD_TESTING=ON -DCMAKE_COMPILE_WARNING_AS_ERROR=ON"
 
 
 def test_a_broken_build_shows_its_error_and_fails(launch):

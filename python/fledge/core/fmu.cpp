@@ -101,7 +101,8 @@ py::bytes starts(const AnyPort &port)
 Typed<py::object, "Any"> declare_fmu(const py::handle &s, const Typed<py::dict, "dict[str, Any]"> &structs)
 {
     static std::deque<sim::ModelType> all; // as the types
-    const FledgeStruct &table = table_from(s, structs, py::none());
+    const py::none schema;
+    const FledgeStruct &table = table_from(s, structs, schema);
     const auto create = [](void *interface) -> std::unique_ptr<sim::Model> {
         return std::make_unique<importer::FmuModel>(interface);
     };

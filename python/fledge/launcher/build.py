@@ -53,8 +53,8 @@ class Build:
             text=True).stdout
 
     def make(self, context: Context, targets: Sequence[str], tests: bool) -> None:
-        """Configure the tree if it is not configured here, or if it is without the tests that are now requested; then
-        build the targets. When a CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile:
+        """Configure the tree if it is not configured here, or if it is without the tests, or the errors for warnings,
+        that are now requested; then build the targets, and print the warnings of a project. When a CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile:
         Ninja expects to be alone."""
         logs, preset = self.tree / "build", context.preset
         if not may_write(logs, self.folder):
@@ -73,15 +73,22 @@ class Build:
                 say(f"building{self.of} ({preset})")
             # What a configuration that failed has found would stay: a wrong compiler, for one.
             fresh = [] if (self.folder / "build.ninja").exists() else ["--fresh"]
-            if fresh or tests and self.cached("BUILD_TESTING") != "ON":
+            requested = {"BUILD_TESTING": tests,
+                         "CMAKE_COMPILE_WARNING_AS_ERROR": context.develops and not self.fledge}
+            on = {name: value or not fresh and self.cached(name) == "ON" for name, value in requested.items()}
+            if fresh or any(value and self.cached(name) != "ON" for name, value in requested.items()):
                 log = logs / f"configure-{preset}.log"
-                if status := run(log, ["cmake", *fresh, *self.arguments, f"-DBUILD_TESTING={'ON' if tests else 'OFF'}"],
-                                 self.tree, lock=lock):
+                if status := run(log, ["cmake", *fresh, *self.arguments,
+                                       f"-DBUILD_TESTING={'ON' if on.pop('BUILD_TESTING') else 'OFF'}",
+                                       *(f"-D{name}=ON" for name, value in on.items() if value)], self.tree, lock=lock):
                     raise failure(log, "the configuration", status)
             log = logs / f"build-{preset}.log"
             if status := run(log, ["ninja", "-C", self.folder, *targets], self.tree, lock=lock):
                 raise failure(log, "the build", status)
-            if "ninja: no work to do" not in log.read_text(encoding="utf-8", errors="replace"):
+            text = log.read_text(encoding="utf-8", errors="replace")
+            if self.fledge:
+                print("".join(re.findall("^.*: warning: .*\n", text, re.M)), end="", file=sys.stderr, flush=True)
+            if "ninja: no work to do" not in text:
                 say(f"built{self.of} ({preset}) in {time.monotonic() - begun:.0f} s")
 
     def _not_writable(self) -> Failure:

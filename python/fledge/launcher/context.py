@@ -22,6 +22,8 @@ class Context:
         self.installed = not (ROOT / "CMakeLists.txt").exists()     # `cmake --install` leaves out the build's files
         self.project_build: Path | None = None                      # where the project was built
         self.observed = ""                                          # of OBSERVED: what the command uses, or none
+        self.develops = False                                       # warnings of compilers are errors
+        self.force = False                                          # try on a system that is none of packages.SYSTEMS
 
     @property
     def build(self) -> Path:
@@ -63,7 +65,7 @@ class Context:
     def names(self) -> dict[str, str]:
         """The variables that name the build and the project."""
         return {"FLEDGE_PRESET": self.preset, "FLEDGE_PROJECT": str(self.project or ""),
-                "FLEDGE_OBSERVED": self.observed,
+                "FLEDGE_OBSERVED": self.observed, **({"FLEDGE_FORCE": "1"} if self.force else {}),
                 **({"FLEDGE_PROJECT_BUILD": str(self.project_build)} if self.project_build else {})}
 
     def folders(self) -> list[str]:

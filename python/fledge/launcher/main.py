@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`./fledge [--project DIR] [--preset NAME] COMMAND [ARGUMENTS]`, in order: reads it, provides what the command needs,
-and runs it."""
+"""`./fledge [--project DIR] [--preset NAME] [--force] COMMAND [ARGUMENTS]`, in order: reads it, provides what the
+command needs, and runs it."""
 from __future__ import annotations
 
 import argparse
@@ -46,6 +46,7 @@ def _main(words: list[str], ctrl_c: signal._HANDLER) -> int:
     given, words = leading_options(words)
     context = Context()
     context.preset = given.get("--preset") or os.environ.get("FLEDGE_PRESET") or "release"
+    context.force = "--force" in given or bool(os.environ.get("FLEDGE_FORCE"))
     project = given.get("--project", os.environ.get("FLEDGE_PROJECT"))
     context.project = project_around(Path.cwd()) if project is None else project_named(project)
     words = words or ["help"]

@@ -7,6 +7,8 @@ its packages. What a command needs besides what all need (`needs` of its parser)
     a section, or the name of a target      its packages; of a target, those too of the targets that it uses
     "build PART"                            this part of Fledge's build
     "view", "try view"                      the 3-D view is built; "try": if there is Node
+
+Names are those of SYSTEMS. Another system is refused until the user forces it.
 """
 from __future__ import annotations
 
@@ -24,6 +26,8 @@ from fledge.launcher.context import Context
 from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
 
 STATUS = Path("/var/lib/dpkg/status")
+OS_RELEASE = Path("/etc/os-release")
+SYSTEMS = {"bookworm": "Debian 12", "trixie": "Debian 13", "noble": "Ubuntu 24.04"}    # by VERSION_CODENAME
 BASIC = ("project", "build", "fly")         # sections: `run`
 BUILDING = ("project", "unit", "docs")      # purposes for which an installed Fledge lacks packages
 
@@ -54,9 +58,9 @@ def missing(purpose: str) -> list[str]:
     return [line for line in listed(purpose) if not installed & set(line.split(" | "))]
 
 
-def need(context: Context, purpose: str) -> None:
+def need(context: Context, purpose: str, if_possible: bool = False) -> None:
     """Install the missing packages of a purpose. An installed Fledge has what flies, and only says what building adds;
-    Python says which of its packages it misses."""
+    Python says which of its packages it misses. if_possible: without those that this system does not have."""
     if context.installed:
         if purpose in BUILDING and which("apt-get") and (names := missing(purpose)):
             raise Failure(f"{context.command}: packages are missing; as root, run: apt-get install " +
@@ -65,18 +69,56 @@ def need(context: Context, purpose: str) -> None:
     stamp = ROOT / f"build/packages-{Path(purpose).name}.stamp"
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == _checked(purpose):
         return
+    name = _other_system()
+    if name and purpose == "run" and not stamp.exists() and not context.force:
+        raise Failure(f"this is {name}, and Fledge is made for {', '.join(SYSTEMS.values())}; {_lacks(purpose)}; to "
+                      "try it here: ./fledge --force COMMAND", 1)
     if which("apt-get"):
         if names := missing(purpose):
-            _install(purpose, names)
+            _install(purpose, names, if_possible or bool(name))
     else:
-        lacks = [tool for tool in ("cmake", "ninja", "g++") if not which(tool)]
-        text = (f"this is no Debian{', and lacks ' * bool(lacks)}{' '.join(lacks)}; install by hand what is missing "
-                "of: " + " ".join(line.replace(" ", "") for line in listed(purpose)))
-        if lacks:
-            raise Failure(text, 1)
-        say(text)
+        say(f"this is {name}: {_lacks(purpose)}")
     if may_write(stamp.parent):
         stamp.write_text(_checked(purpose), encoding="utf-8")
+
+
+def _other_system() -> str:
+    """The name of a system that is none of SYSTEMS, nor made of one of them; of these, ""."""
+    try:
+        text = OS_RELEASE.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        text = ""
+    facts = dict(re.findall(r'^(\w+)="?([^"\n]*)"?$', text, re.M))
+    known = {facts.get(f"{kind}_CODENAME") for kind in ("VERSION", "DEBIAN", "UBUNTU")} & SYSTEMS.keys()
+    return "" if known and which("apt-get") else facts.get("PRETTY_NAME") or "an unknown system"
+
+
+def _lacks(purpose: str) -> str:
+    """What another system lacks, as far as it can be known without its package manager."""
+    if which("apt-get"):
+        names = missing(purpose) if _has_lists() else []
+        never = [line for line in names if line not in _obtainable(names)]
+        return f"it has no {', '.join(never)}" if never else "no test was run here"
+    lacks = [tool for tool in ("apt-get", "cmake", "ninja", "g++") if not which(tool)]
+    return (f"it has no {', '.join(lacks)}; install by hand what is missing of: "
+            + " ".join(line.replace(" ", "") for line in listed(purpose)))
+
+
+def _has_lists() -> bool:
+    """In a container apt's lists of packages may be missing."""
+    return any(Path("/var/lib/apt/lists").glob("*_Packages*"))
+
+
+def _obtainable(names: list[str]) -> list[str]:
+    """Those of these packages that apt could install."""
+    import subprocess
+
+    if not names or subprocess.run(
+            ["apt-get", "-s", "satisfy", "--no-install-recommends", ", ".join(names)], stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0:
+        return names
+    half = len(names) // 2
+    return _obtainable(names[:half]) + _obtainable(names[half:]) if half else []
 
 
 def _checked(purpose: str) -> str:
@@ -89,13 +131,19 @@ def _checked(purpose: str) -> str:
     return f"{zlib.crc32(chr(10).join(listed(purpose)).encode())}\n{state}\n"
 
 
-def _install(purpose: str, names: list[str]) -> None:
-    """Install what is missing, unless another launcher has done so meanwhile."""
+def _install(purpose: str, names: list[str], if_possible: bool) -> None:
+    """Install what is missing, unless another launcher has done so meanwhile. if_possible: without what apt does not
+    have."""
     logs, name = ROOT / "build", Path(purpose).name
-    by_hand = f"as root, run: apt-get satisfy --no-install-recommends '{', '.join(names)}'"
+
+    def by_hand() -> str:
+        return f"as root, run: apt-get satisfy --no-install-recommends '{', '.join(names)}'"
+
     as_root = [] if os.geteuid() == 0 else ["sudo"]
     if not may_write(logs) or as_root and not which("sudo"):
-        raise Failure(f"packages are missing; {by_hand}", 1)
+        if names := _obtainable(names) if if_possible else names:
+            raise Failure(f"packages are missing; {by_hand()}", 1)
+        return
     with alone(logs / "packages.lock", "installs packages") as lock:
         names = missing(purpose)
         if not names:
@@ -103,7 +151,7 @@ def _install(purpose: str, names: list[str]) -> None:
         say(f"installing for '{name}': {', '.join(names)}")
         begun = time.monotonic()
         if as_root and pass_on(["sudo", "true"]):     # which may ask for a password
-            raise Failure(f"without sudo, {by_hand}", 1)
+            raise Failure(f"without sudo, {by_hand()}", 1)
         as_root += ["env", "DEBIAN_FRONTEND=noninteractive"]
         apt_get = [*as_root, "apt-get", "-y", "-o", "DPkg::Lock::Timeout=120"]
         log, update, dpkg = logs / f"apt-{name}.log", logs / "apt-update.log", logs / "dpkg.log"
@@ -111,9 +159,8 @@ def _install(purpose: str, names: list[str]) -> None:
         def satisfy() -> int:
             return run(log, [*apt_get, "satisfy", "--no-install-recommends", ", ".join(names)], lock=lock)
 
-        # In a container the package lists may be missing; outdated lists make the install fail, and so does an
-        # install that was interrupted before.
-        if not any(Path("/var/lib/apt/lists").glob("*_Packages*")) or satisfy():
+        # Outdated lists make the install fail, and so does an install that was interrupted before.
+        if not _has_lists() or satisfy():
             if log.exists() and "dpkg --configure -a" in log.read_text(encoding="utf-8", errors="replace"):
                 say("completing an interrupted installation of packages")
                 if status := run(dpkg, [*as_root, "dpkg", "--configure", "-a"], lock=lock):
@@ -121,7 +168,13 @@ def _install(purpose: str, names: list[str]) -> None:
             say("fetching apt's package lists")
             if status := run(update, [*apt_get, "update"], lock=lock):
                 raise failure(update, "apt-get update", status)
-            if status := satisfy():
+            status = satisfy()
+            if status and if_possible and len(had := _obtainable(names)) < len(names):
+                say(f"this system has no {', '.join(line for line in names if line not in had)}; without it, "
+                    f"what needs it is skipped")
+                names = had
+                status = satisfy() if names else 0
+            if status:
                 with open(log, "ab") as file:
                     file.write(update.read_bytes())     # apt-get update only warns of what fails
                 raise failure(log, "apt-get satisfy", status)

@@ -14,7 +14,10 @@ OPTIONS = ("--project", "--preset")         # that stand before the command
 def leading_options(words: list[str]) -> tuple[dict[str, str], list[str]]:
     """Those before the command, and the command's words."""
     given = {}
-    while words and words[0] in OPTIONS:
+    while words and words[0] in (*OPTIONS, "--force"):
+        if words[0] == "--force":
+            given[words.pop(0)] = ""
+            continue
         if len(words) < 2:
             raise Failure(f"{words[0]} needs a value")
         given[words[0]] = words[1]

@@ -30,7 +30,8 @@ def need_tests(context: Context) -> None:
 
     need(context, "unit")
     if not context.project:
-        provide(context, expanded(["test", *TARGETS]))
+        need(context, "test", if_possible=True)
+        provide(context, expanded(TARGETS), without=True)
 
 
 def need_decisions(context: Context) -> None:
