@@ -18,13 +18,13 @@ import extension_stubs                                  # noqa: E402
 EXTENSIONS = ["_core", "_cosim", "_emulator", "_ground"]
 
 
-def stub_of(signature):
+def stub_of(signature, **members):
     """The stub of a module with the function f and the class Wheel."""
     def f():
         pass
     f.__doc__ = signature
     module = ModuleType("_made")
-    module.Wheel = type("Wheel", (), {"__doc__": ""})
+    module.Wheel = type("Wheel", (), {"__doc__": "", **members})
     module.f = f
     return extension_stubs.Stub(module)
 
@@ -58,8 +58,27 @@ def test_signatures_of_pybind11_become_types(signature, line):
     ("f(a: fledge::sim::Wheel) -> int", "f: f(a: fledge::sim::Wheel) -> int: a type is bound later, or not at all"),
     ("f(a: Wheels) -> int", "f(a): Wheels is no type that a stub knows"),
 ])
-def test_a_type_that_says_nothing_is_refused(signature, problem):
+def test_a_type_that_says_nothing_is_named(signature, problem):
     assert problem in stub_of(signature).problems
+
+
+def test_words_of_later_versions_of_pybind11_become_types():
+    stub = stub_of("f(a: Annotated[list[float], FixedSize(3)], b: Buffer, c: dict[str, int]) -> list[float]",
+                   _pybind11_conduit_v1_=test_a_type_that_says_nothing_is_named)
+    assert "def f(a: Sequence[float], b: Any, c: Mapping[str, int]) -> list[float]: ..." in stub.text
+    assert not stub.problems and "conduit" not in stub.text
+
+
+def test_a_type_that_says_nothing_ends_no_build(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "_made", stub_of("f(a: Wheels) -> list").module)
+    extension_stubs.main("_made", tmp_path / "_made.pyi")
+    assert "def f(a: Any) -> list: ..." in (tmp_path / "_made.pyi").read_text()
+    assert "warning: _made.f(a): Wheels is no type that a stub knows\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", EXTENSIONS)
+def test_the_types_of_an_extension_say_something(name):
+    assert not extension_stubs.Stub(importlib.import_module(name)).problems
 
 
 @pytest.mark.parametrize("name", EXTENSIONS)
