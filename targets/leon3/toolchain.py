@@ -28,12 +28,8 @@ MACHINE = ["-m32", "-mcpu=leon3", "-mno-v8plus", "-mhard-float", "-mlong-double-
            "-fno-stack-protector", "-U__linux__", "-U__linux", "-Ulinux", "-U__gnu_linux__", "-U__unix__", "-U__unix",
            "-Uunix"]
 
-# What newlib's configuration would find out.
+# What newlib's configuration would find out, besides its version.
 CONFIGURATION = """\
-#define _NEWLIB_VERSION "3.3.0"
-#define __NEWLIB__ 3
-#define __NEWLIB_MINOR__ 3
-#define __NEWLIB_PATCHLEVEL__ 0
 #define _WANT_IO_C99_FORMATS 1
 #define _WANT_IO_LONG_LONG 1
 #define _HAVE_LONG_DOUBLE 1
@@ -51,8 +47,11 @@ PRINT = ["", "-DINTEGER_ONLY", "-DSTRING_ONLY", "-DINTEGER_ONLY -DSTRING_ONLY"]
 ALLOCATE = [f"-DINTERNAL_NEWLIB -DDEFINE_{name}" for name in
             ("MALLOC", "FREE", "REALLOC", "CALLOC", "CFREE", "MALLINFO", "MALLOC_USABLE_SIZE", "MALLOPT",
              "MALLOC_STATS", "MEMALIGN", "VALLOC", "PVALLOC")]
-SEVERAL = {"vfprintf": PRINT, "vfscanf": PRINT, "mallocr": ALLOCATE}    # objects of one source
-LEFT_OUT = ("nano-*", "gettzinfo")      # variants, and what does not compile without an operating system
+# Objects of one source in newlib 3, of Debian 12. In newlib 4 each has a source of its own, as svfprintf.c, which
+# includes the common one.
+SEVERAL = {"vfprintf": PRINT, "vfscanf": PRINT, "mallocr": ALLOCATE}
+# Variants, a source that others include, and what does not compile without an operating system.
+LEFT_OUT = ("nano-*", "_mallocr", "gettzinfo")
 
 
 @lru_cache
@@ -97,9 +96,13 @@ def _build(archive: Path, folder: Path) -> None:
             _, _, member.name = member.name.partition("/newlib/")       # newlib-VERSION/newlib/libc/...
             if member.isreg() and member.name.startswith(("libc/", "libm/")):
                 packed.extract(member, source, set_attrs=False)
-    write_files({"include/newlib.h": CONFIGURATION, "include/_newlib_version.h": "#include <newlib.h>\n"}, folder)
+    version = archive.name.removeprefix("newlib-").split(".")[:3]       # newlib-4.4.0.20231231.tar.xz
+    named = [f'#define _NEWLIB_VERSION "{".".join(version)}"', *(
+        f"#define __NEWLIB_{part} {number}" for part, number in zip(("_", "MINOR__", "PATCHLEVEL__"), version))]
+    write_files({"include/newlib.h": "\n".join(named) + "\n" + CONFIGURATION,
+                 "include/_newlib_version.h": "#include <newlib.h>\n"}, folder)
     words = " ".join([*MACHINE, *_headers(folder), "-O2", "-w", "-ffunction-sections", "-fdata-sections",
-                      "-fno-builtin", "-D_COMPILING_NEWLIB", f"-I{source}/libm/common"])
+                      "-fno-builtin", "-D_COMPILING_NEWLIB", "-D_LIBC", f"-I{source}/libm/common"])
     cached = "ccache " if shutil.which("ccache") else ""
     members = list(_objects(source))
     write_files({"build.ninja": "\n".join([
@@ -113,9 +116,10 @@ def _build(archive: Path, folder: Path) -> None:
 
 def _objects(source: Path) -> Iterator[tuple[str, Path, str]]:
     """(name, source, definitions) of each object of the library."""
+    several = {} if (source / "libc/stdio/svfprintf.c").exists() else SEVERAL
     for part in FOLDERS:
         for file in sorted((source / part).glob("*.c")):
             if not any(fnmatch(file.stem, pattern) for pattern in LEFT_OUT):
-                for i, definitions in enumerate(SEVERAL.get(file.stem, [""])):
+                for i, definitions in enumerate(several.get(file.stem, [""])):
                     yield f"o/{part.replace('/', '_')}_{file.stem}{i or ''}.o", file, definitions
     yield "o/setjmp.o", source / "libc/machine/sparc/setjmp.S", ""
