@@ -103,8 +103,8 @@ CONTAINED: dict[str, list[tuple[str, str]]] = {
          "assert(mp_obj_is_type(module, &mp_type_module));\n"
          "    mp_map_t *map = &mp_obj_module_get_globals(module)->map;")],
     "py/vm.c": [        # the compiler leaves no place on the stack for the second of both
-        ("PUSH((mp_obj_t)(mp_uint_t)(*ip));", "obj_shared = *ip;"),
-        ("mp_uint_t unum = (mp_uint_t)POP();", "mp_uint_t unum = obj_shared;"),
+        ("PUSH((mp_obj_t)(mp_uint_t)(*ip));", "obj_shared = (mp_obj_t)(mp_uint_t)*ip;"),
+        ("mp_uint_t unum = (mp_uint_t)POP();", "mp_uint_t unum = (mp_uint_t)obj_shared;"),
         ("PUSH((mp_obj_t)cause);", "obj_shared = (mp_obj_t)cause;")],
     "py/objfun.c": [("    mp_obj_fun_bc_t *o = mp_obj_malloc_var(mp_obj_fun_bc_t, extra_args, mp_obj_t, n_extra_args, "
                      "&mp_type_fun_bc);\n    o->bytecode = code;",
@@ -368,7 +368,7 @@ def _mirror(folder: Path) -> str:
     if not match:
         raise Failure("apt's configuration names no mirror of Debian's archive, from which MicroPython's source could "
                       f"come; put {ARCHIVE} into {folder}", 1)
-    return match[1]
+    return re.sub("/ubuntu$", "/debian", match[1])      # many mirrors have both; Debian's keys check what comes
 
 
 # --- building ------------------------------------------------------------------------------------
