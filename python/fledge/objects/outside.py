@@ -122,7 +122,8 @@ def _instructions(code: CodeType) -> Iterator[tuple[str, Any, int]]:
     for part in _codes(code):
         line = part.co_firstlineno
         for step in dis.get_instructions(part):
-            line = step.starts_line or line
+            # `starts_line` says from Python 3.13 on whether the instruction begins one.
+            line = step.positions and step.positions.lineno or line
             yield step.opname, step.argval, line
 
 
