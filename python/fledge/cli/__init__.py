@@ -42,6 +42,8 @@ class Parser(argparse.ArgumentParser):
         return options, rest
 
     def error(self, message: str) -> NoReturn:
+        head, choose, choices = message.partition("(choose from ")     # which Python quotes before version 3.12.8
+        message = head + choose + choices.replace("'", "")
         self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")
 
 
