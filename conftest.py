@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,19 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 COLLECTED = pytest.StashKey[list[pytest.Item]]()
+
+
+def or_skip(make: Callable[[], tuple[int, int]]) -> Callable[[], tuple[int, int]]:
+    """The function, which skips the test where the system makes no pseudo terminal, as in a bare container."""
+    def attempt() -> tuple[int, int]:
+        try:
+            return make()
+        except OSError as error:
+            pytest.skip(f"no pseudo terminal can be made: {error}")
+    return attempt
+
+
+os.openpty, os.forkpty = or_skip(os.openpty), or_skip(os.forkpty)
 
 
 @pytest.fixture

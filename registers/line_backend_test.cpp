@@ -18,6 +18,7 @@
 #include "registers/clock.h"
 #include "registers/outside.h"
 #include "registers/testing/board.h"
+#include "registers/testing/terminal.h"
 #include "tests/error_of.h"
 
 namespace line_backend_test {
@@ -207,7 +208,7 @@ private:
     std::thread thread_;
 };
 
-class LineBackendTest : public ::testing::Test {
+class LineBackendTest : public TerminalTest {
 protected:
     LineBackendTest()
         : bench_(

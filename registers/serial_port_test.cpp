@@ -21,12 +21,14 @@
 #include <gtest/gtest.h>
 
 #include "registers/outside.h"
+#include "registers/testing/terminal.h"
 #include "tests/error_of.h"
 
 namespace serial_port_test {
 
 using namespace fledge::registers;
 using namespace std::chrono_literals;
+using SerialPortTest = TerminalTest;
 
 /// What the constructor says about a device.
 std::string refusal(const std::string &path, std::uint32_t baud = 115200)
@@ -46,7 +48,7 @@ std::vector<std::byte> receive(SerialPort &port, std::size_t n)
     return all;
 }
 
-TEST(SerialPort, EveryByteValuePassesAsItIsBothWays)
+TEST_F(SerialPortTest, EveryByteValuePassesAsItIsBothWays)
 {
     SerialPort first;
     SerialPort second(first.path(), 115200);
@@ -60,14 +62,14 @@ TEST(SerialPort, EveryByteValuePassesAsItIsBothWays)
     EXPECT_EQ(receive(first, all.size()), all);
 }
 
-TEST(SerialPort, WhatIsNoSerialDeviceIsRefusedWithTheReason)
+TEST_F(SerialPortTest, WhatIsNoSerialDeviceIsRefusedWithTheReason)
 {
     EXPECT_NE(refusal("/dev/no_such_device").find("there is no device /dev/no_such_device"), std::string::npos);
     EXPECT_NE(refusal("/dev/null").find("/dev/null is no serial device"), std::string::npos);
     EXPECT_NE(refusal("/").find("/ is a folder, no serial device; "), std::string::npos);
 }
 
-TEST(SerialPort, ADeviceThatAnotherProgramHoldsIsRefusedByItsName)
+TEST_F(SerialPortTest, ADeviceThatAnotherProgramHoldsIsRefusedByItsName)
 {
     std::array<int, 2> ready{}, end{};
     ASSERT_EQ(pipe(ready.data()), 0);
@@ -95,7 +97,7 @@ TEST(SerialPort, ADeviceThatAnotherProgramHoldsIsRefusedByItsName)
     EXPECT_NE(refusal(mine.path()).find("is held by "), std::string::npos);
 }
 
-TEST(SerialPort, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
+TEST_F(SerialPortTest, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
 {
     const SerialPort mine;
     const std::optional<SerialPort> held(std::in_place, mine.path(), 9600U);
@@ -133,7 +135,7 @@ TEST(SerialPort, ATerminalOfTheSameNumberInAnotherContainerHoldsNoDevice)
     }
 }
 
-TEST(SerialPort, WithoutTheRightToADeviceTheRemedyIsNamed)
+TEST_F(SerialPortTest, WithoutTheRightToADeviceTheRemedyIsNamed)
 {
     using std::filesystem::perms;
     if (getuid() != 0) {
@@ -168,7 +170,7 @@ TEST(SerialPort, WithoutTheRightToADeviceTheRemedyIsNamed)
     }
 }
 
-TEST(SerialPort, ADeviceThatVanishesIsNoticedAndFoundAgain)
+TEST_F(SerialPortTest, ADeviceThatVanishesIsNoticedAndFoundAgain)
 {
     const auto link = std::filesystem::temp_directory_path() / ("serial_port_" + std::to_string(getpid()));
     std::optional<SerialPort> board(std::in_place);
