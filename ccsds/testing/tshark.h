@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <fstream>
 #include <initializer_list>
+#include <regex>
 
 namespace ccsds::testing {
 
@@ -46,7 +47,9 @@ inline std::string tshark(const std::string &path, const std::string &arguments)
         text.append(part, n);
     }
     EXPECT_EQ(pclose(pipe), 0);
-    return text;
+    // Flags, of which version 4.4 prints words.
+    text = std::regex_replace(text, std::regex("\\bTrue\\b"), "1");
+    return std::regex_replace(text, std::regex("\\bFalse\\b"), "0");
 }
 
 } // namespace ccsds::testing

@@ -43,16 +43,16 @@ int main(int argc, char **argv)
     std::uint64_t seed = 1;
     std::uint32_t blocks = 1000;
     double minutes = 1;
-    bool without_qemu = false, fuzz = false;
+    bool engines_alone = false, fuzz = false;
     options.whole("--seed", seed, std::uint64_t{0}, ~std::uint64_t{0}, "N",
                   "of the first program; each further one has the next; default 1");
     options.whole("--blocks", blocks, 1u, 100000u, "N", "of random instructions in each program; default 1000");
     options.number("--minutes", minutes, 0, 1e9, "X", "how long; 0: one program; default 1");
-    options.flag("--without-qemu", without_qemu, "compare only the engines");
+    options.flag("--without-qemu", engines_alone, "compare only the engines");
     options.flag("--fuzz", fuzz, "no programs, but any memory, and damaged files; for a build with sanitizers");
     options.parse(argc, argv);
-    if (!fuzz && !without_qemu && !has_qemu()) {
-        std::fprintf(stderr, "qemu-system-sparc is not installed: install it, or add --without-qemu\n");
+    if (const std::string without = without_qemu(); !fuzz && !engines_alone && !without.empty()) {
+        std::fprintf(stderr, "%s: install QEMU 7 or 8, or add --without-qemu\n", without.c_str());
         return 1;
     }
 
@@ -62,7 +62,7 @@ int main(int argc, char **argv)
     try {
         do {
             const std::string what =
-                fuzz ? try_input(seed + programs) : compare(seed + programs, blocks, !without_qemu);
+                fuzz ? try_input(seed + programs) : compare(seed + programs, blocks, !engines_alone);
             if (!what.empty()) {
                 std::printf("seed %llu: %s", static_cast<unsigned long long>(seed + programs), what.c_str());
                 return 1;

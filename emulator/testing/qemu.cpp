@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emulator/testing/qemu.h"
 
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -60,9 +61,16 @@ void write(const fs::path &path, const std::vector<std::uint8_t> &bytes)
 
 } // namespace
 
-bool has_qemu()
+std::string without_qemu()
 {
-    return std::system("command -v qemu-system-sparc >/dev/null") == 0;
+    std::FILE *pipe = popen("qemu-system-sparc --version 2> /dev/null", "r");
+    int major = 0;
+    const bool found = pipe != nullptr && std::fscanf(pipe, "QEMU emulator version %d", &major) == 1;
+    if (pipe != nullptr)
+        pclose(pipe);
+    if (!found)
+        return "qemu-system-sparc is not installed";
+    return major > 8 ? "QEMU " + std::to_string(major) + " has another floating-point unit than QEMU 7 and 8" : "";
 }
 
 std::vector<std::uint8_t> run_in_qemu(const Stream &stream)

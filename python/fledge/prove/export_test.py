@@ -2,6 +2,7 @@
 """The executive of a mission in three modes is proved; what is planted into it is found."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from fledge.cli import main
 from fledge.prove import eva
 from fledge.prove import export as executive
 from fledge.prove.sources import Tree
+
+pytestmark = pytest.mark.skipif(not shutil.which("frama-c"), reason="frama-c-base is not installed")
 
 FLIGHT = '''
 """Follow a spin in some modes."""

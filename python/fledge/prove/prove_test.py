@@ -2,6 +2,7 @@
 """What a proof finds of faults that are planted into a small module of a project, and that it proves what has none."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from fledge import prove
 from fledge.errors import Failure
 from fledge.prove import loops
+
+pytestmark = pytest.mark.skipif(not shutil.which("frama-c"), reason="frama-c-base is not installed")
 
 HEADER = """\
 #ifndef FLIGHT_PROBE_H
