@@ -1,41 +1,44 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # Proof that Fledge starts from nothing: an empty Debian or Ubuntu made with debootstrap, a clone of this
-# repository in it, and the launcher's commands, each twice; then how long every step took and how
-# much it downloaded. Run by hand, as root, on a Debian or Ubuntu with debootstrap and git:
+# repository in it, and the launcher's commands, each twice but for the tests; then how long every step took, how
+# much it downloaded, how many tests passed, and why others were skipped. As root, on a Debian or Ubuntu with debootstrap
+# and git:
 #
-#   tests/fresh_debian.sh bookworm                      demo and test
+#   tests/fresh_debian.sh bookworm                      all of demo, fly, test and package
 #   tests/fresh_debian.sh trixie demo 'test -k mrp'     other commands, one per argument
 #   tests/fresh_debian.sh noble demo                    Ubuntu 24.04
-#   tests/fresh_debian.sh bookworm --package            packages, which other empty systems install
+#   tests/fresh_debian.sh bookworm package=FOLDER       packages that are made already
 #
-# With --package it makes both packages there; then a second empty system installs the .deb and a third one the
-# wheel, and they fly without a compiler. --package=FOLDER takes packages that are made already.
+# The flight is that of nadir_spin on five targets, which prints the hash of each. `package` makes both
+# packages; then a second empty system installs the .deb and a third one the wheel, and they fly without a compiler.
 #
 # FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is FLEDGE_MIRROR, or else that of the
-# system which this machine's apt uses. Mounts and processes live in namespaces of their own and vanish with the
-# script; so do the chroots, below ${TMPDIR:-/tmp}, about 3 GB at their largest.
+# system which this machine's apt uses; for Ubuntu also the one beside that of Debian. FLEDGE_FRESH_CACHE names a folder
+# where packages are kept for the next run. Mounts and processes live in namespaces of their own and vanish with the
+# script; so do the chroots, below ${TMPDIR:-/tmp}, about 5 GB at their largest. The last line counts the steps; where
+# nothing can be mounted, or debootstrap is not there, it says so and counts one step that was skipped.
 set -euo pipefail
 
+skip() { echo "fresh_debian: $1"; echo "0 passed, 0 failed, 1 skipped"; exit 0; }
+
 if [ "${FLEDGE_FRESH_INSIDE:-}" != 1 ]; then
-    [ "$(id -u)" = 0 ] || { echo "fresh_debian: must be root" >&2; exit 1; }
+    [ "$(id -u)" = 0 ] || skip "must be root"
     for tool in debootstrap git unshare; do
-        command -v "$tool" > /dev/null || { echo "fresh_debian: there is no $tool here" >&2; exit 1; }
+        command -v "$tool" > /dev/null || skip "there is no $tool here"
     done
+    unshare --mount --pid --fork mount -t tmpfs none /mnt 2> /dev/null || skip "nothing can be mounted here"
     FLEDGE_FRESH_INSIDE=1 exec unshare --mount --pid --fork --kill-child "$0" "$@"
 fi
 
 suite=${1:?a system: bookworm, trixie or noble}
 shift
-package=
-case ${1:-} in
-    --package) package=build/packages ;;
-    --package=*) package=$(cd "${1#*=}" && pwd) ;;
-    '') set -- demo test ;;
-esac
+[ $# != 0 ] || set -- demo "fly nadir_spin --on desktop,linux,leon3,cfs,micropython" test package
 label=Debian components=main script=sid
 [ "$suite" != noble ] || label=Ubuntu components=main,universe script=gutsy
 root=$(cd "$(dirname "$0")/.." && pwd -P)
+version="Fledge $(sed -n 's/^__version__ = "\(.*\)"/\1/p' "$root/python/fledge/__init__.py") ($(
+    git -C "$root" rev-parse --short HEAD))"
 place=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
 chmod 755 "$place"
 mount --bind "$place" "$place"  # a root that can be mounted over, as namespaces do
@@ -44,24 +47,33 @@ empty=$place/empty fresh=$place/build
 
 mirror=${FLEDGE_MIRROR:-$(apt-get indextargets --format '$(SITE)' \
     'Created-By: Packages' "Label: $label" 'Component: main' | sed -n 1p)}
+if [ -z "$mirror" ] && [ "$label" = Ubuntu ]; then      # many mirrors have both
+    mirror=$(apt-get indextargets --format '$(SITE)' 'Created-By: Packages' 'Label: Debian' 'Component: main' |
+        sed -n 's/debian$/ubuntu/p' | sed -n 1p)
+fi
 [ -n "$mirror" ] || { echo "fresh_debian: apt knows no mirror of $label; set FLEDGE_MIRROR" >&2; exit 1; }
 
-table=()
+table=() passed=0 refused=0 reasons=
 
 # The packages that apt and debootstrap have fetched so far, in bytes.
 fetched() { find "$fresh/var/cache/apt/archives" -name '*.deb' -printf '%s\n' 2>/dev/null |
     awk '{ n += $1 } END { printf "%d", n }'; }
 
-# step NAME COMMAND...: run it, and keep its seconds and the megabytes of packages it fetched.
+# step NAME COMMAND...: run it, and keep its seconds, the megabytes of packages it fetched, the sum of tests that it
+# prints last, and why tests were skipped.
 step() {
-    local name=$1 begun before status=0
+    local name=$1 begun before status=0 sum
     shift
     echo "== $name"
     begun=$(date +%s%N) before=$(fetched)
-    "$@" || status=$?
-    table+=("$(awk -v name="$name" -v t="$(($(date +%s%N) - begun))" -v status=$status \
+    "$@" > >(tee "$place/step") || status=$?
+    wait $! || :        # for tee
+    sum=$(tail -n 1 "$place/step" | grep -E '^[0-9]+ passed, ' || :)
+    reasons+=$(sed -nE 's/^SKIPPED \[([0-9]+)\] [^ ]+: /\1 /p' "$place/step")
+    table+=("$(awk -v name="$name" -v t="$(($(date +%s%N) - begun))" -v status=$status -v sum="$sum" \
         -v bytes="$(($(fetched) - before))" \
-        'BEGIN { printf "%-44s %9.1f s %9.1f MB   exit %d", name, t / 1e9, bytes / 1e6, status }')")
+        'BEGIN { printf "%-44s %9.1f s %9.1f MB   exit %d   %s", name, t / 1e9, bytes / 1e6, status, sum }')")
+    if [ $status = 0 ]; then passed=$((passed + 1)); else refused=$((refused + 1)); fi
     return $status
 }
 
@@ -75,6 +87,10 @@ finish() {
     # Package lists are no packages: apt tells their size itself.
     grep -h '^Fetched' "$place"/build/home/fledge/build/apt-update.log 2>/dev/null |
         sed 's/^/and the package lists: /' || :
+    sort <<< "$reasons" | awk 'NF { n = $1; $1 = ""; sum[$0] += n } END { for (why in sum) print sum[why] why }' |
+        sort -rn | sed 's/^/skipped: /'
+    echo "$version on $(sed -n 's/^PRETTY_NAME="\(.*\)"/\1/p' "$empty/etc/os-release"), $(date +%F)"
+    echo "$passed passed, $refused failed, 0 skipped"
 }
 failed() { echo "fresh_debian: $1" >&2; finish; exit 1; }
 
@@ -82,6 +98,10 @@ failed() { echo "fresh_debian: $1" >&2; finish; exit 1; }
 another() {
     fresh=$place/$1
     cp -a "$empty" "$fresh"
+    if [ -n "${FLEDGE_FRESH_CACHE:-}" ]; then
+        mkdir -p "$FLEDGE_FRESH_CACHE/$suite/partial"
+        mount --bind "$FLEDGE_FRESH_CACHE/$suite" "$fresh/var/cache/apt/archives"
+    fi
     mount -t proc proc "$fresh/proc"
     mkdir -p "$fresh/dev/pts"
     mount -t devpts -o newinstance,ptmxmode=0666 devpts "$fresh/dev/pts"
@@ -93,14 +113,22 @@ another() {
     fi
 }
 
-step "debootstrap" debootstrap --variant=minbase --components=$components "$suite" "$empty" "$mirror" $script \
+# Ubuntu's keys are not in each Debian.
+keys=--force-check-gpg
+[ "$label" = Debian ] || [ -e /usr/share/keyrings/ubuntu-archive-keyring.gpg ] || keys=--no-check-gpg
+if [ -n "${FLEDGE_FRESH_CACHE:-}" ]; then
+    mkdir -p "$FLEDGE_FRESH_CACHE/$suite"
+    keys+=" --cache-dir=$(cd "$FLEDGE_FRESH_CACHE/$suite" && pwd)"
+fi
+step "debootstrap" debootstrap $keys --variant=minbase --components=$components "$suite" "$empty" "$mirror" $script \
     > "$place/log" ||
     { tail "$place/log"; exit 1; }
 echo force-unsafe-io > "$empty/etc/dpkg/dpkg.cfg.d/vanishes"
 echo 'APT::Keep-Downloaded-Packages "true";' > "$empty/etc/apt/apt.conf.d/keep"  # to be counted
 cp /etc/resolv.conf "$empty/etc/resolv.conf"
 
-if [ "${package#/}" = "$package" ]; then
+# begin: make an empty system with a clone.
+begin() {
     another build
     git clone -q "file://$root" "$fresh/home/fledge"
     for tool in python3 git sudo; do
@@ -111,7 +139,7 @@ if [ "${package#/}" = "$package" ]; then
     output=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
         { echo "fresh_debian: set-up without root should have failed" >&2; exit 1; }
     [[ $output == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$output" >&2; exit 1; }
-fi
+}
 
 # --- packages --------------------------------------------------------------------------------------
 
@@ -161,10 +189,11 @@ builds() {
         step "$1 fly --on linux" inside "$1 fly nadir_spin --for 60s --on linux" || failed "it does not build"
 }
 
-if [ -n "$package" ]; then
-    if [ -d "$place/build" ]; then
+# packs [FOLDER]: make both packages, or take those of a folder; install them, fly, and build.
+packs() {
+    local package=${1:-$place/build/home/fledge/build/packages}
+    if [ $# = 0 ]; then
         step "./fledge package" inside "./fledge package" || failed "there is no package"
-        package=$place/build/home/fledge/$package
     fi
     another deb
     cp "$package"/*.deb "$fresh/home"
@@ -193,16 +222,27 @@ if [ -n "$package" ]; then
         failed "it does not say what it needs"
     flies env/bin/fledge
     builds env/bin/fledge
-    finish
-    exit 0
-fi
+}
 
-# --- a clone ---------------------------------------------------------------------------------------
+# --- the commands ----------------------------------------------------------------------------------
 
+case $1 in
+    package=*) ;;
+    *) begin ;;
+esac
 status=0
 for command; do
-    step "./fledge $command" inside "./fledge $command" || { status=1; break; }
-    step "./fledge $command, again" inside "./fledge $command" || { status=1; break; }
+    case $command in
+        package) packs ;;
+        package=*) packs "$(cd "${command#*=}" && pwd)" ;;
+        *)
+            step "./fledge $command" inside "./fledge $command" || { status=1; continue; }
+            case $command in
+                test*) ;;
+                *) step "./fledge $command, again" inside "./fledge $command" || status=1 ;;
+            esac
+            ;;
+    esac
 done
 finish
 exit $status
