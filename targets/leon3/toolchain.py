@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fledge.errors import Failure
 from fledge.disk import write_files
-from fledge.targets.build import once, run_ninja
+from fledge.targets.build import OF_OTHERS, once, run_ninja
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -101,8 +101,8 @@ def _build(archive: Path, folder: Path) -> None:
         f"#define __NEWLIB_{part} {number}" for part, number in zip(("_", "MINOR__", "PATCHLEVEL__"), version))]
     write_files({"include/newlib.h": "\n".join(named) + "\n" + CONFIGURATION,
                  "include/_newlib_version.h": "#include <newlib.h>\n"}, folder)
-    words = " ".join([*MACHINE, *_headers(folder), "-O2", "-w", "-ffunction-sections", "-fdata-sections",
-                      "-fno-builtin", "-D_COMPILING_NEWLIB", "-D_LIBC", f"-I{source}/libm/common"])
+    words = " ".join([*MACHINE, *_headers(folder), "-O2", *OF_OTHERS, "-ffunction-sections",
+                      "-fdata-sections", "-fno-builtin", "-D_COMPILING_NEWLIB", "-D_LIBC", f"-I{source}/libm/common"])
     cached = "ccache " if shutil.which("ccache") else ""
     members = list(_objects(source))
     write_files({"build.ninja": "\n".join([

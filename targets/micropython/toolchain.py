@@ -21,7 +21,7 @@ from typing import NamedTuple
 from fledge.errors import Failure
 from fledge.disk import write_files
 from fledge.programs import without_preload
-from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, once, program, run_ninja
+from fledge.targets.build import COMMAND, OF_OTHERS, ROOT, _escaped, _words, math_sources, once, program, run_ninja
 from fledge.targets.leon3 import toolchain as leon3
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
@@ -220,7 +220,7 @@ def library(machine: str = "host", development: bool = False) -> Library:
             port = sorted(PORT.glob("*.c"))
             _headers(folder, source, [compiler, *WORDS, *flags], [*core, *port])
             _ninja(folder, "libmicropython.a", compiler, [*WORDS, f"-I{PORT}/interpreter", *flags],
-                   [*((path, ["-w", *SEVERAL.get(path.name, [])]) for path in core), *((path, OURS) for path in port)])
+                   [*((path, [*OF_OTHERS, *SEVERAL.get(path.name, [])]) for path in core), *((path, OURS) for path in port)])
     return Library(folder / "libmicropython.a", compiler, flags)
 
 
@@ -235,7 +235,7 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O0", "-w", *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
+            words = ["-std=gnu99", "-O0", *OF_OTHERS, *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
                      "-Dscript_step()=", "-Dscript_broken()=__builtin_trap()",
                      f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
@@ -284,7 +284,7 @@ def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, m
     name = "fledge_micropython"
     write_files({"frozen.c": freeze(scripts or {}, archive)}, folder)
     sources = [PORT / "interpreter/main.c", folder / "frozen.c", *(ROOT / path for path in COMMAND), *math_sources()]
-    flags = [*archive.flags, "-w", f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
+    flags = [*archive.flags, *OF_OTHERS, f"-DSCRIPT_CYCLES={cycles}", f"-DSCRIPT_HEAP={heap}"]
     if machine == "leon3":
         return board.program(folder / machine, name, sources, [ROOT], flags, archives=[archive.archive])
     return program(folder / machine, name, sources, [ROOT], archive.compiler, flags, ["-static", "-no-pie", "-lm"],

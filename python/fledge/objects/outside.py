@@ -101,10 +101,12 @@ def changed_outside(cls: Any, before: dict[str, Seen], path: str, when: str) -> 
 
 
 def is_library(cls: Any) -> bool:
-    """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair."""
-    top = (cls.__module__ or "").split(".")[0]
+    """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair. What
+    a test of Fledge defines is as a user's."""
+    module = cls.__module__ or ""
     code = getattr(cls, "__code__", None)
-    return top in ("fledge", *sys.stdlib_module_names) or bool(code and "-packages" in code.co_filename)
+    return not module.endswith("_test") and (module.split(".")[0] in ("fledge", *sys.stdlib_module_names)
+                                             or bool(code and "-packages" in code.co_filename))
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -24,6 +24,10 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=1",
          "-DFILE_SINK_PATH_MAX=256"]
 
+# C of others, in which gcc 14 takes some warnings for errors.
+OF_OTHERS = ["-w", "-Wno-error=implicit-function-declaration", "-Wno-error=int-conversion",
+             "-Wno-error=incompatible-pointer-types"]
+
 # Folders whose sources are compiled once for all programs, without what one of them defines or includes.
 SHARED = ("ccsds", "flight", "record", "registers")
 
