@@ -79,7 +79,7 @@ step() {
 
 inside() { chroot "$fresh" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb \
     DEBIAN_FRONTEND=noninteractive ${http_proxy:+http_proxy="$http_proxy"} \
-    ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} sh -c "cd /home && cd ./fledge 2>/dev/null; $1"; }
+    ${certificates:+NODE_EXTRA_CA_CERTS=/etc/host.crt} ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} sh -c "cd /home && cd ./fledge 2>/dev/null; $1"; }
 
 finish() {
     printf '\n'
@@ -126,6 +126,8 @@ step "debootstrap" debootstrap $keys --variant=minbase --components=$components 
 echo force-unsafe-io > "$empty/etc/dpkg/dpkg.cfg.d/vanishes"
 echo 'APT::Keep-Downloaded-Packages "true";' > "$empty/etc/apt/apt.conf.d/keep"  # to be counted
 cp /etc/resolv.conf "$empty/etc/resolv.conf"
+certificates=/etc/ssl/certs/ca-certificates.crt     # npm shall trust what this machine trusts, its proxy for one
+[ -e $certificates ] && cp $certificates "$empty/etc/host.crt" || certificates=
 
 # begin: make an empty system with a clone.
 begin() {

@@ -215,7 +215,7 @@ def test_what_only_developers_like_comes_when_they_ask(launch):
     launch("setup")
     assert "ccache" not in " ".join(launch.calls("apt"))
     launch("setup", "--develop")
-    assert launch.calls("apt")[-1].endswith("ccache, pre-commit")
+    assert launch.calls("apt")[-1].endswith("ccache, pre-commit, debootstrap")
 
 
 def on_system(launch, text):

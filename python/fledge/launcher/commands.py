@@ -32,8 +32,8 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
     parser.description = "Install the Debian packages that are missing, and build."
     add_argument = parser.add_argument
     add_argument("--test", action="store_true", help="what the tests need, too")
-    add_argument("--develop", action="store_true", help="for those who change Fledge: ccache, pre-commit, and "
-                 "warnings of compilers are errors from now on")
+    add_argument("--develop", action="store_true", help="for those who change Fledge: ccache, pre-commit, "
+                 "debootstrap, and warnings of compilers are errors from now on")
     add_argument("--on", metavar="TARGETS", help="what flights on these targets need, too, as compilers, and libraries "
                  "that are built once; './fledge fly MISSION --on TARGETS' does the same by itself")
     add_argument("--view", action="store_true", help="what shows runs in 3-D, which is built once, and Node for it, "

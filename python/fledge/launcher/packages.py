@@ -171,7 +171,7 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
             status = satisfy()
             if status and if_possible and len(had := _obtainable(names)) < len(names):
                 say(f"this system has no {', '.join(line for line in names if line not in had)}; without it, "
-                    f"what needs it is skipped")
+                    "what needs it is skipped")
                 names = had
                 status = satisfy() if names else 0
             if status:
