@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Proof that Fledge starts from nothing: an empty Debian or Ubuntu made with debootstrap, a clone of this
 # repository in it, and the launcher's commands, each twice but for the tests; then how long every step took, how
-# much it downloaded, how many tests passed, and why others were skipped. As root, on a Debian or Ubuntu with debootstrap
-# and git:
+# much it downloaded, how many tests passed, and why others were skipped. As root, on a Debian or Ubuntu with
+# debootstrap and git:
 #
 #   tests/fresh_debian.sh bookworm                      all of demo, fly, test and package
 #   tests/fresh_debian.sh trixie demo 'test -k mrp'     other commands, one per argument
@@ -79,7 +79,8 @@ step() {
 
 inside() { chroot "$fresh" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb \
     DEBIAN_FRONTEND=noninteractive ${http_proxy:+http_proxy="$http_proxy"} \
-    ${certificates:+NODE_EXTRA_CA_CERTS=/etc/host.crt} ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} sh -c "cd /home && cd ./fledge 2>/dev/null; $1"; }
+    ${certificates:+NODE_EXTRA_CA_CERTS=/etc/host.crt} ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} \
+    sh -c "cd /home && cd ./fledge 2>/dev/null; $1"; }
 
 finish() {
     printf '\n'

@@ -220,7 +220,8 @@ def library(machine: str = "host", development: bool = False) -> Library:
             port = sorted(PORT.glob("*.c"))
             _headers(folder, source, [compiler, *WORDS, *flags], [*core, *port])
             _ninja(folder, "libmicropython.a", compiler, [*WORDS, f"-I{PORT}/interpreter", *flags],
-                   [*((path, [*OF_OTHERS, *SEVERAL.get(path.name, [])]) for path in core), *((path, OURS) for path in port)])
+                   [*((path, [*OF_OTHERS, *SEVERAL.get(path.name, [])]) for path in core),
+                    *((path, OURS) for path in port)])
     return Library(folder / "libmicropython.a", compiler, flags)
 
 

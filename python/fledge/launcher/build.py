@@ -54,8 +54,8 @@ class Build:
 
     def make(self, context: Context, targets: Sequence[str], tests: bool) -> None:
         """Configure the tree if it is not configured here, or if it is without the tests, or the errors for warnings,
-        that are now requested; then build the targets, and print the warnings of a project. When a CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile:
-        Ninja expects to be alone."""
+        that are now requested; then build the targets, and print the warnings of a project. When a CMake file changes,
+        Ninja configures again by itself. Other launchers wait meanwhile: Ninja expects to be alone."""
         logs, preset = self.tree / "build", context.preset
         if not may_write(logs, self.folder):
             if not self.is_built(targets):

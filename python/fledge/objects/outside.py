@@ -101,8 +101,8 @@ def changed_outside(cls: Any, before: dict[str, Seen], path: str, when: str) -> 
 
 
 def is_library(cls: Any) -> bool:
-    """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair. What
-    a test of Fledge defines is as a user's."""
+    """Whether a function or class is of Fledge, Python or a package of others: what these keep is their own affair. A
+    test of Fledge defines what a user would."""
     module = cls.__module__ or ""
     code = getattr(cls, "__code__", None)
     return not module.endswith("_test") and (module.split(".")[0] in ("fledge", *sys.stdlib_module_names)

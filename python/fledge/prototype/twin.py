@@ -109,8 +109,9 @@ def _compare(first: Any, second: Any, within: float) -> float:
             if at is not None:
                 here = "".join(f"[{i}]" for i in at[1:])
                 n = int(wrong.reshape(len(wrong), -1).any(axis=1).sum())
-                text = text or (f"{ours.name}.{name}{here} at {times[at[0]] / 1e9:g} s: {x[tuple(at)].item()!r} of the first, "
-                                f"{y[tuple(at)].item()!r} of the second; {n} of {len(wrong)} samples differ")
+                first, second = x[tuple(at)].item(), y[tuple(at)].item()
+                text = text or (f"{ours.name}.{name}{here} at {times[at[0]] / 1e9:g} s: {first!r} of the first, "
+                                f"{second!r} of the second; {n} of {len(wrong)} samples differ")
     if text:
         raise AssertionError(text + (f"; numbers lie up to {worst:.3g} apart, allowed are {within:.3g}"))
     return worst
