@@ -71,7 +71,7 @@ static double lit_part(Vec3 r, Vec3 sun, double R)
 /* [s] Until the phase on the ellipse is another one than now; 0: on it, it is not. */
 static double next_change(const Ellipse *e, Line sun, Line body, double R, ShadowPhase now)
 {
-    const double step = 6.283185307179586 / ECLIPSE_PLACES;
+    const double step = 6.283185307179586 / (double)ECLIPSE_PLACES;
     double x = 0.0, t = 0.0, s, c;
     Vec3 r;
     int found = 0;
