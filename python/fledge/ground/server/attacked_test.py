@@ -302,7 +302,8 @@ async def test_texts_and_numbers_that_are_none_are_refused(folder):
                 reader, writer = await asyncio.open_connection("127.0.0.1", page.client.server.port)
                 writer.write(method + b" " + target + b" HTTP/1.1\r\nHost: localhost\r\nX-Fledge-CSRF: \xff\r\n"
                              b"Connection: close\r\nContent-Length: 2\r\n\r\n{}")
-                assert b" 400 " in (reply := await reader.read())[:20] and b"UTF-8" in reply, (target, reply)
+                assert b" 400 " in (reply := await reader.read())[:20], (target, reply)
+                assert b"UTF-8" in reply or b"Invalid char" in reply, (target, reply)   # by aiohttp itself: 3.11
                 writer.close()
         assert not [entry for entry in page.room.journal.rows("log") if "made an error" in entry["text"]]
         emoji = await page.client.post("/api/crafts/a/questions", data=b'{"text": "\\ud83d\\ude00?"}',

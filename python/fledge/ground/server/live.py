@@ -33,34 +33,70 @@ PIECE = 2048        # [bytes] that are parsed before their frames are counted
 MESSAGE_TYPES = WSMsgType.TEXT, WSMsgType.BINARY, WSMsgType.PING, WSMsgType.PONG
 
 
+class _Heads:
+    """Counts the frames that begin in bytes as they come, by their heads (RFC 6455, 5.2)."""
+
+    def __init__(self) -> None:
+        self._head, self._payload = b"", 0     # [bytes] of the payload that are to come
+
+    def count(self, data: bytes) -> int:
+        begun = at = 0
+        while at < len(data):
+            if self._payload:
+                at += (step := min(self._payload, len(data) - at))
+                self._payload -= step
+                continue
+            begun += not self._head
+            at += len(part := data[at:at + self._missing()])
+            self._head += part
+            if not self._missing():
+                size = self._head[1] & 127
+                end = _LENGTHS.get(size, 0)
+                self._payload = int.from_bytes(self._head[2:2 + end], "big") if end else size
+                self._head = b""
+        return begun
+
+    def _missing(self) -> int:
+        """[bytes] of the head that are to come: two, then a longer length and a mask."""
+        if len(self._head) < 2:
+            return 2 - len(self._head)
+        return 2 + _LENGTHS.get(self._head[1] & 127, 0) + 4 * (self._head[1] >> 7) - len(self._head)
+
+
+_LENGTHS = {126: 2, 127: 8}     # [bytes]
+
+
 class _Socket(web.WebSocketResponse):
     """A WebSocket that takes a bounded number of frames: aiohttp alone would read and keep any number of empty ones,
     pings and parts of a message, which no count of bytes bounds, and serve no other client meanwhile."""
 
     def __init__(self, bounds: Bounds) -> None:
         super().__init__(heartbeat=30, autoping=False, max_msg_size=int(bounds["message"]), compress=False)
-        self.bounds, self._frames = bounds, Recent()
+        self.bounds, self._frames, self._heads = bounds, Recent(), _Heads()
 
     def _post_start(self, request: web.BaseRequest, protocol: str, writer: WebSocketWriter) -> None:
         whole, early = request.protocol, request.protocol._message_tail
         whole._message_tail = b""
         super()._post_start(request, protocol, writer)
-        reader = whole._payload_parser
-        parse, feed = reader.parse_frame, reader.feed_data
-
-        def counted(data: bytes) -> list[tuple[object, ...]]:
-            frames: list[tuple[object, ...]] = parse(data)
-            if self.bounds.over("frames", self._frames.count(len(frames), time.monotonic())):
-                raise WebSocketError(1008, self.bounds.says("frames"))
-            return frames
-
-        def in_pieces(data: bytes) -> tuple[bool, bytes]:
-            return next((over for at in range(0, len(data), PIECE) if (over := feed(data[at:at + PIECE]))[0]),
-                        (False, b""))
-
-        reader.parse_frame, reader.feed_data = counted, in_pieces
+        self._parser = whole._payload_parser
+        whole._payload_parser = self        # of the parser in aiohttp 3.11, in C, no function can be replaced
         if early:
-            in_pieces(early)
+            self.feed_data(early)
+
+    def feed_data(self, data: bytes) -> tuple[bool, bytes]:
+        """Give bytes to aiohttp's parser, in pieces. Returns whether it takes no more, and what it has left."""
+        for at in range(0, len(data), PIECE):
+            piece = data[at:at + PIECE]
+            if self.bounds.over("frames", self._frames.count(self._heads.count(piece), time.monotonic())):
+                self._reader.set_exception(WebSocketError(1008, self.bounds.says("frames")))
+                return True, b""
+            over, rest = self._parser.feed_data(piece)
+            if over:
+                return over, rest
+        return False, b""
+
+    def feed_eof(self) -> None:
+        self._parser.feed_eof()
 
 
 def framed(content: str | bytes) -> bytes:
