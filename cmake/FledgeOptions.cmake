@@ -64,14 +64,16 @@ mark_as_advanced(FLEDGE_COMPUTING_OPTIONS)
 # flight headers that it includes use C99's compound literals. What gcc 12 says at -O3 about the
 # bounds of std::string and std::vector is false alarm; the sanitizers watch those. It warns of a class with a member
 # from an anonymous namespace, unless that class stands in the file that is compiled: with FLEDGE_UNITY none does.
+# clang warns of what gcc's own headers use, and takes a local name that a namespace has, too, for a shadow.
 # gcc searches its memory for garbage each time that it has grown by a third, which takes a seventh of the time of a
 # large object: below 1 GB it need not. The largest objects take 1.6 GB so, and 1.1 GB else.
 function(fledge_cxx_options target)
     fledge_common_options(${target})
     set_target_properties(${target} PROPERTIES UNITY_BUILD ${FLEDGE_UNITY} UNITY_BUILD_BATCH_SIZE 0)
     target_compile_options(${target} PRIVATE
-        $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wnon-virtual-dtor>
-        $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-restrict -Wno-array-bounds -Wno-stringop-overflow
+        $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wnon-virtual-dtor>
+        $<$<COMPILE_LANG_AND_ID:CXX,Clang>:-Wno-deprecated-declarations>
+        $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wshadow -Wno-restrict -Wno-array-bounds -Wno-stringop-overflow
             $<$<BOOL:${FLEDGE_UNITY}>:-Wno-subobject-linkage>
             --param=ggc-min-expand=100 --param=ggc-min-heapsize=1000000>)
     if(FLEDGE_COMPUTING)

@@ -48,7 +48,8 @@ static inline void copy_words(const Word *from, Word *to, std::uint32_t n)
         from += 2 * count;
         to += 2 * count;
     };
-    for (const Word *const end = from + (n & ~7u); from != end;) {
+    const Word *const end = from + (n & ~7u);
+    while (from != end) {
         copy_pairs(4);
     }
     if (n & 4u) {
