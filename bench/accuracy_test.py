@@ -2,9 +2,11 @@
 """docs/accuracy.md is what the bench writes now: its frame, and the sections that are quick to measure."""
 import math
 import os
+import re
 import subprocess
 from pathlib import Path
 
+import numpy
 import pytest
 
 pytest.importorskip("mpmath", reason="python3-mpmath is not installed")
@@ -22,8 +24,10 @@ WRITTEN = accuracy.DOCUMENT.read_text(encoding="utf-8")
                                      accuracy_parts.actuators, accuracy_surroundings.surroundings,
                                      accuracy_earth.air_and_field])
 def test_what_is_written_is_what_is_measured(measure):
-    section = accuracy.wrap(measure().markdown())
-    assert section in WRITTEN, "the models have changed: run ./fledge bench accuracy, and look at what it changes"
+    section, written = accuracy.wrap(measure().markdown()), WRITTEN
+    if not numpy.__version__.startswith("1.24."):   # of Debian 12: others round their own functions otherwise
+        section, written = (re.sub(r"\b\d\.\de-1[5-9]", "rounding", text) for text in (section, written))
+    assert section in written, "the models have changed: run ./fledge bench accuracy, and look at what it changes"
 
 
 @pytest.mark.long("compiles what the bench measures in C++")
