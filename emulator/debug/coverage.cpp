@@ -99,9 +99,16 @@ void Coverage::write(const std::string &path, const Program &program, const Sour
     std::ofstream out(path);
     for (const auto &[name, file] : files) {
         out << "TN:\nSF:" << name << '\n';
-        for (const auto &[line, function] : file.functions) {
-            out << "FN:" << line << ',' << function.first << "\nFNDA:" << function.second << ',' << function.first
-                << '\n';
+        for (auto at = file.functions.begin(); at != file.functions.end(); ++at) {
+            const auto &[name_of, calls] = at->second;
+            const auto next = std::next(at);
+            const auto end = next == file.functions.end() ? file.lines.end() : file.lines.lower_bound(next->first);
+            // A function that is inlined everywhere has run as often as the first of its lines that has.
+            std::uint64_t n = calls;
+            for (auto line = file.lines.lower_bound(at->first); n == 0 && line != end; ++line) {
+                n = line->second.count;
+            }
+            out << "FN:" << at->first << ',' << name_of << "\nFNDA:" << n << ',' << name_of << '\n';
         }
         for (const auto &[number, line] : file.lines) {
             for (std::size_t i = 0; i < line.branches.size(); i++) {
