@@ -3,6 +3,7 @@
 
 #include "emulator/error.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -111,6 +112,10 @@ void Coverage::write(const std::string &path, const Program &program, const Sour
             out << "FN:" << at->first << ',' << name_of << "\nFNDA:" << n << ',' << name_of << '\n';
         }
         for (const auto &[number, line] : file.lines) {
+            // Where a line ran without its branches, they are those of a copy that did not.
+            if (line.count != 0 && std::ranges::none_of(line.branches, [](const Counts &c) { return c.executed; })) {
+                continue;
+            }
             for (std::size_t i = 0; i < line.branches.size(); i++) {
                 const Counts &branch = line.branches[i];
                 const std::uint64_t ways[] = {branch.taken, branch.executed - branch.taken};
