@@ -326,7 +326,7 @@ def test_coverage_tells_the_lines_and_branches_that_ran(board, program, tmp_path
     assert {"5", "0"} <= set(branches) and len(branches) % 2 == 0
     page = subprocess.run(["genhtml", "--branch-coverage", "-o", tmp_path / "html", tmp_path / "flight.info"],
                           capture_output=True, text=True)
-    assert page.returncode == 0 and "lines......: " in page.stdout, page.stdout + page.stderr
+    assert page.returncode == 0 and re.search(r"lines\.+: ", page.stdout), page.stdout + page.stderr
     assert next((tmp_path / "html").rglob("mrp_feedback.c.gcov.html")).stat().st_size > 1000
 
 

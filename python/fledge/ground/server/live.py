@@ -87,7 +87,8 @@ class _Socket(web.WebSocketResponse):
         """Give bytes to aiohttp's parser, in pieces. Returns whether it takes no more, and what it has left."""
         for at in range(0, len(data), PIECE):
             piece = data[at:at + PIECE]
-            if self.bounds.over("frames", self._frames.count(self._heads.count(piece), time.monotonic())):
+            many = self.bounds.over("frames", self._frames.count(self._heads.count(piece), time.monotonic()))
+            if many and self._reader:
                 self._reader.set_exception(WebSocketError(1008, self.bounds.says("frames")))
                 return True, b""
             over, rest = self._parser.feed_data(piece)
