@@ -88,7 +88,7 @@ class _Socket(web.WebSocketResponse):
         for at in range(0, len(data), PIECE):
             piece = data[at:at + PIECE]
             many = self.bounds.over("frames", self._frames.count(self._heads.count(piece), time.monotonic()))
-            if many and self._reader:
+            if many and self._reader is not None:
                 self._reader.set_exception(WebSocketError(1008, self.bounds.says("frames")))
                 return True, b""
             over, rest = self._parser.feed_data(piece)
