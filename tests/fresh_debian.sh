@@ -62,12 +62,15 @@ fetched() { find "$fresh/var/cache/apt/archives" -name '*.deb' -printf '%s\n' 2>
 # step NAME COMMAND...: run it, and keep its seconds, the megabytes of packages it fetched, the sum of tests that it
 # prints last, and why tests were skipped.
 step() {
-    local name=$1 begun before status=0 sum
+    local name=$1 begun before status=0 sum shown tee
     shift
     echo "== $name"
     begun=$(date +%s%N) before=$(fetched)
-    "$@" > >(tee "$place/step") || status=$?
-    wait $! || :        # for tee
+    exec {shown}> >(tee "$place/step")
+    tee=$!
+    "$@" >&$shown || status=$?
+    exec {shown}>&-
+    wait $tee || :
     sum=$(tail -n 1 "$place/step" | grep -E '^[0-9]+ passed, ' || :)
     reasons+=$(sed -nE 's/^SKIPPED \[([0-9]+)\] [^ ]+: /\1 /p' "$place/step")
     table+=("$(awk -v name="$name" -v t="$(($(date +%s%N) - begun))" -v status=$status -v sum="$sum" \
