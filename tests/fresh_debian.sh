@@ -42,7 +42,7 @@ version="Fledge $(sed -n 's/^__version__ = "\(.*\)"/\1/p' "$root/python/fledge/_
 place=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
 chmod 755 "$place"
 mount --bind "$place" "$place"  # a root that can be mounted over, as namespaces do
-trap 'umount -R "$place" 2>/dev/null || :; rm -rf --one-file-system "$place"' EXIT
+trap 'umount -R -l "$place" && rm -rf --one-file-system "$place"' EXIT     # a mount that stays would be emptied
 empty=$place/empty fresh=$place/build
 
 mirror=${FLEDGE_MIRROR:-$(apt-get indextargets --format '$(SITE)' \
