@@ -97,7 +97,8 @@ def _lacks(purpose: str) -> str:
     """What another system lacks, as far as it can be known without its package manager."""
     if which("apt-get"):
         names = missing(purpose) if _has_lists() else []
-        never = [line for line in names if line not in _obtainable(names)]
+        had = _obtainable(names)
+        never = [line for line in names if line not in had]
         return f"it has no {', '.join(never)}" if never else "no test was run here"
     lacks = [tool for tool in ("apt-get", "cmake", "ninja", "g++") if not which(tool)]
     return (f"it has no {', '.join(lacks)}; install by hand what is missing of: "
