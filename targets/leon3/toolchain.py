@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 COMPILER, SIZE = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size"
 NEWLIB = Path("/usr/src/newlib")
 
-# The compiler is one for Linux, of 64 bits: it makes SPARC V8 for a board, without the names of Linux.
+# The compiler is one for Linux, of 64 bits: it makes SPARC V8 for a board, without the names of Linux, and without what
+# Ubuntu switches on, for which glibc is needed.
 MACHINE = ["-m32", "-mcpu=leon3", "-mno-v8plus", "-mhard-float", "-mlong-double-64", "-fno-pic", "-fno-pie",
-           "-fno-stack-protector", "-U__linux__", "-U__linux", "-Ulinux", "-U__gnu_linux__", "-U__unix__", "-U__unix",
-           "-Uunix"]
+           "-fno-stack-protector", "-U_FORTIFY_SOURCE", "-U__linux__", "-U__linux", "-Ulinux", "-U__gnu_linux__",
+           "-U__unix__", "-U__unix", "-Uunix"]
 
 # What newlib's configuration would find out, besides its version.
 CONFIGURATION = """\
