@@ -16,6 +16,10 @@ import numpy as np
 from fledge.columns import columns
 from fledge.errors import SetupError, did_you_mean, listed
 
+# Shares that tell a value from rounding: of what differences of a simulation leave in a slope; of the norm of a matrix,
+# of an eigenvalue and of a rank or response.
+SLOPE, ROUNDING, RANK = 1e-10, 2e-14, 1e-12
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
@@ -244,13 +248,11 @@ class Linear(tuple[Any, ...]):
         sign = feedback or (1 if lin.inputs == lin.outputs else -1)
         if sign not in (1, -1):
             raise SetupError(f"margins: feedback must be 1 or -1; found {feedback!r}")
-        d = 1 - sign * lin.D[0, 0]
-        closed = lin.A + sign * (lin.B @ lin.C) / d if d else np.full_like(lin.A, nan)
-        modes = _modes(closed, lin.dt, lin.states)
+        modes = _modes(_closed(lin, sign), lin.dt, lin.states)
+        part = _minimal(lin)
+        grid = _grid(part, np.concatenate([_zeros(part), _eigenvalues(_closed(part, sign))]))
         # At its ends the response is real.
-        ends = [0.0] if lin.dt is None else [0.0, pi / lin.dt]
-        grid = _grid(lin, [mode.pole for mode in modes])
-        return _margins(lambda w: -sign * lin.frequency(w)[:, 0, 0], grid, ends, modes)
+        return _margins(_loop(part, -sign), grid, [0.0, inf if lin.dt is None else pi / lin.dt], modes)
 
     def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Figure:
         """A Bode plot of one channel as a matplotlib Figure: magnitude and phase by frequency.
@@ -264,8 +266,9 @@ class Linear(tuple[Any, ...]):
         lin = self.channel(output, input)
         cut = lin.inputs == lin.outputs
         at = lin.margins() if (cut if margins is None else margins) else None
-        grid = _grid(lin, lin.poles())[:-1]     # at its end, a discrete response jumps
-        response = lin.frequency(grid)[:, 0, 0] * (-1 if cut else 1)
+        part = _minimal(lin)
+        grid = _grid(part, _zeros(part))[:-1]       # at its end, a discrete response jumps
+        response = part.frequency(grid)[:, 0, 0] * (-1 if cut else 1)
         with plt.style.context(STYLE):
             figure, (size, phase) = plt.subplots(2, sharex=True, figsize=(7, 5), constrained_layout=True)
             size.loglog(grid, abs(response))
@@ -325,15 +328,19 @@ def _modes(A: Real, dt: float | None, states: Sequence[str]) -> tuple[Mode, ...]
     if not len(A):
         return ()
     # In units in which the elements of A are alike: shares of a mode do not depend on units.
-    poles, left, right = eig(matrix_balance(A, permute=False)[0], left=True)
+    A = matrix_balance(A, permute=False)[0]
+    poles, left, right = eig(A, left=True)
     shares = abs(left * right)
     alone = abs(right)**2       # poles that are alike may have one motion, in which left and right share nothing
     shares = np.where(shares.sum(axis=0) > 1e-6, shares, alone)
     shares = shares / shares.sum(axis=0)
-    # To rounding: modes that a loop does not reach may neither grow nor decay.
     with np.errstate(divide="ignore"):
         rates = poles if dt is None else np.log(poles) / dt
-    still = abs(poles.real) < 1e-9 * abs(poles).max() if dt is None else abs(abs(poles) - 1) < 1e-9
+    # To rounding, modes that a loop does not reach may neither grow nor decay. A pole moves, at first order, by this
+    # share of the elements of A that it depends on, and by rounding within eig().
+    alike = np.maximum(abs((left.conj() * right).sum(axis=0)), np.sqrt(SLOPE))
+    rounding = (SLOPE * (abs(left) * (abs(A) @ abs(right))).sum(axis=0) + ROUNDING * np.linalg.norm(A)) / alike
+    still = abs(poles.real if dt is None else abs(poles) - 1) <= rounding
     modes = []
     for pole, rate, zero, share in zip(poles, rates, still, shares.T):
         if pole.imag < 0:
@@ -344,6 +351,63 @@ def _modes(A: Real, dt: float | None, states: Sequence[str]) -> tuple[Mode, ...]
         order = np.argsort(-share, kind="stable")
         modes.append(Mode(complex(pole), time, omega, damping, {states[i]: float(share[i]) for i in order}))
     return tuple(sorted(modes, key=lambda mode: (mode.time >= 0, -mode.time)))
+
+
+def _eigenvalues(A: Real) -> Complex:
+    """Of a matrix that is not finite, none."""
+    return np.linalg.eigvals(A).astype(complex) if np.isfinite(A).all() else np.empty(0, complex)
+
+
+def _closed(lin: Linear, sign: int) -> Real:
+    """A of the loop closed by u = sign y, NaN where that has no solution."""
+    d = 1 - sign * lin.D[0, 0]
+    return lin.A + sign * (lin.B @ lin.C) / d if d else np.full_like(lin.A, nan)
+
+
+def _minimal(lin: Linear) -> Linear:
+    """A channel without what its input does not reach or its output does not see: poles that zeros cancel."""
+    from scipy.linalg import matrix_balance
+
+    n = len(lin.states)
+    # In units in which the elements of A, B and C are alike.
+    both = matrix_balance(np.block([[lin.A, lin.B], [lin.C, np.zeros((1, 1))]]), permute=False)[0]
+    A, B, C = both[:n, :n], both[:n, n:], both[n:, :n]
+    for find in (_krylov, _reached):
+        for _ in range(2):      # what the input reaches; of the transposed system, what the output sees
+            kept = find(A, B[:, 0])
+            A, B, C = kept.T @ A.T @ kept, kept.T @ C.T, B.T @ kept
+    return Linear(A, B, C, lin.D, lin.dt, states=[f"x{i}" for i in range(len(A))], inputs=lin.inputs,
+                  outputs=lin.outputs)
+
+
+def _krylov(A: Real, b: Real) -> Real:
+    """A base of what b reaches, by b, A b, A^2 b, ...: also where poles that it does not reach are alike."""
+    span, new, least = np.empty((len(A), 0)), b, 0.0
+    while span.shape[1] < len(A) and np.linalg.norm(new) > least:
+        span = np.column_stack([span, new / np.linalg.norm(new)])
+        new = A @ span[:, -1]
+        for _ in range(2):      # a second time for what rounding left
+            new = new - span @ (span.T @ new)
+        least = RANK * float(np.linalg.norm(A))
+    return span if span.shape[1] < len(A) else np.eye(len(A))
+
+
+def _reached(A: Real, b: Real) -> Real:
+    """A base of what b reaches, normal to the left eigenvectors that are normal to b: also after many states."""
+    from scipy.linalg import eig, null_space
+
+    left = eig(A, left=True, right=False)[1] if len(A) else A
+    dead = left[:, abs(left.conj().T @ b) <= SLOPE * (abs(left).T @ abs(b))]
+    return null_space(np.vstack([dead.real.T, dead.imag.T]), rcond=1e-6) if dead.size else np.eye(len(A))
+
+
+def _zeros(lin: Linear) -> Complex:
+    """The finite zeros of one channel."""
+    from scipy.linalg import eigvals
+
+    n = len(lin.states)
+    found = eigvals(np.block([[lin.A, lin.B], [lin.C, lin.D]]), np.diag([1.0] * n + [0.0]))
+    return found[np.isfinite(found)]
 
 
 def _duration(t: float) -> str:
@@ -373,39 +437,66 @@ def _grid(lin: Linear, more: ArrayLike) -> Real:
     return whole[(whole >= low) & (whole <= high)]
 
 
-def _margins(loop: Callable[[ArrayLike], Complex], grid: Real, ends: Iterable[float],
+def _loop(lin: Linear, sign: int) -> Callable[[ArrayLike], tuple[Complex, Real]]:
+    """The response of one channel times a sign, and what rounding may have made of it; NaN at a pole."""
+    def response(omega: ArrayLike) -> tuple[Complex, Real]:
+        at = np.atleast_1d(np.asarray(omega, float))
+        found, unsure = np.empty(len(at), complex), np.empty(len(at))
+        for i in range(0, len(at), 256):
+            part = slice(i, i + 256)
+            finite = np.isfinite(at[part])
+            w = np.where(finite, at[part], 1 + np.linalg.norm(lin.A))
+            points = (1j * w if lin.dt is None else np.exp(1j * w * lin.dt))[:, None, None]
+            M = points * np.eye(len(lin.A)) - lin.A
+            try:
+                x, y = np.linalg.solve(M, lin.B[None]), np.linalg.solve(M.transpose(0, 2, 1), lin.C.T[None])
+            except np.linalg.LinAlgError:
+                found[part] = unsure[part] = nan
+                for k in range(i, i + len(w)) if len(w) > 1 else ():
+                    found[k:k + 1], unsure[k:k + 1] = response(at[k])
+                continue
+            size = abs(y).transpose(0, 2, 1) @ (abs(lin.A) @ abs(x) + abs(points) * abs(x))
+            found[part] = sign * (np.where(finite, (lin.C @ x)[:, 0, 0], 0) + lin.D[0, 0])
+            unsure[part] = RANK * (np.where(finite, size[:, 0, 0].real, 0) + abs(lin.D[0, 0]))
+        return found, unsure
+
+    return response
+
+
+def _margins(loop: Callable[[ArrayLike], tuple[Complex, Real]], grid: Real, ends: list[float],
              modes: tuple[Mode, ...]) -> Margins:
     from scipy.optimize import brentq, minimize_scalar
 
-    values = loop(grid)
+    values, unsure = loop(grid)
 
     def crossings(of: Callable[[Complex], NDArray[Any]]) -> list[float]:
-        """Where a real function of L changes its sign."""
-        crossings_ = of(values)
-        at = [brentq(lambda w: float(of(loop(w))[0]), grid[i], grid[i + 1], rtol=1e-13)
-              for i in np.flatnonzero(crossings_[:-1] * crossings_[1:] < 0)]
-        return [*at, *grid[crossings_ == 0]]
+        """Where a real function of L passes through zero, and not through a pole."""
+        sizes = of(values)
+        sure = np.flatnonzero(abs(sizes) > unsure)
+        pairs = [(i, k) for i, k in zip(sure, sure[1:]) if sizes[i] * sizes[k] < 0]
+        at = [brentq(lambda w: float(of(loop(w)[0])[0]), grid[i], grid[k], rtol=1e-13) for i, k in pairs]
+        return [w for w in at for L, error in [loop(w)] if abs(of(L)[0]) < 1e-4 * abs(L[0]) and error[0] < abs(L[0])]
 
     def best(pairs: list[tuple[float, float]], key: Callable[[tuple[float, float]], float]) -> tuple[float, float]:
         return min(pairs, key=key, default=(nan, nan))
 
-    def negative(w: float) -> bool:
-        try:
-            value = loop(w)[0]
-        except np.linalg.LinAlgError:   # a pole
-            return False
-        return value.real < 0 and abs(value) < 1e9
+    def at(w: float) -> complex:
+        return complex(loop(w)[0][0])
 
-    through = [w for w in [*crossings(np.imag), *ends] if negative(w)]
-    gains = [(float(1 / abs(loop(w)[0])), float(w)) for w in through]
-    phases = [(float(np.angle(-loop(w)[0])), float(w)) for w in crossings(lambda L: abs(L) - 1)]
+    sure = [w for w in ends for L, error in [loop(w)] if error[0] < abs(L[0])]
+    through = [w for w in [*crossings(np.imag), *sure] if at(w).real < 0]
+    gains = [(1 / abs(at(w)), float(w)) for w in through]
+    phases = [(float(np.angle(-at(w))), float(w)) for w in crossings(lambda L: abs(L) - 1)]
     delays = [((p % (2 * pi)) / w, w) for p, w in phases]
-    i = int(np.argmin(abs(1 + values)))
-    near = minimize_scalar(lambda w: abs(1 + loop(w)[0]), bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+    if ends[-1] == inf and abs(at(inf)) > 1:    # of the fast waves in such a loop, none decays after any delay
+        delays.append((0.0, inf))
+    i = int(np.nanargmin(abs(1 + values)))
+    near = minimize_scalar(lambda w: abs(1 + at(w)), bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
                            method="bounded", options={"xatol": 1e-12})
     up = best([margin for margin in gains if margin[0] > 1], lambda margin: margin[0])
     down = best([margin for margin in gains if margin[0] < 1], lambda margin: -margin[0])
     phase, delay = best(phases, lambda margin: abs(margin[0])), best(delays, lambda margin: margin[0])
+    modulus = best([(float(near.fun), float(near.x)), *((abs(1 + at(w)), w) for w in sure)], lambda margin: margin[0])
     gain, lag, time = (inf if x != x else float(x) for x in (up[0], phase[0], delay[0]))
     reduced = 0.0 if down[0] != down[0] else down[0]
-    return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], float(near.fun), float(near.x), modes)
+    return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], *modulus, modes)

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 from scipy import signal
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 from fledge import SetupError
 from fledge.mission.linear import Linear
@@ -57,6 +57,97 @@ def test_a_static_gain_may_be_the_limit():
     """L = -2 / (s + 1) in a loop with u = -y: unstable at rest, where L = -2."""
     margins = of([-2], [1, 1]).margins()
     assert margins.gain_down == pytest.approx(0.5) and margins.gain_down_at == 0 and not margins.stable
+
+
+def test_the_limit_may_be_at_infinite_frequency():
+    """L = 1/(s + 1) - 0.1 closed by u = -y has its pole at -(1.1 k + ...)/(1 - 0.1 k): away at k = 10."""
+    lin = Linear([[-1.0]], [[1.0]], [[1.0]], [[-0.1]], states=["x"], inputs=["u"], outputs=["y"])
+    margins = lin.margins(feedback=-1)
+    assert (margins.gain, margins.gain_at, margins.stable) == (pytest.approx(10), np.inf, True)
+    assert "gain          20 dB  at inf rad/s" in str(margins)
+    # Torque to acceleration of a hub with a panel has (s^2 + 0.02 s + 1) / (s^2 + 0.04 s + 2): 1 without bound.
+    margins = of([1, 0.02, 1], [1, 0.04, 2]).margins(feedback=1)
+    assert (margins.gain, margins.gain_down) == (pytest.approx(2), 0) and margins.gain_at == 0    # L(0) = -1/2
+    margins = of([-0.8, -0.02, -1], [1, 0.04, 2]).margins()
+    assert (margins.gain, margins.gain_at) == (pytest.approx(1.25), np.inf)
+    # The nearest to -1 may be there, too; and 1.5 + 1/(s + 1) withstands no delay.
+    assert of([-0.5], [1]).margins().modulus == 0.5
+    assert (of([1.5, 2.5], [1, 1]).margins().delay, of([1.5, 2.5], [1, 1]).margins().delay_at) == (0, np.inf)
+
+
+@pytest.mark.parametrize("dead", [[[0, 1], [0, 0]], [[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[0, 0.03], [-0.03, 0]], [[0]]])
+@pytest.mark.parametrize("seen", [True, False])
+def test_what_zeros_cancel_is_no_limit(dead, seen):
+    """-2/(s + 1) and a pole pair at 0 that is not reached, or not seen, in states that mix both."""
+    T = np.random.default_rng(1).normal(size=(1 + len(dead), 1 + len(dead)))
+    A = np.linalg.solve(T, block_diag([[-1.0]], dead) @ T)
+    reached, ones = np.eye(len(T), 1), np.ones((len(T), 1))
+    B, C = np.linalg.solve(T, reached if seen else ones), -2 * (ones if seen else reached).T @ T
+    margins = Linear(A, B, C, [[0.0]], states=[f"x{i}" for i in range(len(T))], inputs=["u"], outputs=["y"]).margins()
+    assert (margins.gain_down, margins.gain_down_at, margins.gain) == (pytest.approx(0.5), 0, np.inf)
+    assert len([mode for mode in margins.modes if mode.damping < 0]) == 1
+    assert not of([1], [1, 0, 0]).margins().gain_down       # the limit everywhere is none
+
+
+@pytest.mark.parametrize("pole", [1e-5, -1e-5, 1e-7])
+def test_slow_growth_beside_a_fast_pole_is_growth(pole):
+    for lin in (of([1], np.poly([pole, -1e5])),
+                Linear(np.diag([pole, -1e5]), np.zeros((2, 0)), np.zeros((0, 2)), np.zeros((0, 0)), states=["a", "b"],
+                       inputs=[], outputs=[])):
+        assert lin.stable == (pole < 0)
+        slow = next(mode for mode in lin.modes() if abs(mode.time) > 1)
+        assert slow.time == pytest.approx(-1 / pole, rel=1e-2)
+    step = Linear([[1 + 0.1 * pole]], [[0.0]], [[1.0]], [[0.0]], 0.1, states=["a"], inputs=["u"], outputs=["y"])
+    assert step.stable == (pole < 0) and step.modes()[0].time == pytest.approx(-1 / pole, rel=1e-2)
+
+
+def random_loop(rng, dt):
+    """Real and swinging poles over four decades, in mixed states; some with D, and modes not reached or not seen."""
+    blocks = []
+    for _ in range(rng.integers(1, 5)):
+        w, z = 10**rng.uniform(-2, 2), 10**rng.uniform(-2.5, 0)
+        blocks.append([[[-w if rng.random() < 0.85 else w / 10]], [[-z * w, w], [-w, -z * w]],
+                       [[0, 1], [0, -w]] if rng.random() < 0.3 else [[-2 * z * w, -w], [w, 0]]][rng.integers(3)])
+    A = block_diag(*blocks)
+    B, C = rng.normal(size=(len(A), 1)), rng.normal(size=(1, len(A))) * np.exp(rng.normal())
+    dead = rng.integers(0, 3)
+    A = block_diag(A, np.diag(-10**rng.uniform(-2, 1, dead) * rng.integers(0, 2, dead)))
+    reached = rng.integers(2)
+    B = np.vstack([B, (1 - reached) * rng.normal(size=(dead, 1))])
+    C = np.hstack([C, reached * rng.normal(size=(1, dead))])
+    T = np.linalg.qr(rng.normal(size=A.shape))[0]
+    A, B, C, n = T @ A @ T.T, T @ B, C @ T.T, len(A)
+    if dt:
+        both = expm(dt * np.block([[A, B], [np.zeros((1, n + 1))]]))
+        A, B = both[:n, :n], both[:n, n:]
+    D = [[rng.choice([0, 0, rng.normal() / 2])]]
+    return Linear(A, B, C, D, dt, states=[f"x{i}" for i in range(n)], inputs=["u"], outputs=["y"])
+
+
+@pytest.mark.parametrize("dt", [None, 0.1, 1.0])
+def test_margins_of_random_loops_are_where_an_eigenvalue_of_the_closed_loop_leaves(dt):
+    """For gains and phases: none within the margin, and some at it."""
+    for seed in range(100):
+        lin = random_loop(np.random.default_rng([seed, int(10 * (dt or 0))]), dt)
+        margins = lin.margins()
+
+        def growing(factor):
+            poles = np.linalg.eigvals(lin.A - factor * (lin.B @ lin.C) / (1 + factor * lin.D[0, 0]))
+            return np.count_nonzero((poles.real if dt is None else abs(poles) - 1) > 1e-10 + 1e-12 * abs(poles).max())
+
+        now = growing(1)
+        assert (now == 0) == margins.stable, seed
+        for limit, end in ((margins.gain, 1e3), (margins.gain_down, 1e-3)):
+            inside = min(limit, end) if end > 1 else max(limit, end)
+            assert {growing(k) for k in np.geomspace(1, inside, 60)[1:-1]} <= {now}, (seed, limit)
+            beyond = inside * (1.0005 if end > 1 else 1 / 1.0005)
+            assert (growing(beyond) == now) == (inside == end), (seed, limit)
+        at = margins.phase
+        inside = min(abs(at), np.pi)
+        for sign in (-1, 1):
+            assert {growing(np.exp(sign * 1j * x)) for x in np.linspace(0, inside, 60)[1:-1]} <= {now}, (seed, at)
+        if at < np.inf:
+            assert growing(np.exp(-1j * 1.002 * at)) != now, (seed, at)
 
 
 def test_a_loop_that_nothing_closes_has_no_crossing():
