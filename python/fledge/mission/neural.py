@@ -76,14 +76,19 @@ def unflat(numbers: ArrayLike, neurons: Sequence[int]) -> Layers:
     return checked(found)
 
 
-def give(module: Any, given: Iterable[tuple[ArrayLike, ArrayLike]], activation: str = "TANH") -> None:
-    """Make these layers (W, b) the network of a NeuralFeedback. activation: of hidden layers, "TANH" or "RELU"."""
+def give(module: Any, given: Iterable[tuple[ArrayLike, ArrayLike]], activation: str | None = None) -> None:
+    """Make these layers (W, b) the network of a NeuralFeedback.
+
+    activation: of hidden layers, "TANH" or "RELU"; not given: the module keeps its own
+    """
     import numpy as np
 
     found = checked(given)
     numbers, weights = flat(found), np.zeros(len(module.weights))
     weights[:len(numbers)] = numbers
-    module.activation, module.hidden = activation, len(found) - 1
+    module.hidden = len(found) - 1
+    if activation is not None:
+        module.activation = activation
     if found[:-1]:
         module.neurons = [len(b) for _, b in found[:-1]]
     module.weights = weights

@@ -24,6 +24,8 @@ def test_layers_come_back_from_module_and_file(sizes, tmp_path):
     neural.give(module, network(9, 9))
     neural.give(module, given, activation="RELU")
     assert same(neural.layers(module), given) and module.hidden == len(sizes) and module.activation.name == "RELU"
+    neural.give(module, given)
+    assert same(neural.layers(module), given) and module.activation.name == "RELU"      # as it was
     neural.write(tmp_path / "w.csv", given)
     assert same(neural.read(tmp_path / "w.csv"), given)
 
