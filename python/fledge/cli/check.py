@@ -40,6 +40,7 @@ def check(options: argparse.Namespace) -> int:
     wrong = list(_composition(sim))
     can_fly = not wrong
     parts = [_summary(process) for process in sim.processes]
+    wrong += _scripts(sim)
     parts += [counted(len(sim.mission.scenarios), "scenario")] * bool(sim.mission.scenarios)
     # What a scenario gives is not there yet: boards and ground.toml are read of a mission that is whole without it.
     for read in _readers(sim, can_fly and not sim.problems):
@@ -88,6 +89,18 @@ def _composition(sim: Simulation) -> Iterator[str]:
         yield from str(error).splitlines()
     except Exception as error:      # of the reset of a module in Python
         yield explain(error, sim.mission.folder)
+
+
+def _scripts(sim: Simulation) -> Iterator[str]:
+    """What modules in Python would compute to other bits on a target, a line each."""
+    from fledge.disk import shown
+    from fledge.mission.checks import other_bits
+    from fledge.objects.script import script
+
+    functions = {function for process in sim.flights for module in process.instances.values()
+                 for function in script(module) or () if function}
+    for file, line, why in sorted({found for function in functions for found in other_bits(function)}):
+        yield f"{shown(file)}, line {line}: not the same bits under MicroPython: {why}"
 
 
 def _summary(process: Any) -> str:
