@@ -132,6 +132,19 @@ def test_a_panel_and_its_hub_swing_against_each_other():
     assert lin.channel(1, 1).frequency(0.1)[0, 0, 0] == pytest.approx(1 / (0.1j * (20 + 3)))
 
 
+def test_the_margin_of_an_acceleration_that_is_fed_back_is_the_inertia_of_the_hub():
+    """At rest the torque turns hub and panel, 12 kg m^2; the faster, the more the hub alone, 10."""
+    panel = world.HingedPanels(mass=5 * kg, I_B=[np.diag([2, 3, 4])], hinge_B=[[0, 0, 0]], axes_B=[[1, 0, 0]],
+                               stiffness=3, damping=0.05)
+    wheels = world.ReactionWheels(axes_B=[[0, 1, 0], [0, 0, 1]], J=0.1)
+    lin = body(panel, wheels, mass=50).linearize(f"{TORQUE}[0]", "world.craft.state.domega_BN_B[0]", hold=SIGMA)
+    margins = lin.margins(feedback=1)
+    assert (margins.gain, margins.gain_at, margins.gain_down) == (pytest.approx(10), np.inf, 0)
+    for gain in (9.9, 10.1):
+        closed = np.linalg.eigvals(lin.A + gain * lin.B @ lin.C / (1 - gain * lin.D[0, 0]))
+        assert (closed.real > 1e-6).any() == (gain > 10)
+
+
 def test_a_free_gimbal_and_its_body_nutate():
     """The body's rate about the axis across tilts the gimbal, whose rate turns the body back; about its own axis, a
     free gimbal gives the body nothing."""
