@@ -483,9 +483,17 @@ def _margins(loop: Callable[[ArrayLike], tuple[Complex, Real]], grid: Real, ends
     def at(w: float) -> complex:
         return complex(loop(w)[0][0])
 
-    sure = [w for w in ends for L, error in [loop(w)] if error[0] < abs(L[0])]
-    through = [w for w in [*crossings(np.imag), *sure] if at(w).real < 0]
-    gains = [(1 / abs(at(w)), float(w)) for w in through]
+    def end(w: float) -> complex:
+        """L at an end; where rounding has left a pole at rest, what L comes to before it; NaN where it grows."""
+        (L,), (error,) = loop(w)
+        if w == 0 and not error < abs(L):
+            (L,), (error,) = loop(grid[0] / 100)
+            L = L.real if abs(L - values[0]) < 0.1 * abs(L) else nan
+        return complex(L) if error < abs(L) else complex(nan)
+
+    sure = [(w, L) for w in ends for L in [end(w)] if L == L]
+    through = [(w, L) for w, L in [*((w, at(w)) for w in crossings(np.imag)), *sure] if L.real < 0]
+    gains = [(1 / abs(L), float(w)) for w, L in through]
     phases = [(float(np.angle(-at(w))), float(w)) for w in crossings(lambda L: abs(L) - 1)]
     delays = [((p % (2 * pi)) / w, w) for p, w in phases]
     if ends[-1] == inf and abs(at(inf)) > 1:    # of the fast waves in such a loop, none decays after any delay
@@ -496,7 +504,7 @@ def _margins(loop: Callable[[ArrayLike], tuple[Complex, Real]], grid: Real, ends
     up = best([margin for margin in gains if margin[0] > 1], lambda margin: margin[0])
     down = best([margin for margin in gains if margin[0] < 1], lambda margin: -margin[0])
     phase, delay = best(phases, lambda margin: abs(margin[0])), best(delays, lambda margin: margin[0])
-    modulus = best([(float(near.fun), float(near.x)), *((abs(1 + at(w)), w) for w in sure)], lambda margin: margin[0])
+    modulus = best([(float(near.fun), float(near.x)), *((abs(1 + L), w) for w, L in sure)], lambda margin: margin[0])
     gain, lag, time = (inf if x != x else float(x) for x in (up[0], phase[0], delay[0]))
     reduced = 0.0 if down[0] != down[0] else down[0]
     return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], *modulus, modes)
