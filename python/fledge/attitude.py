@@ -135,6 +135,13 @@ def quaternion_product(beta_CB: ArrayLike, beta_BN: ArrayLike) -> np.ndarray:
     return np.concatenate([scalar, vector], axis=-1)
 
 
+def quaternion_rate(beta_BN: ArrayLike, omega_BN_B: ArrayLike) -> np.ndarray:
+    """The derivative [1/s] of beta_BN when B turns relative to N at omega_BN_B [rad/s], in axes of B."""
+    b, w = _array(beta_BN, (4,), "a quaternion"), _vector(omega_BN_B)
+    return np.concatenate([-np.sum(w * b[..., 1:], axis=-1, keepdims=True),
+                           b[..., :1] * w - np.cross(w, b[..., 1:])], axis=-1) / 2
+
+
 # --- Euler angles ----------------------------------------------------------------------------------
 
 def _axes(sequence: str | int) -> list[int]:

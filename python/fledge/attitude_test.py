@@ -100,3 +100,10 @@ def test_errors():
         att.euler_to_dcm([0, 0, 0], "311")
     with pytest.raises(ValueError, match=r"needs trailing dimensions \(4,\), found shape \(3,\)"):
         att.quaternion_to_dcm([0, 0, 0])
+
+
+def test_the_rate_of_a_quaternion_is_that_of_a_turn_about_an_axis():
+    angle, rate, axis = np.linspace(-3, 3, 13)[:, None], 0.3, np.array([2, -1, 2]) / 3
+    turned = np.hstack([np.cos(angle / 2), np.sin(angle / 2) * axis])
+    expected = rate / 2 * np.hstack([-np.sin(angle / 2), np.cos(angle / 2) * axis])
+    np.testing.assert_allclose(att.quaternion_rate(turned, np.tile(rate * axis, (13, 1))), expected, atol=1e-15)

@@ -124,6 +124,7 @@ def aem_of(run: Motion, frame: str = "ICRF", rates: bool = False) -> Message:
     meta = _meta(run, REF_FRAME_A=frame, REF_FRAME_B="SC_BODY_1", TIME_SYSTEM="UTC", INTERPOLATION_METHOD="LINEAR",
                  INTERPOLATION_DEGREE=1)
     if rates and run.omega_BN_B is not None:
+        meta |= {"INTERPOLATION_METHOD": "HERMITE", "INTERPOLATION_DEGREE": 3}
         omega_FN_B = np.einsum("nij,nj->ni", quaternion_to_dcm(beta_BF), omega_FN_F)
         return _message("AEM", AemSegment.of(meta, run.epochs, beta_BF, run.omega_BN_B - omega_FN_B), "2.0")
     meta |= {"ATTITUDE_DIR": "A2B", "QUATERNION_TYPE": "LAST"}

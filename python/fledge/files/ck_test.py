@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels of attitudes, laid out word by word as NAIF describes type 3."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from fledge import files
+from fledge import files, motion
 from fledge.attitude import quaternion_to_dcm
 from fledge.errors import SetupError
 from fledge.files import ck, daf, ndm, sclk
 from fledge.files.sclk_test import BEPI
+from fledge.world import Sky
 
 RATE, AXIS = 2e-3, np.array([2.0, -1.0, 2.0]) / 3
 
@@ -73,6 +76,23 @@ def test_attitudes_outside_the_summarys_times_are_not_used(tmp_path, clock):
     segment, = ck.read(path, clock)
     assert segment.span == tuple(clock.ns([55 * 65536, 80 * 65536]))
     assert segment.times[0] == clock.ns(50 * 65536)[0]
+
+
+@pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
+                    reason="not here: the package casacore-data-jpl-de405")
+def test_of_segments_that_overlap_the_last_counts(tmp_path, clock):
+    spun, = ck.read(write(tmp_path / "a.bc", np.arange(0, 1001, 10.0), [0]), clock)
+    still, = ck.read(write(tmp_path / "b.bc", np.arange(400, 601, 10.0), [400], False,
+                           rows=np.tile([0.8, 0, 0.6, 0], 21)), clock)
+    seconds = np.array([5.0, 399.0, 400, 500, 600, 601, 999])
+    for segments, hidden in (([spun, still], (seconds >= 400) & (seconds <= 600)), ([still, spun], seconds < 0)):
+        message = ndm.create("AEM", segments, originator="TEAM", created="2026-01-02T00:00:00")
+        files.write(message, tmp_path / "a.aem")
+        sky = Sky(f"{spun.clock.text(int(spun.times[0]))} TDB", center=399)
+        times = clock.ns(seconds * 65536) - spun.times[0]
+        found = motion.of_file(tmp_path / "a.aem", sky)
+        expected = np.where(hidden[:, None, None], quaternion_to_dcm([0.8, 0, -0.6, 0]), [c_matrix(t) for t in seconds])
+        assert np.allclose(quaternion_to_dcm(found.at(times).beta_BN), expected, rtol=0, atol=1e-9)
 
 
 def test_other_types_and_damaged_kernels_are_refused(tmp_path, clock):

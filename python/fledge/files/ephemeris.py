@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fledge.attitude import quaternion_rate
 from fledge.errors import SetupError, listed
 from fledge.files.sections import Section, Segment
 from fledge.files.tables import sequence
@@ -123,7 +124,7 @@ class OemSegment(Tabulated):
     @property
     def v(self) -> np.ndarray:
         """[m/s] (n, 3); of a table of positions alone the rates of at()"""
-        return self._stack(V) if V[0] in self.table.columns else self.at(self.times)[1]
+        return self._stack(V) if V[0] in self.table.columns else self._curve(self.times)[1]
 
     @property
     def a(self) -> np.ndarray | None:
@@ -149,13 +150,20 @@ class OemSegment(Tabulated):
         the degree needs more lines.
         """
         found = self._at(t)
+        r, rates = self._curve(found)
         method, degree = self.interpolation
-        if V[0] not in self.table.columns:
-            return interpolate(self.times, self.r, found, degree, None, self.meta)
-        if method == "HERMITE":
-            return interpolate(self.times, self.r, found, degree, self.v, self.meta)
-        both, _ = interpolate(self.times, np.concatenate([self.r, self.v], axis=1), found, degree, None, self.meta)
-        return both[:, :3], both[:, 3:]
+        if method == "HERMITE" or V[0] not in self.table.columns:
+            return r, rates
+        return r, interpolate(self.times, self.v, found, degree, None, self.meta)[0]
+
+    def curve(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """The positions of at() and their rates, which are not quite the velocities that LAGRANGE interpolates."""
+        return self._curve(self._at(t))
+
+    def _curve(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        method, degree = self.interpolation
+        rates = self._stack(V) if method == "HERMITE" and V[0] in self.table.columns else None
+        return interpolate(self.times, self.r, t, degree, rates, self.meta)
 
 
 class AemSegment(Tabulated):
@@ -213,25 +221,32 @@ class AemSegment(Tabulated):
     def at(self, t: ArrayLike) -> np.ndarray:
         """Quaternions of B relative to A, scalar first (m, 4), at times [ns] (m,), by INTERPOLATION_METHOD.
 
-        LINEAR, also where the message names none, turns about a fixed axis from line to line. LAGRANGE and HERMITE
-        interpolate components, HERMITE with the derivatives that the message has, and scale them to length 1. Raises
-        SetupError outside the useable span.
+        LINEAR turns about a fixed axis from line to line. LAGRANGE and HERMITE interpolate components, HERMITE with the
+        derivatives that the message has, and scale them to length 1. A message that names none is LINEAR, or with
+        derivatives HERMITE of degree 3. Raises SetupError outside the useable span.
         """
-        when, beta = self._at(t), self.beta_BA
-        if "INTERPOLATION_METHOD" not in self.meta.values or self._method("INTERPOLATION_METHOD")[0] == "LINEAR":
+        return self.curve(t)[0]
+
+    @property
+    def interpolation(self) -> tuple[str, int]:
+        """The method between the lines, of METHODS, and the degree of its polynomial."""
+        if "INTERPOLATION_METHOD" in self.meta.values:
+            return self._method("INTERPOLATION_METHOD")
+        return ("LINEAR", 1) if self.rates(self.beta_BA) is None else ("HERMITE", min(3, 2 * len(self.times) - 1))
+
+    def curve(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """The quaternions of at(), and their rates [1/s] (m, 4)."""
+        when, beta, (method, degree) = self._at(t), self.beta_BA, self.interpolation
+        if method == "LINEAR":
             return slerp(self.times, beta, when)
-        method, degree = self._method("INTERPOLATION_METHOD")
-        rates = self.rates(beta) if method == "HERMITE" else None
-        found, _ = interpolate(self.times, beta, when, degree, rates, self.meta)
-        return found / np.linalg.norm(found, axis=-1, keepdims=True)
+        return _unit(*interpolate(self.times, beta, when, degree, self.rates(beta) if method == "HERMITE" else None,
+                                  self.meta))
 
     def rates(self, beta: np.ndarray) -> np.ndarray | None:
         """Derivatives [1/s] (n, 4) of the quaternions beta_BA; None where the table has neither them nor rates in B."""
         columns = self.table.columns
         if "ANGVEL_X" in columns and self.meta.get("ANGVEL_FRAME") == self.meta["REF_FRAME_B"]:
-            omega = np.stack([columns[name] for name in RATES], axis=-1)
-            return np.concatenate([-np.sum(omega * beta[:, 1:], axis=1, keepdims=True),
-                                   beta[:, :1] * omega - np.cross(omega, beta[:, 1:])], axis=1) / 2
+            return quaternion_rate(beta, np.stack([columns[name] for name in RATES], axis=-1))
         if "QC_DOT" not in columns:
             return None
         given = np.stack([columns[name] for name in ("QC", "Q1", "Q2", "Q3")], axis=-1)
@@ -255,30 +270,44 @@ def turns(axes: str, angles: list[np.ndarray]) -> np.ndarray:
     return beta
 
 
-def slerp(times: np.ndarray, beta: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(m, 4) Quaternions at times [ns] (m,) between those at times (n,), which turn about a fixed axis."""
+def slerp(times: np.ndarray, beta: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 4) Quaternions at times [ns] (m,) between those at times (n,), which turn about a fixed axis, and their rates
+    [1/s]."""
     if len(times) == 1:
-        return np.repeat(beta, len(t), axis=0)
+        return np.repeat(beta, len(t), axis=0), np.zeros((len(t), 4))
     i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-    u = ((t - times[i]) / (times[i + 1] - times[i]))[:, None]
+    span = (times[i + 1] - times[i])[:, None]
+    u = (t - times[i])[:, None] / span
     angle = np.arccos(np.clip(np.sum(beta[i] * beta[i + 1], axis=-1, keepdims=True), -1, 1))
     small = angle < 1e-6
     safe = np.where(small, 1.0, np.sin(angle))
     found = np.where(small, (1 - u) * beta[i] + u * beta[i + 1],
                      (np.sin((1 - u) * angle) * beta[i] + np.sin(u * angle) * beta[i + 1]) / safe)
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    rates = np.where(small, beta[i + 1] - beta[i],
+                     angle * (np.cos(u * angle) * beta[i + 1] - np.cos((1 - u) * angle) * beta[i]) / safe)
+    return _unit(found, rates / span * 1e9)
+
+
+def _unit(beta: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scaled to length 1, with the rates that are left."""
+    norm = np.linalg.norm(beta, axis=-1, keepdims=True)
+    found = beta / norm
+    return found, (rates - np.sum(found * rates, axis=-1, keepdims=True) * found) / norm
 
 
 def interpolate(times: np.ndarray, y: np.ndarray, t: np.ndarray, degree: int, rates: np.ndarray | None,
-                where: Section) -> tuple[np.ndarray, np.ndarray]:
+                where: Section | None = None) -> tuple[np.ndarray, np.ndarray]:
     """The polynomial of a degree through the lines nearest each time, and its rate [1/s].
 
     times: [ns] (n,); y: (n, k); t: [ns] (m,); rates: (n, k), of y, which the polynomial meets, too. Divided differences
-    of Newton, with each line twice where it has a rate. Raises SetupError where there are too few lines.
+    of Newton, with each line twice where it has a rate. Raises SetupError where there are too few lines; if `where` is
+    None, the degree is lower.
     """
     twice = rates is not None
     lines = (degree + 2) // 2 if twice else degree + 1
-    if len(times) < lines:
+    if where is None:
+        lines = min(lines, len(times))
+    elif len(times) < lines:
         most = len(times) * (2 if twice else 1) - 1
         where.refuse(f"INTERPOLATION_DEGREE: expected up to {most}, which {len(times)} lines allow; found {degree}")
     middle = np.searchsorted(times, t, side="right") - (lines + 1) // 2

@@ -84,6 +84,40 @@ def test_interpolation_follows_an_orbit(method, degree, tolerance):
         assert np.abs(segment.at(segment.times[i])[0][0] - segment.r[i]).max() < 1e-8
 
 
+def test_rates_are_those_of_what_is_between_the_lines():
+    # Against differences of a ms, with velocities and derivatives that are not quite those of the positions.
+    generator, times = np.random.default_rng(3), np.arange(8) * 10 * 10**9
+    angles = np.cumsum(generator.uniform(0.1, 0.4, 8))
+    beta = np.stack([np.cos(angles), np.sin(angles), 0.1 * np.sin(angles), 0 * angles], axis=1)
+    beta /= np.linalg.norm(beta, axis=1, keepdims=True)
+    t = generator.integers(times[0] + 10**7, times[-1] - 10**7, 50)
+    t = t[t % 10**10 > 2 * 10**6]
+    for method, degree in (("LINEAR", 1), ("LAGRANGE", 3), ("HERMITE", 3), ("HERMITE", 7)):
+        meta = {"TIME_SYSTEM": "TDB", "REF_FRAME_A": "ICRF", "REF_FRAME_B": "BODY", "INTERPOLATION_DEGREE": degree}
+        orbit = OemSegment.of({**meta, "INTERPOLATION": method}, times, *generator.normal(size=(2, 8, 3)))
+        turn = AemSegment.of({**meta, "INTERPOLATION_METHOD": method}, times, beta, generator.normal(size=(8, 3)) / 9)
+        for segment, tolerance in ((orbit, 1e-6), (turn, 1e-6)):
+            (before, _), (found, rates), (after, _) = (segment.curve(t + shift) for shift in (-10**6, 0, 10**6))
+            assert np.allclose(rates, (after - before) / 2e-3, rtol=0, atol=tolerance)
+            assert np.array_equal(found, segment.at(t) if segment is turn else segment.at(t)[0])
+
+
+def test_an_attitude_with_derivatives_meets_them_unless_its_message_says_otherwise():
+    # About an axis that stands, by an angle that grows with the square of time.
+    times, axis = np.arange(0, 101, 10), np.array([2, -1, 2]) / 3
+
+    def turned(t):
+        return np.hstack([np.cos(1e-4 * t**2)[:, None], np.sin(1e-4 * t**2)[:, None] * axis])
+
+    meta = {"TIME_SYSTEM": "TDB", "REF_FRAME_A": "ICRF", "REF_FRAME_B": "BODY"}
+    t, rate = np.arange(0, 101, 3), (4e-4 * times)[:, None] * axis
+    for more, omega, within in (({}, rate, 1e-5), ({}, None, 1.5e-2),
+                                ({"INTERPOLATION_METHOD": "LINEAR", "INTERPOLATION_DEGREE": 1}, rate, 1.5e-2)):
+        segment = AemSegment.of({**meta, **more}, times * 10**9, turned(times), omega)
+        far = np.abs(segment.at(t * 10**9) - turned(t)).max()
+        assert within / 10 < far < within
+
+
 def test_interpolation_is_that_of_another_program():
     scipy = pytest.importorskip("scipy.interpolate", reason="python3-scipy is not installed")
     generator = np.random.default_rng(1)

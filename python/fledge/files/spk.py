@@ -9,27 +9,32 @@ Source: NAIF, "SPK Required Reading", types 9 and 13.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fledge.errors import SetupError
 from fledge.files import daf
+from fledge.files.ephemeris import interpolate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 KIND = "DAF/SPK "
 HIGHEST = 27                # degree that NAIF's own reader takes
+LAGRANGE = (8, 9)           # types
 
 
 @dataclass
 class SpkSegment:
     """Of a kernel: a body about another, by NAIF's numbers. frame: of the file's states; type: NAIF's; begin, end: [ns]
-    of TDB past J2000; times, degree: of types 9 and 13, [ns] (n,) of the states and of polynomials."""
+    of TDB past J2000; times, degree: of types 8, 9, 12 and 13, [ns] (n,) of the states, also of those beyond begin and
+    end, and of polynomials; of others the ends, and 0."""
     target: int
     center: int
     frame: str
@@ -37,16 +42,36 @@ class SpkSegment:
     begin: int
     end: int
     name: str
-    sky: Any = field(repr=False)
-    times: np.ndarray | None = field(default=None, repr=False)
-    degree: int = 0
+    where: str = field(repr=False)
+    sky: Callable[[], Any] = field(repr=False)
+    times: np.ndarray = field(repr=False)
+    degree: int
 
     def at(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [m] and velocities [m/s] (m, 3), in axes of J2000, at times [ns] (m,) of TDB past J2000; of the
-        last segment where several have the body. Raises SetupError where the kernel does not say."""
-        states = [self.sky.state(self.target, self.center, int(t)) for t in np.atleast_1d(np.asarray(times))]
-        r, v = (np.array([state[i] for state in states]).reshape(-1, 3) for i in (0, 1))
-        return r, v
+        """Positions [m] and velocities [m/s] (m, 3), in axes of J2000, at times [ns] (m,) of TDB past J2000, by this
+        segment alone, whatever others of the kernel say. Raises SetupError for times that are not in it."""
+        when, sky = np.atleast_1d(np.asarray(times)), self.sky()
+        if len(out := when[(when < self.begin) | (when > self.end)]):
+            begin, end, found = (sky.text(int(t), "TDB") for t in (self.begin, self.end, out[0]))
+            raise SetupError(f"{self.where}: body {self.target} is given from {begin} to {end}; found {found}: choose "
+                             "the segment of that time")
+        return self._states(when)
+
+    def curve(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """The positions of at() and their rates: types 8 and 9 have velocities by polynomials of their own."""
+        r, v = self.at(times)
+        if self.type not in LAGRANGE:
+            return r, v
+        return r, interpolate(self.times, self._at_times[0], np.atleast_1d(times), self.degree, None)[1]
+
+    @cached_property
+    def _at_times(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._states(self.times)
+
+    def _states(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        sky = self.sky()
+        states = np.array([sky.state(self.target, self.center, int(t))[:2] for t in times]).reshape(-1, 2, 3)
+        return states[:, 0], states[:, 1]
 
 
 def is_kernel(source: object) -> bool:
@@ -63,20 +88,45 @@ def read(path: str | os.PathLike[str]) -> list[SpkSegment]:
     wrong."""
     from fledge import _core
 
+    def sky_of(file: str, segments: list[daf.Segment]) -> Any:
+        root = min((body for segment in segments for body in segment.integers[:2]), default=0)
+        return _core.Sky("2000-01-01T12:00:00 TDB", root, [file], None, None, None, False)
+
+    @cache
+    def sky(i: int) -> Any:
+        """Of segment i alone, if there a later one has the body, too, or if it is asked for all its states."""
+        own = segments[i]
+        if own.integers[3] not in LAGRANGE and not any(
+                other.integers[0] == own.integers[0] and other.first <= own.last and other.last >= own.first
+                for other in segments[i + 1:]):
+            return whole
+        ends = [own.first, own.last, *_states(own)[0][[0, -1]]]
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "alone.bsp")
+            daf.write(path, daf.Daf(KIND, [daf.Segment(min(ends), max(ends), own.integers, "", own.words)]))
+            return sky_of(path, [own])      # which keeps the bytes
+
     segments = daf.read(path, KIND).segments
-    root = min((body for segment in segments for body in segment.integers[:2]), default=0)
-    sky = _core.Sky("2000-01-01T12:00:00 TDB", root, [os.fspath(path)], None, None, None, False)
+    whole = sky_of(os.fspath(path), segments)
     found = []
-    for segment in segments:
+    for i, segment in enumerate(segments):
         target, center, frame, kind = segment.integers
-        made = SpkSegment(target, center, daf.FRAMES[frame], kind, _within(segment.first, 1),
-                          _within(segment.last, -1), segment.name, sky)
-        if kind in (9, 13):
-            last, n = (int(x) for x in segment.words[-2:])      # of a window, counted from 0; states
-            made.degree = 2 * last + 1 if kind == 13 else last
-            made.times = np.rint(segment.words[6 * n:7 * n] * 1e9).astype(np.int64).clip(made.begin, made.end)
-        found.append(made)
+        seconds, degree = _states(segment)
+        found.append(SpkSegment(
+            target, center, daf.FRAMES[frame], kind, _within(segment.first, 1), _within(segment.last, -1), segment.name,
+            f"{os.fspath(path)}: segment {i + 1}, {segment.name}", partial(sky, i),
+            np.rint((seconds * 1e9).clip(-2**62, 2**62)).astype(np.int64), degree))
     return found
+
+
+def _states(segment: daf.Segment) -> tuple[np.ndarray, int]:
+    """[s] (n,) of the states of a table, and the degree of its polynomials; of other types its ends, and 0."""
+    kind, words = segment.integers[3], segment.words
+    if kind not in (8, 9, 12, 13):
+        return np.array([segment.first, segment.last]), 0
+    last, n = (int(x) for x in words[-2:])      # of a window, counted from 0; states
+    return (words[6 * n:7 * n] if kind in (9, 13) else words[-4] + words[-3] * np.arange(n),
+            last if kind in LAGRANGE else 2 * last + 1)
 
 
 def _within(seconds: float, side: int) -> int:

@@ -413,12 +413,10 @@ def _table(segment: OemSegment | AemSegment) -> dict[str, np.ndarray]:
 def _method(segments: list[Any], names: tuple[str, ...]) -> list[str]:
     """The keywords of the interpolation: of the segment with the most lines for a polynomial."""
     orbit = isinstance(segments[0], OemSegment)
-    found = [segment.interpolation if orbit else segment._method("INTERPOLATION_METHOD")
-             if "INTERPOLATION_METHOD" in segment.meta.values else ("LINEAR", 1) for segment in segments]
-    method, degree = max(found, key=lambda item: item[1])
+    method, degree = max((segment.interpolation for segment in segments), key=lambda item: item[1])
     hermite = method == "HERMITE" and (V[0] in names or RATES[0] in names)
     return [f"InterpolationMethod {'Hermite' if hermite else 'Lagrange'}",
-            f"Interpolation{'SamplesM1' if orbit else 'Order'} {degree // 2 if hermite else degree}"]
+            f"Interpolation{'SamplesM1' if orbit else 'Order'} {max(degree // 2, 1) if hermite else degree}"]
 
 
 def _gregorian(text: str) -> str:

@@ -214,10 +214,10 @@ def _follow(craft: _core.Model, **changes: str) -> None:
 
             motion = file_motion.of_file(file, sky)
             parts = motion.orbits if name == "orbit" else motion.attitudes
-            if not parts or not all(part.knots for part in parts):
+            if not parts or not all(part.curve for part in parts):
                 raise SetupError(f"{_core.path(craft)}.{name}: expected an {'OEM' if name == 'orbit' else 'AEM'}, or "
                                  f"another file of an {name} over time; found {file}")
-            rows[name] = [(part.begin, part.end, *part.knots()) for part in parts if part.knots]
+            rows[name] = motion.followed(parts, f"{_core.path(craft)}.{name}: {file}")
     if any(files.values()):
         _core.set_ephemeris(craft, files["orbit"], files["attitude"], rows["orbit"], rows["attitude"])
 

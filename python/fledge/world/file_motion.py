@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fledge import files
-from fledge.attitude import dcm_to_quaternion, quaternion_product
+from fledge.attitude import dcm_to_quaternion, quaternion_product, quaternion_rate
 from fledge.errors import SetupError, listed
 from fledge.files import mean_elements, spk
-from fledge.files.ephemeris import AemSegment, OemSegment, R, Tabulated, V
+from fledge.files.ephemeris import AemSegment, OemSegment, R, V, interpolate
 from fledge.files.mean_elements import MeanElements
 from fledge.files.sections import Message, Section, Segment
 from fledge.world import reference_frames
@@ -25,7 +26,14 @@ from fledge.world.sky import Sky
 if TYPE_CHECKING:
     import os
 
-EVER = 2**62        # [ns]
+EVER = 2**61        # [ns]
+LEAST = 10**7       # [ns] between knots
+MOST = 200_000      # knots between the lines of a file
+WITHIN = 1e-3, 1e-9     # [m], and of quaternions: how near a polynomial through knots is to the file
+CLOCK = 2e-7        # [s] to which a kernel of SPICE has its times
+
+
+States = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]     # of times [ns] (n,)
 
 
 @dataclass
@@ -56,15 +64,86 @@ def zero(sky: Sky) -> int:
 
 @dataclass
 class Part:
-    """A span of a file [ns of the run], and what gives (r_N, v_N) or beta_BN at times within it.
+    """A span of a file [ns of the run], and what it says at times within it.
 
-    knots: what gives the lines of the file in N: (degree, times, r_N, v_N), where v_N is empty if a polynomial goes
-    through the positions alone; or (times, beta_BN, their rates [1/s], or empty).
+    at: gives (r_N, v_N), or (beta_BN, its rate [1/s]). What moves has more, for who goes along it by polynomials:
+    curve: gives (r_N, its rate [m/s]), or what `at` does; lines: [ns] (n,) of the file; degree: of the polynomial
+    through lines; kinks: whether the rate leaps at them. turns: B turns about an axis that stands from line to line.
     """
     begin: int
     end: int
-    at: Callable[[np.ndarray], Any]
-    knots: Callable[[], tuple[Any, ...]] | None = None
+    at: States
+    curve: States | None = None
+    lines: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    degree: int = 7
+    kinks: bool = False
+    turns: bool = False
+
+
+Span = tuple[int, int, Part]
+
+
+def spans(parts: list[Part]) -> list[Span]:
+    """From when to when [ns] which part counts, in the order of time: of several the last of the file."""
+    waiting = sorted((part.begin, i) for i, part in enumerate(parts))[::-1]
+    edges = sorted({part.begin for part in parts} | {part.end + 1 for part in parts})
+    found: list[Span] = []
+    begun: list[int] = []
+    for begin, end in zip(edges, edges[1:]):
+        while waiting and waiting[-1][0] <= begin:
+            heappush(begun, -waiting.pop()[1])
+        while begun and parts[-begun[0]].end < begin:
+            heappop(begun)
+        if begun and found and found[-1][2] is parts[-begun[0]] and found[-1][1] == begin - 1:
+            found[-1] = (found[-1][0], end - 1, found[-1][2])
+        elif begun:
+            found.append((begin, end - 1, parts[-begun[0]]))
+    return found
+
+
+def knots(begin: int, end: int, part: Part, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [ns] (n,), positions or quaternions in N, and their rates, or none, such that polynomials through them are
+    where the part is from begin to end, within WITHIN: its lines, and as many between them as that needs. The
+    polynomials are those of EphemerisCraft: of part.degree, through the nearest knots on both sides; without rates an
+    attitude turns about an axis that stands. Raises SetupError, which begins with `where`, if that takes more than
+    MOST."""
+    assert part.curve
+    lines = part.lines[(part.lines > begin + LEAST) & (part.lines < end - LEAST)]
+    times = np.unique(np.concatenate([[begin, end], lines]))
+    y, rates = part.curve(times)
+    if part.kinks:          # a line is two knots at one time: as it is come to, and as it is left
+        come, rate = part.curve(lines - 1)
+        at = np.searchsorted(times, lines)
+        times, y, rates = (np.insert(x, at, more, axis=0) for x, more in zip((times, y, rates),
+                                                                             (lines, come + rate * 1e-9, rate)))
+    attitude = y.shape[1] == 4
+    left, right = times[:-1], times[1:]
+    while True:
+        if attitude:        # a quaternion on the side of that before it
+            sides = np.cumprod(np.where(np.sum(y[1:] * y[:-1], axis=1, keepdims=True) < 0, -1.0, 1.0), axis=0)
+            y[1:], rates[1:] = y[1:] * sides, rates[1:] * sides
+        if part.turns:
+            return times, y, rates[:0]
+        wide = right - left > LEAST
+        left, right = left[wide], right[wide]
+        if not len(left):
+            return times, y, rates
+        probes = np.concatenate([left + (right - left) // 10 * share for share in (3, 6)])
+        (truth, speed), (found, _) = part.curve(probes), interpolate(times, y, probes, part.degree, rates)
+        if attitude:
+            found = found / np.linalg.norm(found, axis=1, keepdims=True)
+            truth = truth * np.where(np.sum(truth * found, axis=1, keepdims=True) < 0, -1, 1)
+        margin = WITHIN[attitude] + CLOCK * np.linalg.norm(speed, axis=1) * (not attitude)
+        far = (np.linalg.norm(found - truth, axis=1) > margin).reshape(2, -1).any(axis=0)
+        left, right = left[far], right[far]
+        middle = left + (right - left) // 2
+        if len(times) + len(middle) > MOST + 2 * len(lines):
+            raise SetupError(f"{where}: {MOST} instants between its lines are too few for its motion: expected "
+                             "velocities that are the rates of positions, and a span not much longer than the run")
+        at = np.searchsorted(times, middle)
+        times, y, rates = (np.insert(x, at, more, axis=0) for x, more in zip((times, y, rates),
+                                                                             (middle, *part.curve(middle))))
+        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
 
 
 @dataclass
@@ -80,24 +159,37 @@ class FileMotion:
         """The motion at times of the run [ns] (n,)."""
         found = Motion(self.name, self.sky, times)
         if self.orbits:
-            found.r_N, found.v_N = (np.full((len(times), 3), np.nan) for _ in range(2))
-        for part in self.orbits:
-            inside = (times >= part.begin) & (times <= part.end)
-            if inside.any() and found.r_N is not None and found.v_N is not None:
-                found.r_N[inside], found.v_N[inside] = part.at(times[inside])
+            found.r_N, found.v_N = _at(spans(self.orbits), times, 3)
         if self.attitudes:
-            found.beta_BN = np.full((len(times), 4), np.nan)
-        for part in self.attitudes:
-            inside = (times >= part.begin) & (times <= part.end)
-            if inside.any() and found.beta_BN is not None:
-                found.beta_BN[inside] = part.at(times[inside])
+            found.beta_BN, _ = _at(spans(self.attitudes), times, 4)
         return found
+
+    def followed(self, parts: list[Part], where: str) -> list[tuple[Any, ...]]:
+        """Of the orbits or the attitudes, what an EphemerisCraft takes: (begin, end, degree, times, r_N, v_N) of each
+        span, or (begin, end, times, beta_BN, rates). A span that joins another begins with its last instant, which
+        remains that of the other."""
+        rows: list[tuple[Any, ...]] = []
+        for begin, end, part in spans(parts):
+            row = (*([part.degree] if parts is self.orbits else []), *knots(begin, end, part, where))
+            rows.append((rows[-1][1] if rows and rows[-1][1] == begin - 1 else begin, end, *row))
+        return rows
 
     @property
     def span(self) -> tuple[int, int]:
         """[ns] of the run: from when to when the file says anything."""
         parts = self.orbits + self.attitudes
         return min(part.begin for part in parts), max(part.end for part in parts)
+
+
+def _at(found: list[Span], times: np.ndarray, width: int) -> np.ndarray:
+    """(2, n, width) What the parts say at times; NaN where they say nothing."""
+    begins, ends = (np.array([span[i] for span in found]) for i in (0, 1))
+    which = np.searchsorted(begins, times, side="right") - 1
+    which[times > ends[which]] = -1
+    values = np.full((2, len(times), width), np.nan)
+    for i in np.unique(which[which >= 0]):
+        values[:, which == i] = found[i][2].at(times[which == i])
+    return values
 
 
 def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
@@ -118,12 +210,6 @@ def of_file(source: str | os.PathLike[str], sky: Sky) -> FileMotion:
     if found.kind == "OPM":
         motion.orbits.append(_of_opm(found.segment, sky))
         motion.center = _body(first)
-    tables = [segment for segment in found.segments if isinstance(segment, Tabulated)]
-    for before, after in zip(tables, tables[1:]):
-        if after.span[0] < before.span[1]:
-            begin, end = (after.clock.text(t) for t in (after.span[0], before.span[1]))
-            after.meta.refuse(f"expected a segment from {end} on, until when that before it may be used; found it from "
-                              f"{begin} on: write segments of the same time into files of their own")
     for segment in found.segments:
         if isinstance(segment, OemSegment):
             motion.orbits.append(_of_oem(segment, sky))
@@ -171,32 +257,37 @@ def _of_spk(path: str | os.PathLike[str], sky: Sky) -> FileMotion:
         raise SetupError(f"{path}: expected the orbit of a single spacecraft, comet or asteroid; found "
                          f"{listed([str(target) for target in targets]) or 'none'}")
 
+    shift = zero(sky)
+
     def part(segment: spk.SpkSegment) -> Part:
-        shift, lines = zero(sky), segment.times
-
-        def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return reference_frames.to_N(sky, "J2000", segment.center, times, *segment.at(times - shift), str(path))
-
-        knots = None if lines is None else lambda: (segment.degree, lines + shift, *at(lines + shift))
-        return Part(segment.begin + shift, segment.end + shift, at, knots)
+        at, curve = (_in_N(sky, "J2000", segment.center, states, str(path)) for states in (segment.at, segment.curve))
+        begin, end = (min(max(t + shift, -EVER), EVER) for t in (segment.begin, segment.end))
+        return Part(begin, end, at, curve, segment.times + shift,
+                    **_knots_of("LAGRANGE" if segment.type in spk.LAGRANGE else "HERMITE", segment.degree))
 
     return FileMotion(segments[0].name, sky, [part(segment) for segment in segments], center=segments[0].center)
 
 
+def _in_N(sky: Sky, frame: str, center: int, states: States, where: str) -> States:
+    """Of states in a frame, at times of the file."""
+    shift = zero(sky)
+    return lambda times: reference_frames.to_N(sky, frame, center, times, *states(times - shift), where)
+
+
+def _knots_of(method: str, degree: int) -> dict[str, Any]:
+    """Of a Part, by the interpolation of a file: its degree where polynomials take as many lines on both sides, as
+    those of knots() do."""
+    if method == "LINEAR" or degree == 1:
+        return {"degree": 3, "kinks": True}
+    return {"degree": degree} if method == "HERMITE" and degree % 4 == 3 and degree < 32 else {}
+
+
 def _of_oem(segment: OemSegment, sky: Sky) -> Part:
     shift, frame, center = _shift(segment, sky), str(segment.meta["REF_FRAME"]), _body(segment.meta)
-
-    def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return reference_frames.to_N(sky, frame, center, times, *segment.at(times - shift), _place(segment.meta))
-
-    def knots() -> tuple[Any, ...]:
-        times, (method, degree) = segment.times + shift, segment.interpolation
-        r, v = reference_frames.to_N(sky, frame, center, times, segment.r, segment.v, _place(segment.meta))
-        return degree, times, r, v[:0] if method == "LINEAR" else v
-
+    at, curve = (_in_N(sky, frame, center, states, _place(segment.meta)) for states in (segment.at, segment.curve))
     begin, end = (t + shift for t in segment.span)
     reference_frames.turning(sky, frame, np.array([begin]), _place(segment.meta))
-    return Part(begin, end, at, knots)
+    return Part(begin, end, at, curve, segment.times + shift, **_knots_of(*segment.interpolation))
 
 
 def _of_aem(segment: AemSegment, sky: Sky) -> Part:
@@ -207,26 +298,19 @@ def _of_aem(segment: AemSegment, sky: Sky) -> Part:
     if not known:
         segment.meta.refuse(f"REF_FRAME_A, REF_FRAME_B: expected a frame of {reference_frames.KNOWN} and that of the "
                             f"body; found {' and '.join(frames)}")
-    body_is_b = known[0] == frames[0]
+    conjugate = np.array([1, 1, 1, 1] if known[0] == frames[0] else [1, -1, -1, -1])
 
-    def in_N(times: np.ndarray, beta: np.ndarray) -> np.ndarray:
-        """Of quaternions of the file; of their rates where the frame does not turn."""
-        dcm_FN, _ = reference_frames.turning(sky, known[0], times, _place(segment.meta))
-        return quaternion_product(beta if body_is_b else beta * [1, -1, -1, -1], dcm_to_quaternion(dcm_FN))
-
-    def at(times: np.ndarray) -> np.ndarray:
-        return in_N(times, segment.at(times - shift))
-
-    def knots() -> tuple[Any, ...]:
-        times, beta_BA = segment.times + shift, segment.beta_BA
-        beta, rates = in_N(times, beta_BA), segment.rates(beta_BA)
-        sides = np.cumprod(np.concatenate([[1.0], np.where(np.sum(beta[1:] * beta[:-1], axis=1) < 0, -1.0, 1.0)]))
-        if rates is None or not reference_frames.is_inertial(known[0]):
-            return times, beta * sides[:, None], beta[:0]
-        return times, beta * sides[:, None], in_N(times, rates) * sides[:, None]
+    def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        beta_BF, rates = (conjugate * x for x in segment.curve(times - shift))
+        dcm_FN, omega_FN_F = reference_frames.turning(sky, known[0], times, _place(segment.meta))
+        beta_FN = dcm_to_quaternion(dcm_FN)
+        return (quaternion_product(beta_BF, beta_FN), quaternion_product(rates, beta_FN)
+                + quaternion_product(beta_BF, quaternion_rate(beta_FN, omega_FN_F)))
 
     begin, end = (t + shift for t in segment.span)
-    return Part(begin, end, at, knots)
+    method, _ = segment.interpolation
+    turns = method == "LINEAR" and reference_frames.is_inertial(known[0])
+    return Part(begin, end, at, at, segment.times + shift, 3, method != "HERMITE", turns)
 
 
 def by_sgp4(elements: dict[str, Any], sky: Sky, t: Any) -> tuple[list[float], list[float]]:

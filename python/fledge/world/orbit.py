@@ -212,6 +212,9 @@ class Orbit:
                 f"run is {sky.utc(ns / 1e9)}: begin the sky within it" if motion.orbits else "has no orbit"))
         found = motion.at(array([min(max(ns, begin), end)]))
         assert found.r_N is not None and found.v_N is not None
+        if found.r_N[0, 0] != found.r_N[0, 0]:
+            raise SetupError(f"{source}: says nothing of the time {ns / 1e9:g} s of the run, {sky.utc(ns / 1e9)}: "
+                             "it lies between its segments")
         about = sky.state(body, ns / 1e9)
         return cls.from_state(body, found.r_N[0] - about.r_PN_N, found.v_N[0] - about.v_PN_N)
 
