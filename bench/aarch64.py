@@ -38,6 +38,12 @@ def missing() -> str:
     return "" if (folder / "build.ninja").exists() else f"no {folder}; cmake/aarch64.cmake says how to make it"
 
 
+def uncounted() -> str:
+    """Why instructions cannot be counted, in words: QEMU of Debian 13, for programs, is built without plugins."""
+    helped = subprocess.run([EMULATORS["aarch64"][0], "-h"], stdout=subprocess.PIPE, text=True)
+    return "" if "-plugin" in helped.stdout else "this qemu-aarch64 takes no plugin, which counts instructions"
+
+
 def build() -> None:
     """The library for aarch64, from the sources of now. Raises Failure."""
     if says := missing():
@@ -83,6 +89,8 @@ def compiled(folder: Path) -> Path:
 
 def main(arguments: list[str]) -> None:
     chosen = options("aarch64", arguments, runs=1, cases=cases())
+    if says := missing() or uncounted():
+        raise Failure(f"bench aarch64: {says}")
     build()
     rows = Rows()
     for name in chosen.cases or cases():

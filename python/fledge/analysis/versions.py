@@ -15,6 +15,7 @@ import csv
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -253,7 +254,8 @@ def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, P
                              f"mission {relative}")
         return (tree if _builds(tree) else None), tree / relative
     if not top or inside is None:
-        raise SetupError(f"--against {against}: there is no such folder, and the mission {mission} is not in git")
+        raise SetupError(f"--against {against}: there is no such folder, and the mission {mission} is not in git"
+                         + ("" if shutil.which("git") else ", which is not installed"))
     revision = _git(mission, "rev-parse", "--verify", "--quiet", f"{against}^{{commit}}")
     if not revision:
         known = (_git(mission, "for-each-ref", "--format=%(refname:short)") or "").split()

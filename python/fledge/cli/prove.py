@@ -50,10 +50,10 @@ def prove(options: argparse.Namespace) -> int:
         raise Failure("prove: --process is for --export MISSION")
     if options.export and options.modules:
         raise Failure("prove: --export proves a mission's executive; prove modules by another command")
-    version = eva.version()
     if options.table:
         if options.export or options.again or options.machine != eva.MACHINE:
             raise Failure("prove: --table prints what is kept of modules; leave out --export, --again and --machine")
+        eva.version()       # without Frama-C nothing is kept
         print("\n".join(table(options.modules, project())))
         return 0
     rows: list[Result] = []
@@ -63,7 +63,7 @@ def prove(options: argparse.Namespace) -> int:
         if options.json:
             return
         if not rows:
-            say(f"Frama-C {version}, machine {options.machine}")
+            say(f"Frama-C {eva.version()}, machine {options.machine}")
             say(f"  {'module':24}{'inputs':13}{'alarms':>7}{'open':>6}{'beyond':>8}{'loops':>7}{'rounds':>8}"
                 f"{'seconds':>9}")
         rows.append(result)
@@ -74,7 +74,7 @@ def prove(options: argparse.Namespace) -> int:
     else:
         results = proofs.prove(options.modules, project(), options.jobs, ended, options.again, options.machine)
     if options.json:
-        print(json.dumps({"frama_c": version, "machine": options.machine,
+        print(json.dumps({"frama_c": eva.version(), "machine": options.machine,
                           "modules": [result.facts() for result in results]}, indent=1))
     else:
         for result in results:

@@ -151,10 +151,11 @@ def prove(names: Sequence[str] = (), project: Path | None = None, jobs: int | No
     that are kept. machine: of Frama-C (-machdep), "ppc_32" is one of 32 bits whose bytes are in the other order.
     Raises Failure.
     """
-    analyser, tree = eva.version(), Tree.of(project)
+    tree = Tree.of(project)
     chosen = select(units(tree), names)
     if not chosen:
         raise Failure(f"prove: there is no module in {tree.roots[0] / 'flight'}", 1)
+    analyser = eva.version()
     work = functools.partial(_result, tree, analyser, again, machine)
     results = []
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:

@@ -95,8 +95,8 @@ def test_attitudes_with_rates_are_met_with_them(written, tmp_path):
     # B turns about its third axis by an angle that grows with the square of time.
     times, growth = np.arange(0, 101, 2.0), 1e-4
     angle, rate = 0.5 * growth * times**2, growth * times
-    rows = "\n".join(f"2026-03-20T10:{int(t) // 60:02}:{int(t) % 60:02} 0 0 {np.sin(x / 2)!r} {np.cos(x / 2)!r} 0 0 "
-                     f"{w / 2 * np.cos(x / 2)!r} {-w / 2 * np.sin(x / 2)!r}" for t, x, w in zip(times, angle, rate))
+    rows = "\n".join(f"2026-03-20T10:{int(t) // 60:02}:{int(t) % 60:02} 0 0 {np.sin(x / 2)} {np.cos(x / 2)} 0 0 "
+                     f"{w / 2 * np.cos(x / 2)} {-w / 2 * np.sin(x / 2)}" for t, x, w in zip(times, angle, rate))
     (tmp_path / "x.aem").write_text(f"""CCSDS_AEM_VERS = 1.0
 CREATION_DATE = 2026-01-01T00:00:00
 ORIGINATOR = TEAM
