@@ -866,6 +866,14 @@ def test_no_file_takes_the_place_of_a_standard_stream_that_is_closed(launch):
     assert (done.returncode, launch.calls("streams")) == (0, ["/dev/null"] * 2)
 
 
+def test_asserts_count_whatever_the_environment_says(launch):
+    """The launcher, and all that it starts, has Python's asserts."""
+    (launch.tree / "python/fledge/launcher/__main__.py").write_text(
+        "import os, sys\nassert 1 == 2, f'{sys.flags.optimize} {os.environ.get(\"PYTHONOPTIMIZE\")}'\n")
+    done = launch("run", "nadir_spin", PYTHONOPTIMIZE="1")
+    assert done.returncode == 1 and done.stderr.endswith("AssertionError: 0 None\n")
+
+
 def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
     (launch.fake / "updated").touch()
     assert launch("exec", "/bin/sh", "-c", "echo $PATH").stdout.startswith("/usr/bin:")

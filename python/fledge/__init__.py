@@ -18,8 +18,14 @@ matplotlib by the first frame or plot.
 
 import _imp
 import os
+import sys
 
 __version__ = "0.1.0"
+
+if sys.flags.optimize:      # then a scenario, a script or a test would pass whatever it asserts
+    _why = ("Python leaves out asserts, and asserts judge scenarios: start Python without -O, and unset the variable "
+            "PYTHONOPTIMIZE")
+    raise SystemExit(f"fledge: {_why}") if sys.argv[0] == "-m" else ImportError(_why)
 
 # Where Fledge is installed, its extensions lie beside it: for one Python.
 _BESIDE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))

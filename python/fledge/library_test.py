@@ -83,6 +83,16 @@ def test_what_is_no_library(mine, tmp_path):
         objects.load_library(str(mine[0]), "other")
 
 
+@pytest.mark.parametrize("words", [["-O", "-m", "fledge.cli", "list"], ["-OO", "-m", "fledge.targets"],
+                                   ["-O", "-m", "fledge.pool.worker", "3"], ["-O", "-c", "import fledge"]])
+def test_no_fledge_without_asserts(words):
+    """Whatever a scenario asserts would hold."""
+    done = subprocess.run([sys.executable, *words], cwd=ROOT / "python", capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.endswith(
+        ": Python leaves out asserts, and asserts judge scenarios: start Python without -O, and unset the variable "
+        "PYTHONOPTIMIZE\n")
+
+
 def test_editors_see_every_name_of_the_package():
     text = Path(fledge.__file__).read_text(encoding="utf-8")
     (block,) = (node for node in ast.parse(text).body if isinstance(node, ast.If)
