@@ -99,9 +99,9 @@ RULES = {
 # these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
     ("units elements errors disk columns display interruption programs", "what all others need"),
-    ("progress folders frames elf serial_line", "a progress bar; the folders of a project and of "
+    ("progress folders frames elf serial_line contents", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "
-     "boards"),
+     "boards; Ninja by contents"),
     ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
     ("records", "recorded fields by name, of a run in memory or of a file"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
+from fledge.contents import by_contents, changed
 from fledge.errors import Failure
 from fledge.disk import ROOT
 from fledge.launcher.context import Context, same
@@ -48,7 +49,7 @@ class Build:
         """Whether nothing needs to be built."""
         import subprocess
 
-        return self.is_configured_here() and "ninja: no work to do" in subprocess.run(
+        return self.is_configured_here() and not changed(self.folder) and "ninja: no work to do" in subprocess.run(
             ["ninja", "-C", self.folder, "-n", *targets], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             text=True).stdout
 
@@ -83,7 +84,9 @@ class Build:
                                        *(f"-D{name}=ON" for name, value in on.items() if value)], self.tree, lock=lock):
                     raise failure(log, "the configuration", status)
             log = logs / f"build-{preset}.log"
-            if status := run(log, ["ninja", "-C", self.folder, *targets], self.tree, lock=lock):
+            with by_contents(self.folder):
+                status = run(log, ["ninja", "-C", self.folder, *targets], self.tree, lock=lock)
+            if status:
                 raise failure(log, "the build", status)
             text = log.read_text(encoding="utf-8", errors="replace")
             if self.fledge:

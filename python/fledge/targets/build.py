@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C to programs, by ninja, which compiles only changed files."""
+"""C to programs, by ninja, which compiles only files whose contents have changed."""
 from __future__ import annotations
 
 import fcntl
@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from fledge.contents import by_contents
 from fledge.errors import Failure
 from fledge.disk import ROOT, build_folder, write_files
 from fledge.programs import without_preload
@@ -133,8 +134,9 @@ def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:
     """Build folder / output as folder / "build.ninja" says: all of it, or some targets. Raises Failure with the words
     of the compiler."""
     environment = {"CCACHE_BASEDIR": str(folder.resolve()), **without_preload(os.environ)}     # any folder is alike
-    done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          text=True, errors="replace", env=environment)
+    with by_contents(folder):
+        done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True, errors="replace", env=environment)
     if done.returncode:
         failed = done.stdout.partition("FAILED:")[2] or done.stdout
         raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)
