@@ -66,6 +66,8 @@ def _line(f: Field) -> str:
     if f.enum:
         values = ", ".join(f"{name}={value}" for name, value in f.enum.short_names.items())
         words.append(f"{{{values}}}")
+    elif f.doc.endswith("}"):   # a text of its own, as {k=2}
+        words.append("{}")
     return f"{_ros_type(f)}{dimension} {f.name.lower()}  {' '.join(words)}"
 
 

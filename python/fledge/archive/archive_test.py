@@ -16,7 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fledge.archive import Archive, ArchiveError
+from fledge.archive import Archive, ArchiveError, rosmsg
+from introspect.emit import schema
+from introspect.model import Field, Type
 from tests.circles import long_after
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -693,6 +695,41 @@ def test_csv_is_exact(run, tmp_path):
     with pytest.raises(ArchiveError, match="takes one topic, not 3 .*name one, or give a folder"):
         a.to_csv(tmp_path / "all.csv")
     assert not list(tmp_path.glob("**/*.part")) and not (tmp_path / "all.csv").exists()
+
+
+def test_each_topic_has_a_csv_of_its_own(tmp_path):
+    maker = Maker(tmp_path / "x.mcap")
+    topics = ["/a b", "/a_b", "/a+b", "/A_b", "/c/d", "/c.d", "/a_b_2"]
+    for i, topic in enumerate(topics):
+        maker.message(maker.channel(topic, "X", "float64 x  # x [m] a place"), 0, 0, struct.pack("<d", i))
+    maker.close()
+    written = Archive(tmp_path / "x.mcap").to_csv(tmp_path / "csv")
+    assert len({path.name.lower() for path in written}) == len(topics)
+    assert [float(path.read_text().split(",")[-1]) for path in written] == list(range(len(topics)))
+
+
+def test_braces_in_a_meaning_are_no_values():
+    line = schema._line(Field("n", Type.U32, "uint32_t", (), 0, 4, 1, doc="a number {k=2}"))
+    n, = rosmsg.parse(line).members
+    assert (n.name, n.meaning, n.values) == ("n", "a number {k=2}", {})
+    x, n, mode, own = rosmsg.parse("float64 x  # x [-] a gain {k=2}\nuint32 n  # n [-] a number {k=2} {}\n"
+                                   "uint32 mode  # mode [-] what it does {OFF=0, on=1}\nuint32 own  # own {}").members
+    assert (x.meaning, x.values, n.meaning, n.values) == ("a gain {k=2}", {}, "a number {k=2}", {})
+    assert (mode.meaning, mode.values, own.meaning) == ("what it does", {"OFF": 0, "on": 1}, "")
+
+
+@pytest.mark.parametrize("time, fits", [(2**63 - 1, True), (2**63, False), (2**64 - 1, False)])
+def test_a_time_that_64_bits_with_a_sign_do_not_hold_is_refused(tmp_path, time, fits):
+    maker = Maker(tmp_path / "x.mcap")
+    maker.message(maker.channel("/x", "X", "float64 x  # x [m] a place"), time, 0, struct.pack("<d", 1))
+    maker.close()
+    a = Archive(tmp_path / "x.mcap")
+    if fits:
+        assert a.time_ns("x").tolist() == [time]
+        return
+    for read in (lambda: a.time_ns("x"), a.frame, lambda: a.to_csv(tmp_path), lambda: a.to_hdf5(tmp_path / "x.h5")):
+        with pytest.raises(ArchiveError, match=f"/x: message 0 has the time {time} ns; times up to {2**63 - 1} ns are"):
+            read()
 
 
 def test_hdf5_keeps_shapes_units_and_metadata(run, tmp_path):

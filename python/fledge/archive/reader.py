@@ -20,6 +20,7 @@ numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`.
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import mmap
 import os
@@ -237,7 +238,13 @@ class Archive(Records[Channel]):
 
     def time_ns(self, topic: str) -> NDArray[np.int64]:
         """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]."""
-        return self._gather(self._channel(topic), mcap.TIME_AT, "<i8").astype("=i8")
+        channel = self._channel(topic)
+        times = self._gather(channel, mcap.TIME_AT, "<i8").astype("=i8")
+        if (times < 0).any():       # MCAP's have no sign
+            i = int((times < 0).argmax())
+            raise ArchiveError(f"{self.path}: {channel.topic}: message {i} has the time {int(times[i]) + 2**64} ns; "
+                               f"times up to {2**63 - 1} ns are read")
+        return times
 
     def contents(self, topic: str) -> Iterator[bytes]:
         """The messages of a topic, of any schema, as CDR behind its 4 bytes that state the order."""
@@ -328,7 +335,8 @@ class Archive(Records[Channel]):
                head: bool = True) -> list[Path]:
         """Write CSV; returns the paths written.
 
-        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`; a
+        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`, with `_2` behind the name
+        of an earlier topic; a
         path that ends in .csv takes exactly one topic. The first column is the time in seconds,
         exact to the nanosecond; numbers are written such that reading them gives the same bits (in
         pandas, with float_precision="round_trip");
@@ -345,7 +353,12 @@ class Archive(Records[Channel]):
             files = {path: selected[0]}
         else:
             path.mkdir(parents=True, exist_ok=True)
-            files = {path / (re.sub(r"[^\w.-]", "_", row[0].name) + ".csv"): row for row in selected}
+            files = {}
+            for row in selected:    # topics that differ in other characters, or in `.` and `/`, have one name
+                stem = re.sub(r"[^\w.-]", "_", row[0].name)
+                names = itertools.chain([stem], (f"{stem}_{i}" for i in itertools.count(2)))
+                taken = {file.name.lower() for file in files}       # some disks do not tell upper from lower case
+                files[path / next(f"{name}.csv" for name in names if f"{name}.csv".lower() not in taken)] = row
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
                 self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)

@@ -9,8 +9,9 @@
     int64 t  # t [ns] time of validity
 
 A line is `<type> <lower-case name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<n>, ...}`;
-unit, shape, meaning and values are optional. ROS 2 requires lower-case names and one-dimensional arrays; the
-comment has the original ones. A definition from elsewhere, without such comments, has its ROS names and no units.
+unit, shape, meaning and values are optional, and only integers have values; `{}` stands behind a meaning that ends with
+a brace. ROS 2 requires lower-case names and one-dimensional arrays; the comment has the original ones.
+A definition from elsewhere, without such comments, has its ROS names and no units.
 
 Fledge reads only messages of fixed size without padding: they are C structs, byte for byte.
 """
@@ -41,7 +42,7 @@ _FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d+)\])?"
 _COMMENT = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s+\[(?P<unit>[^\]]*)\])?"
                       r"(?:\s+(?P<meaning>.*))?")
 _SHAPE = re.compile(r"\((\d+(?:\s*,\s*\d+)*),?\)\s*")
-_VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*)\}\s*$")
+_VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*|)\}\s*$")
 
 
 class DefinitionError(ValueError):
@@ -217,9 +218,9 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
             true_shape = tuple(int(n) for n in dims[1].split(","))
             if prod(true_shape) == prod(shape):
                 shape, meaning = true_shape, meaning[dims.end():]
-        enum = _VALUES.search(meaning)
+        enum = _VALUES.search(meaning) if isinstance(of, str) and of[0] in "iu" else None
         if enum:
             meaning = meaning[:enum.start()]
-            pairs = (pair.split("=") for pair in enum[1].split(","))
+            pairs = (pair.split("=") for pair in enum[1].split(",") if pair)
             values = {name.strip(): int(value) for name, value in pairs}
     return Member(name, of, shape, unit, meaning, values)
