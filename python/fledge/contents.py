@@ -13,7 +13,6 @@ import hashlib
 import json
 import os
 import re
-import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -82,6 +81,8 @@ def _look(path: str, before: list[int | str] | None = None) -> list[int | str] |
 
 def _made_of(folder: Path) -> dict[str, set[str]]:
     """Path of each input outside the folder -> what Ninja makes of it: by the rules, and by what compilers included."""
+    import subprocess       # what reads only needs none
+
     made: dict[str, set[str]] = defaultdict(set)
 
     def whole(path: str) -> str:
