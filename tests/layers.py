@@ -102,9 +102,10 @@ PARTS = [
     ("progress folders frames elf serial_line contents", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "
      "boards; Ninja by contents"),
+    ("attitude", "representations of attitudes"),
     ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
     ("records", "recorded fields by name, of a run in memory or of a file"),
-    ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
+    ("objects archive commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),
     ("fmi", "FMUs of others: the archive, unpacked with care, and the description of the model"),
     ("records.activity", "modes, events, commands and resets of a run, from its record"),

@@ -209,7 +209,7 @@ def _normal(text: str, folder: Path) -> str:
                   text)
     text = re.sub(r"\(\d[\d.]* [kM]B\)", "(... kB)", text)
     text = re.sub(r"\bBDot and \d+ more\b", "BDot and ... more", text)     # all modules of Fledge
-    text = re.sub(r"(?m)^fledge: building .* once\n", "", text)
+    text = re.sub(r"(?m)^(fledge: building .* once|the server's loop was blocked .*)\n", "", text)
     return re.sub(r"\b0x[0-9a-f]{8,}", "0x...", text)
 
 

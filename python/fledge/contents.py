@@ -4,8 +4,9 @@ tar, rsync and dpkg do.
 
 Example:
 
-    with by_contents(folder):
-        subprocess.run(["ninja", "-C", folder])
+    from pathlib import Path
+    from fledge.contents import changed
+    changed(Path("build/release"))      # the inputs that Ninja would not notice: []
 """
 from __future__ import annotations
 

@@ -93,8 +93,8 @@ def test_a_damaged_archive_is_read_as_far_as_it_is_good_and_written_on(tmp_path,
         file = r.choice(sorted(whole))
         file.write_bytes(damaged(whole[file], r))
         history = database.history(folder, "one", "/S/P")
-        good = [packet for session in history.sessions() for batch in history.replay(session=session["session"])
-                for _, _, packet in batch]
+        good = [found for session in history.sessions() for batch in history.replay(session=session["session"])
+                for _, _, found in batch]
         first = 0 if "000001" in file.name else 1000
         other = [packet(i, bytes([i % 250, 1])) for i in range(1000 - first, 1300 - first)]
         assert set(other) <= set(good), "the file that is whole is read whole"
