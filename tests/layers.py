@@ -101,7 +101,7 @@ PARTS = [
     ("units elements errors disk columns display interruption programs", "what all others need"),
     ("progress folders frames elf serial_line contents", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "
-     "boards; Ninja by contents"),
+     "boards; builds that follow contents, not times"),
     ("attitude", "representations of attitudes"),
     ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
     ("records", "recorded fields by name, of a run in memory or of a file"),

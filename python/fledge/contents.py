@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ninja by contents: it compares times, so it misses a source that another one of an older time replaces, as `cp -p`,
-tar, rsync and dpkg do.
+"""Builds by Ninja that follow contents. Ninja itself compares times, so it misses a source that `cp -p`, tar, rsync or
+dpkg replaces by one of an older time.
 
 Example:
 

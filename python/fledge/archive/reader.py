@@ -335,10 +335,9 @@ class Archive(Records[Channel]):
                head: bool = True) -> list[Path]:
         """Write CSV; returns the paths written.
 
-        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`, with `_2` behind the name
-        of an earlier topic; a
-        path that ends in .csv takes exactly one topic. The first column is the time in seconds,
-        exact to the nanosecond; numbers are written such that reading them gives the same bits (in
+        Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`, whose name gets `_2`
+        where another topic has it already; a path that ends in .csv takes exactly one topic. The first column is the
+        time in seconds, exact to the nanosecond; numbers are written such that reading them gives the same bits (in
         pandas, with float_precision="round_trip");
         headings carry the units: "sigma_BR[0] [-]". Cells of a message that was never written are
         empty. topics, head: as for `frame`; the last columns are "valid_at [s]"
