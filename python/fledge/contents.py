@@ -10,7 +10,6 @@ Example:
 """
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
@@ -75,6 +74,8 @@ def _look(path: str, before: list[int | str] | None = None) -> list[int | str] |
         now: list[int | str] = [status.st_mtime_ns, status.st_ctime_ns, status.st_size]
         if before and before[:-1] == now:
             return before
+        import hashlib      # it would delay every command
+
         return [*now, hashlib.blake2b(Path(path).read_bytes(), digest_size=16).hexdigest()]
     except OSError:
         return None

@@ -49,15 +49,18 @@ def set_stops(handler: signal._HANDLER) -> None:
 
 @contextmanager
 def delayed_stops() -> Iterator[None]:
-    """Ctrl-C and SIGTERM take effect after the block."""
+    """Ctrl-C and SIGTERM take effect after the block, as they did before it."""
     caught: list[int] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     set_stops(lambda number, _: caught.append(number))
     try:
         yield
     finally:
-        set_stops(stop)
+        for number, handler in before.items():
+            if handler is not None:     # one of C
+                signal.signal(number, handler)
     if caught:
-        stop(caught[0])
+        signal.raise_signal(caught[0])
 
 
 # --- a tool ----------------------------------------------------------------------------------------

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
+import signal
+
+import pytest
 
 from fledge.launcher import tools
 
@@ -19,3 +22,13 @@ def test_the_last_line_of_a_log_is_its_progress(tmp_path):
     log = tmp_path / "a.log"
     log.write_bytes(b"one\n" + 9000 * b"x" + b"\n10%\rtwo\xff")
     assert tools.last_line(log) == "10%two\ufffd"
+
+
+def test_a_signal_during_a_tool_takes_effect_after_it_as_it_did_before():
+    """Of whoever calls it: a program of Python gets its KeyboardInterrupt."""
+    before, ended = signal.getsignal(signal.SIGINT), False
+    with pytest.raises(KeyboardInterrupt):
+        with tools.delayed_stops():
+            signal.raise_signal(signal.SIGINT)
+            ended = True
+    assert ended and signal.getsignal(signal.SIGINT) == before == signal.default_int_handler
