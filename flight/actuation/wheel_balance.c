@@ -61,8 +61,9 @@ void wheel_balance_update(WheelBalance *m, Tick t)
 
     double u[WHEELS_MAX], null[WHEELS_MAX] = {0.0};
     const Head wanted = m->in.wanted.head;
-    int balances = of_speeds != QUALITY_NONE && !data_lost(t, data_time(m->in.speeds.head, t.t), m->par.hold) &&
-                   !(head_written(wanted) && data_lost(t, data_time(wanted, t.t), m->par.hold));
+    const int wanted_lost = head_written(wanted) && data_lost(t, data_time(wanted, t.t), m->par.hold);
+    int balances =
+        of_speeds != QUALITY_NONE && !data_lost(t, data_time(m->in.speeds.head, t.t), m->par.hold) && !wanted_lost;
     if (balances) {
         null_motion(m, null);
     }

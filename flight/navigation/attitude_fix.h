@@ -93,7 +93,8 @@ static inline void fix_write(StarAttitude *attitude, AttitudeFixState *state, co
     const Vec3 near_BN = mrp_short(sigma_BN);
     Quality quality = QUALITY_DEGRADED;
     /* undecided: a guard; no inputs are known at which this alone is not finite */
-    if (finding == FIX_SOUND && !(vec_finite(near_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit))) {
+    const int finite = vec_finite(near_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit);
+    if (finding == FIX_SOUND && !finite) {
         finding = FIX_INVALID;
     }
     if (finding == FIX_SOUND) {

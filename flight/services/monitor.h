@@ -67,7 +67,7 @@ static inline int monitor_wrong(const Monitor *monitor, MonitorMemory *memory, c
     memory->last = value;
     switch (monitor->kind) {
     case MONITOR_LIMITS: return !(value >= monitor->low && value <= monitor->high);
-    case MONITOR_DELTA: return !first && !(change >= monitor->low && change <= monitor->high);
+    case MONITOR_DELTA: return first ? 0 : !(change >= monitor->low && change <= monitor->high);
     case MONITOR_EXPECTED: return !(value >= monitor->low && value <= monitor->low);
     case MONITOR_BITS: return ((uint32_t)(int64_t)value & monitor->bits) != 0u;
     default: return 0;

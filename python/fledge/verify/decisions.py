@@ -18,8 +18,10 @@ import os
 import re
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,8 +36,12 @@ VERSIONS = ("19", "18")             # of LLVM, as in cmake/by_clang.sh
 UNDECIDED = re.compile(r"/\* undecided: (.*?)\*/", re.S)
 BLANK = re.compile(r"/\*.*?\*/|//[^\n]*", re.S)
 
+JOINED = re.compile(r"[\s()!\\]*(&&|\|\|)[\s()!\\]*")
+
+EXPANSION = 1                       # the kind of a region where a macro is used
 OF_SEVERAL = 6                      # the kind of a branch that is a condition of a decision that has several
 Place = tuple[int, int, int, int]       # first line and column, last line and column behind it
+Places = tuple[Place, ...]          # of a condition: in its source, then in the macro used there, and so on
 
 
 @dataclass
@@ -179,81 +185,198 @@ def _run(words: Sequence[str | Path]) -> str:
 # --- what they say ---------------------------------------------------------------------------------
 
 def decisions(functions: Sequence[Mapping[str, Any]], roots: Sequence[Path], whole: bool) -> dict[str, File]:
-    """Of the functions of `llvm-cov export`. An inline function counts once, over all sources that have it: what one
-    of them shows is shown. Of a header, only functions that ran count, of a source that ran all of them."""
-    ways: dict[tuple[str, Place], list[int]] = {}       # how often each condition was true and false
-    pairs: dict[tuple[str, Place], bool] = {}           # whether each condition of several has a pair
-    ran: set[str] = set()
-    used: dict[tuple[str, Place], bool] = {}            # whether the function of a condition ran
+    """Of the functions of `llvm-cov export`. A condition in a macro counts wherever the macro is used. An inline
+    function counts once, over all sources that have it: what one of them shows is shown. Of a header, only functions
+    that ran count, of a source that ran all of them."""
+    found: dict[tuple[Path, Places, int], _Seen] = {}
+    ran: set[Path] = set()
+    sources = _Sources()
     for function in functions:
-        names = [_name(Path(file), roots) for file in function["filenames"]]
         if function["count"]:
-            ran.add(names[0])
-        branches: dict[int, set[Place]] = {}     # that are conditions of several
-        for a, b, c, d, true, false, file, _, kind in function["branches"]:
-            place = (a, b, c, d)
-            if kind == OF_SEVERAL:
-                branches.setdefault(file, set()).add(place)
-            seen = ways.setdefault((names[file], place), [0, 0])
-            seen[0] += true
-            seen[1] += false
-            used[names[file], place] = used.get((names[file], place), False) or function["count"] > 0
-        # Innermost first, for a condition may have a decision within. In which file a record lies, it does not say.
-        for a, b, c, d, _, _, shown, *_ in sorted(function["mcdc_records"], key=lambda m: (m[2] - m[0], m[3] - m[1])):
-            for file, places in branches.items():
-                inner = sorted(place for place in places if (a, b) <= place[:2] and place[2:] <= (c, d))
-                if len(inner) == len(shown):
-                    places.difference_update(inner)
-                    for place, pair in zip(inner, shown):
-                        pairs[names[file], place] = pairs.get((names[file], place), False) or pair
-                    break
+            ran.add(Path(function["filenames"][0]))
+        alike: Counter[tuple[Path, Places]] = Counter()     # clang places what a macro's argument holds at its name
+        for leaf in _leaves(function, sources):
+            alike[leaf.source, leaf.places] += 1
+            seen = found.setdefault((leaf.source, leaf.places, alike[leaf.source, leaf.places]), _Seen(leaf))
+            seen.true += leaf.true
+            seen.false += leaf.false
+            seen.pair = seen.pair or leaf.pair
+            seen.used |= function["count"] > 0
     files: dict[str, File] = {}
     texts: dict[str, list[str]] = {}
-    for (name, place), (true, false) in sorted(ways.items()):
-        if not name or not whole and not (used[name, place] if name.endswith(".h") else name in ran):
+    for (source, places, _), seen in sorted(found.items(), key=lambda item: item[0]):
+        name = _name(source, roots)
+        if not name or not whole and not (seen.used if name.endswith(".h") else source in ran):
             continue
-        if name not in texts:
-            path = next(path for root in roots if (path := root / name).exists())
-            texts[name] = path.read_text(encoding="utf-8").splitlines()
-        text = _text(texts[name], place)
-        if re.search(r"\bswitch \($", texts[name][place[0] - 1][:place[1] - 1]):
+        texts[name] = lines_ = sources[source]
+        line, column, *_ = places[0]
+        text = _text(lines_, places[0])
+        if len(places) > 1:
+            text = f"{_text(sources[seen.leaf.text_in], places[-1])} in {text}"
+        elif re.search(r"\bswitch \($", lines_[line - 1][:column - 1]):
             text = f"default of {text}"     # a switch that has none: its value is no case
-        files.setdefault(name, File()).conditions.append(Condition(
-            place[0], place[1], text, _missing(text, true, false, pairs.get((name, place), True))))
+        files.setdefault(name, File()).conditions.append(
+            Condition(line, column, text, _missing(text, seen.true, seen.false, seen.pair)))
     for name, file in files.items():
-        for reason, lines_ in _reasons(texts[name]):
-            covered = [condition for condition in file.conditions if condition.line in lines_]
+        for reason, lines_of in _reasons(texts[name]):
+            covered = [condition for condition in file.conditions if condition.line in lines_of]
             # A comment is about those of its statement that do not decide; about all, if all decide.
             for condition in [condition for condition in covered if condition.missing] or covered:
                 condition.reason = reason
     return files
 
 
-def _missing(text: str, true: int, false: int, pair: bool) -> str:
+@dataclass(eq=False)
+class _Leaf:
+    """A condition of one function."""
+    true: int
+    false: int
+    several: bool                   # one of several, of whose pairs clang keeps a record
+    at: dict[int, Places]           # number of the file where it stands, or a macro that holds it -> places from there
+    source: Path                    # of the last of these, and of the first
+    text_in: Path
+    pair: bool | None = True        # None: nothing has counted pairs
+
+    @property
+    def stands_in(self) -> int:
+        return next(iter(self.at))
+
+    @property
+    def places(self) -> Places:
+        return next(reversed(self.at.values()))
+
+
+@dataclass
+class _Seen:
+    """A condition of all functions that have it."""
+    leaf: _Leaf
+    true: int = 0
+    false: int = 0
+    pair: bool | None = None
+    used: bool = False              # whether a function ran
+
+
+class _Sources(dict[Path, list[str]]):
+    """The lines of sources; none of those that cannot be read."""
+
+    def __missing__(self, path: Path) -> list[str]:
+        try:
+            self[path] = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            self[path] = []
+        return self[path]
+
+
+def _leaves(function: Mapping[str, Any], sources: _Sources) -> list[_Leaf]:
+    """The conditions of a function, each with whether a pair shows that it decides."""
+    files = [Path(file) for file in function["filenames"]]
+    uses = {inner: (file, (a, b, c, d)) for a, b, c, d, _, file, inner, kind in function["regions"]
+            if kind == EXPANSION}
+    leaves = []
+    for a, b, c, d, true, false, stands_in, _, kind in function["branches"]:
+        file, at = stands_in, {stands_in: ((a, b, c, d),)}
+        while file in uses:
+            places = at[file]
+            file, place = uses[file]
+            at[file] = (place, *places)
+        leaves.append(_Leaf(true, false, kind == OF_SEVERAL, at, files[file], files[stands_in]))
+    # A record does not say in which file it lies: there, as many conditions are left as it has, but for constant ones,
+    # which are no branches. Innermost first, for a condition may have a decision within, and in its macro this may be
+    # longer. The records of one macro stand in the order of its uses.
+    left = [leaf for leaf in leaves if leaf.several]
+    records = sorted(function["mcdc_records"], key=lambda m: (m[2] - m[0], m[3] - m[1]))
+    while fit := _fit(records, left):
+        record, inner = fit
+        shown = record[-1]
+        constants = len(shown) - len(inner)     # nothing shows that they decide, and which ones they are is not known
+        first = min(inner, key=lambda leaf: leaf.places)
+        # A record begins with the condition that is evaluated first; the others stand in the order of the branches.
+        for i, leaf in enumerate([first, *(leaf for leaf in inner if leaf is not first)]):
+            leaf.pair = shown.count(False) == constants if constants else shown[i]
+            left.remove(leaf)
+        records.remove(record)
+    for leaf in [*left, *_unrecorded(leaves, files, sources)]:
+        leaf.pair = None
+    return leaves
+
+
+def _fit(records: Sequence[Sequence[Any]], left: Sequence[_Leaf]) -> tuple[Sequence[Any], list[_Leaf]] | None:
+    """A record with the conditions that it is about. Those of a source are looked for before those of its macros, for
+    a macro that is a decision elsewhere may be a part of one here."""
+    depths: dict[int, set[int]] = {}
+    for leaf in left:
+        for depth, file in enumerate(reversed(leaf.at)):
+            depths.setdefault(depth, set()).add(file)
+    most = max((len(record[-1]) for record in records), default=0)
+    for depth, constants in product(sorted(depths), range(most)):
+        for record in records:
+            inside = ([leaf for leaf in left if file in leaf.at and _within(leaf.at[file][0], record[:4])]
+                      for file in sorted(depths[depth]))
+            fits = [inner for inner in inside if inner and len(inner) + constants == len(record[-1])]
+            if fits:
+                return record, min(fits, key=lambda inner: max(leaf.stands_in for leaf in inner))
+    return None
+
+
+def _unrecorded(leaves: Sequence[_Leaf], files: Sequence[Path], sources: _Sources) -> set[_Leaf]:
+    """Conditions that && or || joins and that clang takes for single ones: it warns of such a decision, and counts no
+    pairs."""
+    found = set()
+    single = [leaf for leaf in leaves if not leaf.several]
+    for file in {file for leaf in single for file in leaf.at}:
+        of = [(leaf.at[file][0], leaf) for leaf in single if file in leaf.at]
+        places = sorted({place for place, _ in of})
+        text = sources[files[file]]
+        for place in places:
+            end = _end(text, place)
+            second = next((other for other in places if other[:2] >= end), None)
+            if second and JOINED.fullmatch(BLANK.sub("", _between(text, end, second[:2]))):
+                found.update(leaf for other, leaf in of if _within(other, place) or _within(other, second))
+    return found
+
+
+def _within(place: Place, outer: Sequence[int]) -> bool:
+    return tuple(outer[:2]) <= place[:2] and place[2:] <= tuple(outer[2:])
+
+
+def _missing(text: str, true: int, false: int, pair: bool | None) -> str:
     if re.match(r"case\b|default\b", text):
         return "" if true else "never taken"
     if not true and not false:
         return "never evaluated"
     if not true or not false:
         return "never true" if false else "never false"
+    if pair is None:
+        return "clang counts no pairs here: a condition of this decision has a decision within; give that a name"
     return "" if pair else "true and false, and no two evaluations differ in it alone"
 
 
-def _text(lines: Sequence[str], place: Place) -> str:
-    a, b, c, d = place
-    part = list(lines[a - 1:c])
-    rest, part[-1] = part[-1][d - 1:], part[-1][:d - 1]
-    part[0] = part[0][b - 1:]
-    if word := re.match(r"\w*", rest):      # a macro, of which clang names the beginning alone
-        part[-1], rest = part[-1] + word[0], rest[word.end():]
-    if rest.startswith("("):
+def _end(lines: Sequence[str], place: Place) -> tuple[int, int]:
+    """Line and column behind it, with the arguments of a macro, of which clang names the beginning alone."""
+    _, _, line, column = place
+    rest = "\n".join([lines[line - 1][column - 1:], *lines[line:line + 20]]) if line <= len(lines) else ""
+    end = re.match(r"\w*", rest).end()      # type: ignore[union-attr]
+    if rest.startswith("(", end):
         depth = 0
-        for at, letter in enumerate(rest):
+        for at, letter in enumerate(rest[end:], end):
             depth += (letter == "(") - (letter == ")")
             if not depth:
-                part[-1] += rest[:at + 1]
+                end = at + 1
                 break
-    return " ".join(BLANK.sub(" ", "\n".join(part)).split())
+    passed = rest[:end].split("\n")
+    return line + len(passed) - 1, len(passed[-1]) + (column if len(passed) == 1 else 1)
+
+
+def _between(lines: Sequence[str], first: tuple[int, int], last: tuple[int, int]) -> str:
+    part = list(lines[first[0] - 1:last[0]])
+    if part:
+        part[-1] = part[-1][:last[1] - 1]
+        part[0] = part[0][first[1] - 1:]
+    return "\n".join(part)
+
+
+def _text(lines: Sequence[str], place: Place) -> str:
+    return " ".join(BLANK.sub(" ", _between(lines, place[:2], _end(lines, place))).split())
 
 
 def _reasons(lines: Sequence[str]) -> list[tuple[str, range]]:
