@@ -25,7 +25,7 @@ def test_the_last_line_of_a_log_is_its_progress(tmp_path):
 
 
 def test_a_signal_during_a_tool_takes_effect_after_it_as_it_did_before():
-    """Of whoever calls it: a program of Python gets its KeyboardInterrupt."""
+    """Of its caller: a program of Python gets its KeyboardInterrupt."""
     before, ended = signal.getsignal(signal.SIGINT), False
     with pytest.raises(KeyboardInterrupt):
         with tools.delayed_stops():
