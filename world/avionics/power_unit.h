@@ -63,6 +63,7 @@ typedef struct PowerUnit {
         uint32_t number;         ///< [-] of the last command
         uint32_t latched;        ///< [-] 1: the latch-up is there
         uint32_t empty;          ///< [-] 1: the battery is empty
+        uint64_t saturated;      ///< [-] updates in which it was empty
     } mem;
 } PowerUnit;
 

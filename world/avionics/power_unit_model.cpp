@@ -78,6 +78,7 @@ void PowerUnitModel::update(Tick tick)
         const double energy = mem.energy + (charging - mem.drawn) * tick_seconds(tick.dt);
         mem.energy = std::clamp(energy, 0.0, par.battery);
         mem.empty = mem.energy == 0.0 || (mem.empty && mem.energy < 0.05 * par.battery);
+        mem.saturated += mem.empty;
     }
 
     // volts = source - inner (volts sum 1/load + latch-up)

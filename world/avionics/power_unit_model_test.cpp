@@ -80,12 +80,27 @@ TEST(PowerUnit, ABatteryGivesWhatItHoldsAndWhatPanelsBring)
         steps++;
     }
     EXPECT_NEAR(0.1 * steps * 40.0, 50.0, 4.1);
+    EXPECT_NEAR(static_cast<double>(u.i.mem.saturated), steps + 1, 1.0) << "health counts them";
     EXPECT_NEAR(u.i.out.telemetry.bus, 1000 * 30.0 * 10.0 / 10.5, 1.0);
     // It is never more than full.
     u.i.in.array.power = 1e6;
     u.step();
     EXPECT_EQ(u.i.mem.energy, 1000.0);
     EXPECT_EQ(u.i.out.telemetry.battery, 65535);
+}
+
+TEST(PowerUnit, AnEmptyBatteryIsCountedWithAllLoadsOff)
+{
+    Unit u;
+    u.i.par.battery = 1000.0;
+    u.i.par.charge = 0.0;
+    u.model.reset(u.t);
+    u.command(0);
+    for (int step = 0; step < 7; step++) {
+        u.step();
+    }
+    EXPECT_EQ(u.i.mem.saturated, 7u);
+    EXPECT_EQ(u.i.out.telemetry.bus, 0);
 }
 
 TEST(PowerUnit, CurrentsFollowOhmsLaw)

@@ -61,6 +61,8 @@ public:
     /// Throws SetupError on what `checked` refuses, and if a name is listed twice.
     void add_gravity(const GravityBody &body) { attraction_.add(body); }
     const std::vector<GravityBody> &gravity() const { return attraction_.bodies(); }
+    /// As Attraction::expect_orbit.
+    void expect_orbit(const GravityBody &about) { attraction_.expect_orbit(about, view(interface_.par.r_BN_N)); }
 
     /// From now on the bodies are where the sky has them.
     void set_sky(std::shared_ptr<const Sky> sky) override { attraction_.set_sky(std::move(sky)); }

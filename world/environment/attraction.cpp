@@ -44,6 +44,12 @@ std::string name_of(const GravityBody &body)
 void Attraction::add(const GravityBody &body)
 {
     GravityBody good = checked(body);
+    // From a boulder of a few metres to far beyond the Sun; km^3/s^2 in the place of m^3/s^2 lie outside.
+    const double at_surface = good.mu / (good.radius * good.radius); // [m/s^2]
+    if (good.radius > 0.0 && !(at_surface >= 1e-6 && at_surface <= 1e4)) {
+        throw sim::SetupError("gravity body " + name_of(good) + ": mu in m^3/s^2 and the radius in m must give a " +
+                              "gravity of 1e-6 to 1e4 m/s^2 there; found " + sim::format_number(at_surface));
+    }
     for (const GravityBody &other : bodies_) {
         if (!good.name.empty() && other.name == good.name) {
             throw sim::SetupError("spacecraft: the gravity of " + good.name + " is listed twice");
@@ -69,12 +75,38 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
         const Vector3d &r_PN_N = sky_ ? sources_.back().r_PN_N : body.r_PN_N;
         const double distance = (r_BN_N - r_PN_N).norm();
         if (!(distance > *body.surface)) {
+            require_orbit_body(r_BN_N);
             throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) + ", of radius " +
                                   sim::format_number(*body.surface) + " m; found a distance of " +
                                   sim::format_number(distance) + " m from its centre" +
                                   (distance == 0.0 ? ": give the spacecraft an orbit" : ""));
         }
     }
+    require_orbit_body(r_BN_N);
+}
+
+void Attraction::require_orbit_body(const Vector3d &r_BN_N) const
+{
+    if (!orbit_ || orbit_->r_BN_N != r_BN_N) {
+        return;
+    }
+    const GravityBody &about = orbit_->about;
+    const std::string what = craft_ + ".orbit: it is about " + name_of(about);
+    std::string names;
+    for (const GravityBody &body : bodies_) {
+        const bool same = about.naif && body.naif ? *about.naif == *body.naif : about.name == body.name;
+        // Each file has a mu of its own, which agree to 1e-7, and rounded ones to 1e-6.
+        if (same && !(std::abs(body.mu - about.mu) <= 1e-5 * about.mu)) {
+            throw sim::SetupError(what + " with mu = " + sim::format_number(about.mu) + " m^3/s^2, and " + craft_ +
+                                  ".gravity has " + sim::format_number(body.mu) + ": give both the same body");
+        }
+        if (same || (about.naif && body.naif && is_system(*body.naif) && system_of(*about.naif) == *body.naif)) {
+            return;
+        }
+        names += (names.empty() ? "" : ", ") + name_of(body);
+    }
+    throw sim::SetupError(what + ", which does not attract the spacecraft: " + craft_ + ".gravity " +
+                          (names.empty() ? "is empty" : "has " + names));
 }
 
 Attraction::Source Attraction::find(const GravityBody &body) const

@@ -24,15 +24,19 @@ namespace fledge::world {
 
 class Attraction {
 public:
-    /// Throws SetupError on what `checked` refuses, and if a name is listed twice.
+    /// Throws SetupError on what `checked` refuses, if a name is listed twice, and on a mu that is none of the radius.
     void add(const GravityBody &body);
     const std::vector<GravityBody> &bodies() const { return bodies_; }
 
     void set_sky(std::shared_ptr<const Sky> sky) { sky_ = std::move(sky); }
     const std::shared_ptr<const Sky> &sky() const { return sky_; }
 
+    /// A spacecraft that begins at r_BN_N [m] was meant to be on an orbit about this body.
+    void expect_orbit(const GravityBody &about, const Eigen::Vector3d &r_BN_N) { orbit_ = {about, r_BN_N}; }
+
     /// Find every body at time 0. `craft` is what errors call the spacecraft. Throws SetupError if
-    /// a body is not in the sky, or if the position r_BN_N lies in one.
+    /// a body is not in the sky, if the position r_BN_N lies in one, or if it is that of an orbit about a body that
+    /// does not attract the spacecraft, or does so with another mu.
     void prepare(const std::string &craft, const Eigen::Vector3d &r_BN_N);
 
     /// A step of the integration begins at `start`, with this position [m] and velocity [m/s] of the spacecraft.
@@ -94,6 +98,12 @@ private:
         std::optional<Tide> tide;
     };
 
+    struct Orbit {
+        GravityBody about;
+        Eigen::Vector3d r_BN_N;
+    };
+
+    void require_orbit_body(const Eigen::Vector3d &r_BN_N) const;
     Source find(const GravityBody &body) const;
     void require(int target, sim::Ns from, sim::Ns to) const;
     void place(Source &source, sim::Ns start, double tau) const;
@@ -113,6 +123,7 @@ private:
     std::vector<GravityBody> bodies_;
     std::vector<Source> sources_; // in the same order; none without a sky
     std::shared_ptr<const Sky> sky_;
+    std::optional<Orbit> orbit_;
     sim::Ns covered_ = 0;
 
     Knot last_;

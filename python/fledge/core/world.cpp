@@ -169,6 +169,10 @@ void bind_world(py::module_ &m)
         [](const AnyInstance &object, const BodyFields &body) { craft_of(object).add_gravity(body_from(body)); },
         "object"_a, "body"_a);
     m.def(
+        "expect_orbit",
+        [](const AnyInstance &object, const BodyFields &body) { craft_of(object).expect_orbit(body_from(body)); },
+        "object"_a, "body"_a, "Its initial position is that of an orbit about the body.");
+    m.def(
         "gravity", [](const AnyInstance &object) { return fields_of(craft_of(object).gravity()); }, "object"_a,
         "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays) of each body");
 

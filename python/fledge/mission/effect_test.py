@@ -213,6 +213,17 @@ def test_an_implausible_value_warns_with_what_may_be_meant(make, text, warned):
     assert re.match("implausible: " + text, found)
 
 
+def test_a_period_in_nanoseconds_warns_before_the_flight_at_its_line(warned):
+    sim = craft()
+    sim.world.probe, sim.world.other = (world.Spacecraft(mass=1, I_B=1) for _ in range(2))
+    exec(compile("w.task('slow', every=100_000_000, run=[w.probe])\nw.task('rare', every=10 * 86400, run=[w.other])",
+                 "world.py", "exec"), {"w": sim.world})
+    with pytest.warns(UserWarning) as found:
+        sim.run(1)
+    assert [(str(each.message), each.filename, each.lineno) for each in found] == [
+        ("implausible: world.slow runs every 1157.41 days; every is in seconds", "world.py", 1)]
+
+
 def test_values_with_a_unit_and_plausible_ones_do_not_warn(warned):
     Orbit(world.EARTH, altitude=120 * km)
     Orbit(world.MOON, altitude=20 * km)

@@ -582,6 +582,7 @@ class Process:
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
                                     priority, run)
         self._tasks[name] = Task(name)
+        self.declare(f"{self.name}.{name}", caller())
         schedule(self)
         return self._tasks[name]
 

@@ -37,6 +37,7 @@ RULES = (
     Rule("rad/s", "omega_.*|rates?", 1.0, "{x:g} rad/s is {deg:.4g} deg/s; for degrees write {x:g} * deg / s"),
     Rule("m", "r_(.B_)?B|center_B", 30.0, "{x:g} m is far from the body's origin; for millimetres write {x:g} * mm"),
 )
+LONGEST = 864_000_000_000_000   # [ns] of a task's period: ten days
 LOWEST = 0.01               # of a body's radius: an orbit nearer to its surface meets its atmosphere or its mountains
 GYRATION = (1e-3, 100.0)    # [m] the root of inertia by mass: of a chip, of a station
 
@@ -73,8 +74,13 @@ def _of_instance(instance: _core.Module | _core.Model) -> Iterator[str]:
 
 
 def check(processes: Iterable[Any]) -> None:
-    """Warn of implausible parameters, at the lines that made their modules and models."""
+    """Warn of implausible parameters, at the lines that made their modules and models, and of tasks that run once."""
     for process in processes:
+        for task in process.tasks:
+            if task.period > LONGEST:
+                path = f"{process.name}.{task.name}"
+                _warn(f"implausible: {path} runs every {task.period / 86_400e9:g} days; every is in seconds",
+                      process.declared_at(path) or caller())
         for name, instance in process.instances.items():
             for text in _of_instance(instance):
                 _warn(f"implausible: {text}", process.declared_at(name) or caller())

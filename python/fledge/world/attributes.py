@@ -64,6 +64,7 @@ def _set_orbit(craft: _core.Model, orbit: Any) -> None:
     orbit.require_outside(f"{_core.path(craft)}.orbit")
     _orbits[craft] = orbit
     craft.r_BN_N, craft.v_BN_N = _state(craft, orbit)
+    _core.expect_orbit(craft, _fields(orbit.body, f"{_core.path(craft)}.orbit"))
 
 
 def _state(craft: _core.Model, orbit: Orbit) -> tuple[list[float], list[float]]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fledge import Orbit, SetupError, world
+from fledge import Orbit, SetupError, Simulation, world
 from fledge.files import spk
 from fledge.units import day, deg, km, minute, s
 from fledge.world.sky_test import DE405, fly, real
@@ -172,3 +172,51 @@ def test_tides_need_the_earth_and_a_tide_system():
             make()
         assert words in str(error.value)
     assert repr(world.EARTH.harmonics(file, 4, tides="zero_tide")).endswith("degree 4, tides>")
+
+
+# --- orbits and gravity ------------------------------------------------------------------------------------------
+
+def flown(orbit, gravity, **craft):
+    sim = Simulation("fits")
+    sim.world.craft = world.Spacecraft(mass=1, I_B=1, gravity=gravity, orbit=orbit, **craft)
+    sim.world.task("dynamics", every=1 * s, run=[sim.world.craft])
+    return sim
+
+
+def about(body, **shape):
+    return Orbit(body, **(shape or {"altitude": 500 * km}))
+
+
+@pytest.mark.parametrize("words, orbit, gravity", [
+    (r"world.craft.orbit: it is about MARS, which does not attract the spacecraft: world.craft.gravity has EARTH, SUN$",
+     about(world.MARS), [world.EARTH, world.SUN.at([1.5e11, 0, 0])]),
+    ("it is about MARS, which does not attract the spacecraft: world.craft.gravity is empty$", about(world.MARS), []),
+    (r"it is about EARTH with mu = 398600441500000 m\^3/s\^2, and world.craft.gravity has 4e\+14: give both the same "
+     "body$", about(world.EARTH), [world.EARTH.with_mu(4e14)]),
+    (r"gravity body EARTH: mu in m\^3/s\^2 and the radius in m must give a gravity of 1e-6 to 1e4 m/s\^2 there; "
+     "found 9.79", about(world.EARTH), [world.EARTH.with_mu(398600.4418)]),
+    ("must give a gravity of 1e-6 to 1e4", about(world.EARTH), [world.Body("EARTH", 3.986e14, 6378.0)]),
+])
+def test_an_orbit_that_does_not_fit_gravity_is_refused_before_the_flight(words, orbit, gravity):
+    with pytest.raises(SetupError, match=words):
+        flown(orbit, gravity).run(1 * s)
+
+
+def test_an_orbit_and_gravity_may_have_the_same_body_from_two_sources():
+    """mu of files differ by 1e-7 or so; a mission gives its initial state otherwise; a body has its shape in one."""
+    flown(about(world.EARTH), [world.EARTH.with_mu(3.986004418e14)]).run(1 * s)
+    flown(about(world.EARTH), [world.EARTH.zonal(4)]).run(1 * s)
+    rock = world.Body("ROCK", 4.9, 245.0)
+    flown(about(rock, a=1 * km), [world.EARTH.at([1e9, 0, 0]), rock]).run(1 * s)
+    sim = flown(about(world.MARS), [world.EARTH])
+    sim.world.craft.r_BN_N = [7e6, 0, 0]
+    sim.world.craft.v_BN_N = [0, 7.5e3, 0]
+    sim.run(1 * s)
+
+
+@with_sky
+def test_the_system_of_a_planet_attracts_where_an_orbit_is_about_the_planet():
+    sky = world.Sky("2026-03-20T10:00:00", center=world.SUN)
+    flown(about(world.PLUTO, a=1e6 * km), [world.PLUTO_SYSTEM, world.SUN], sky=sky).run(1 * s)
+    with pytest.raises(SetupError, match="it is about PLUTO, which does not attract"):
+        flown(about(world.PLUTO, a=1e6 * km), [world.NEPTUNE_SYSTEM, world.SUN], sky=sky).run(1 * s)
