@@ -274,7 +274,8 @@ def _leaves(function: Mapping[str, Any], sources: _Sources) -> list[_Leaf]:
             if kind == EXPANSION}
     leaves = []
     for a, b, c, d, true, false, stands_in, _, kind in function["branches"]:
-        file, at = stands_in, {stands_in: ((a, b, c, d),)}
+        file = stands_in
+        at: dict[int, Places] = {file: ((a, b, c, d),)}
         while file in uses:
             places = at[file]
             file, place = uses[file]
@@ -321,7 +322,7 @@ def _fit(records: Sequence[Sequence[Any]], left: Sequence[_Leaf]) -> tuple[Seque
 def _unrecorded(leaves: Sequence[_Leaf], files: Sequence[Path], sources: _Sources) -> set[_Leaf]:
     """Conditions that && or || joins and that clang takes for single ones: it warns of such a decision, and counts no
     pairs."""
-    found = set()
+    found: set[_Leaf] = set()
     single = [leaf for leaf in leaves if not leaf.several]
     for file in {file for leaf in single for file in leaf.at}:
         of = [(leaf.at[file][0], leaf) for leaf in single if file in leaf.at]
