@@ -59,7 +59,7 @@ function(fledge_add_test program)
                 string(APPEND test .${program})     # a source of two programs
             endif()
             set_property(GLOBAL APPEND PROPERTY FLEDGE_TESTS ${test})
-            add_test(NAME ${test} COMMAND ${program} --source=${path})
+            add_test(NAME ${test} COMMAND ${program} --source=${path} --report=${test})
             set_tests_properties(${test} PROPERTIES TIMEOUT 1200 LABELS "gtest;${program}")
         else()      # what tests share may replace functions of the library, as `operator new`
             set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The main function of all tests in GoogleTest. A program holds the tests of a folder, and ctest knows each source by
 // itself: `PROGRAM --source=a/b_test.cpp` runs the cases of that source which GTEST_FILTER selects. Where GTEST_OUTPUT
-// names a folder, it writes their report into a file with the name of the source: a.b_test.xml. Temporary files of the
-// tests, and of what they start, are in a folder of this program, which it removes: another run, perhaps of another
-// user, writes the same names.
+// names a folder, `--report=a.b_test` puts their report into a.b_test.xml there: two programs may have a source.
+// Temporary files of the tests, and of what they start, are in a folder of this program, which it removes: another run,
+// perhaps of another user, writes the same names.
 #include <gtest/gtest.h>
 
 #include <fnmatch.h>
@@ -57,18 +57,19 @@ std::string cases_of(const std::string &source, const std::string &filter)
 
 int main(int argc, char **argv)
 {
-    constexpr std::string_view option = "--source=";
-    std::string source;
-    for (int i = 1; i < argc; i++) {
-        if (std::string_view(argv[i]).starts_with(option)) {
-            source = argv[i] + option.size();
+    const auto given = [&](std::string_view option) {
+        std::string value;
+        for (int i = 1; i < argc; i++) {
+            if (std::string_view(argv[i]).starts_with(option)) {
+                value = argv[i] + option.size();
+            }
         }
-    }
+        return value;
+    };
+    const std::string source = given("--source="), report = given("--report=");
     // GoogleTest opens the report, and makes tests with parameters, when it is initialised.
-    if (std::string &output = testing::GTEST_FLAG(output); !source.empty() && output.ends_with('/')) {
-        std::string name = source.substr(0, source.rfind('.'));
-        std::replace(name.begin(), name.end(), '/', '.');
-        output += name + ".xml";
+    if (std::string &output = testing::GTEST_FLAG(output); !report.empty() && output.ends_with('/')) {
+        output += report + ".xml";
     }
     testing::InitGoogleTest(&argc, argv);
     if (!source.empty()) {

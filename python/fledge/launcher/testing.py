@@ -193,14 +193,16 @@ def _flies_on_targets(path: str) -> bool:
 def tally(folder: Path, status: int) -> list[int]:
     """[passed, failed, skipped] of the reports in a folder in JUnit's format: ctest.xml or pytest.xml, and one of each
     program of GoogleTest, which ctest knows as one case. status: of the runner; if it failed but no case did (it
-    crashed, or could not load a file), one failure is counted."""
+    crashed, or could not load a file), one failure is counted, and so is a report that cannot be read."""
     counts = [0, 0, 0]
     reports = {path.stem: path for path in folder.glob("*.xml") if path.stat().st_size}
     for name, path in reports.items():
         try:
             cases = list(ElementTree.parse(path).getroot().iter("testcase"))
         except ElementTree.ParseError as error:
-            raise Failure(f"{path} cannot be read: {error}", 1) from None
+            say(f"{path} cannot be read: {error}")
+            counts[1] += 1
+            continue
         for case in cases:
             if not (name == "ctest" and case.get("name") in reports):
                 counts[_outcome(case)] += 1

@@ -12,3 +12,10 @@ def test_the_cases_of_a_program_of_googletest_count_and_a_crashed_one_counts_onc
         '</testsuites>')
     (tmp_path / "b.xml").touch()        # it did not live to write it
     assert tally(tmp_path, 8) == [2, 2, 2]
+
+
+def test_a_report_that_cannot_be_read_counts_as_a_failure_and_the_others_count(tmp_path, capsys):
+    (tmp_path / "a.xml").write_text('<testsuites><testcase name="one"/></testsuites></testsuites>')
+    (tmp_path / "b.xml").write_text('<testsuites><testcase name="one"/><testcase name="two"/></testsuites>')
+    assert tally(tmp_path, 0) == [2, 1, 0]
+    assert "a.xml cannot be read: not well-formed" in capsys.readouterr().err
