@@ -266,7 +266,19 @@ TimeSystem TimeSystem::read(const std::string &path)
         }
         system.steps_.push_back(step);
     }
+    system.path_ = path;
+    for (const Step &known : TimeSystem().steps_) {
+        if (!system.missing_ && !system.steps_.empty() && known.day > system.steps_.back().day) {
+            system.missing_ = known;
+        }
+    }
     return system;
+}
+
+void TimeSystem::refuse_missing() const
+{
+    throw sim::SetupError(path_ + ": has no leap second before " + format_date(date_of(missing_->day)) +
+                          ": UTC from then on needs a newer file");
 }
 
 std::int64_t TimeSystem::tdb_minus_tt(std::int64_t tt) const
@@ -296,6 +308,9 @@ std::int64_t TimeSystem::gps(Epoch epoch) const
 
 const TimeSystem::Step *TimeSystem::step_at(std::int64_t tai) const
 {
+    if (missing_ && tai >= missing_->begin() - second) { // the leap second itself is the last of the day before
+        refuse_missing();
+    }
     const Step *last = nullptr;
     for (const Step &step : steps_) {
         if (step.begin() <= tai) {
@@ -338,6 +353,9 @@ Epoch TimeSystem::epoch(const CalendarTime &time, TimeScale scale) const
         for (const Step &s : steps_) {
             step = s.day <= day ? &s : step;
             leap = leap || (s.day == day + 1 && &s != &steps_.front());
+        }
+        if (missing_ && day >= missing_->day) {
+            refuse_missing();
         }
         if (!step) {
             refuse_utc(shown);

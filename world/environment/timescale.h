@@ -62,7 +62,7 @@ public:
     TimeSystem();
 
     /// From a SPICE leap-seconds kernel (.tls). Throws SetupError with file and line if it is
-    /// damaged.
+    /// damaged. Where it ends before a leap second that is built in, UTC from that one on throws SetupError.
     static TimeSystem read(const std::string &path);
 
     /// From "2015-03-02T12:00:00", "2015-03-02 12:00:00.5 TDB", "2016-12-31T23:59:60Z",
@@ -98,9 +98,12 @@ private:
     };
 
     const Step *step_at(std::int64_t tai) const;
+    [[noreturn]] void refuse_missing() const;
     std::int64_t tdb_minus_tt(std::int64_t tt) const;
 
     std::vector<Step> steps_;
+    std::optional<Step> missing_;                ///< the first one that is built in and not in the file
+    std::string path_;                           ///< of the file
     std::int64_t tt_minus_tai_ = 32'184'000'000; ///< [ns]
     double K_ = 1.657e-3;                        ///< [s]     amplitude of TDB - TT
     double e_ = 1.671e-2;                        ///< [-]     eccentricity of the Earth's orbit

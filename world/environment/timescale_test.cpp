@@ -176,9 +176,26 @@ TEST(LeapSecondsKernel, NaifsAgreesWithWhatIsBuiltIn)
             EXPECT_EQ(read.epoch(time, TimeScale::utc), built_in.epoch(time, TimeScale::utc));
         }
     }
-    // It ends before the leap second at the end of 2016.
-    EXPECT_EQ(read.tai_minus_utc(read.epoch("2020-01-01")), 36);
     EXPECT_EQ(built_in.tai_minus_utc(built_in.epoch("2020-01-01")), 37);
+}
+
+TEST(LeapSecondsKernel, OneThatEndsBeforeAKnownLeapSecondIsRefusedFromThatOneOn)
+{
+    const TemporaryFile file("old.tls", "KPL/LSK\n\\begindata\nDELTET/DELTA_T_A = 32.184\nDELTET/K = 1.657D-3\n"
+                                        "DELTET/EB = 1.671D-2\nDELTET/M = ( 6.239996D0 1.99096871D-7 )\n"
+                                        "DELTET/DELTA_AT = ( 10, @1972-JAN-1 11, @1972-JUL-1 )\n\\begintext\n");
+    const TimeSystem old = TimeSystem::read(file.path()), built_in;
+    EXPECT_EQ(old.epoch("1972-12-31T23:59:59"), built_in.epoch("1972-12-31T23:59:59"));
+    EXPECT_EQ(old.text(built_in.epoch("1972-12-31T23:59:59.999999999")), "1972-12-31T23:59:59.999999999Z");
+    const std::string refused =
+        file.path() + ": has no leap second before 1973-01-01: UTC from then on needs a newer file";
+    const Epoch leap = built_in.epoch("1972-12-31T23:59:60");
+    EXPECT_EQ(error_of([&] { old.epoch("1973-01-01"); }), refused);
+    EXPECT_EQ(error_of([&] { old.text(leap); }), refused);
+    EXPECT_EQ(error_of([&] { old.tai_minus_utc(built_in.epoch("2020-01-01")); }), refused);
+    // What needs no UTC is as before.
+    EXPECT_EQ(old.epoch("2020-01-01 TDB"), built_in.epoch("2020-01-01 TDB"));
+    EXPECT_EQ(old.tai(leap), built_in.tai(leap));
 }
 
 TEST(LeapSecondsKernel, EachOfItsConstantsCounts)

@@ -66,9 +66,11 @@ def test_dates_go_there_and_back(sky):
 def test_a_leap_second_is_in_utc_and_not_in_the_run(sky):
     before = world.Sky("2016-12-31T23:59:59", center=world.SSB)
     assert [before.utc(t)[:20] for t in (1.5, 2.5)] == ["2016-12-31T23:59:60.", "2017-01-01T00:00:00."]
-    # A file that ends before it does not know it.
-    old = world.Sky("2016-12-31T23:59:59", center=world.SSB, leap_seconds=real("naif0011.tls"))
-    assert old.utc(1.5).startswith("2017-01-01T00:00:00.")
+    # A file that ends before it would be a second short from then on.
+    leaps = real("naif0011.tls")
+    old = world.Sky("2016-12-31T23:59:58", center=world.SSB, leap_seconds=leaps)
+    assert old.utc(1.5).startswith("2016-12-31T23:59:59.5")
+    refused(f"{leaps}: has no leap second before 2017-01-01: UTC from then on needs a newer file", lambda: old.utc(2.5))
 
 
 def test_states_are_relative_to_the_center_or_another_body(sky):
