@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from math import isfinite
 
 from fledge.errors import Failure, field, printable
 
@@ -145,10 +146,19 @@ def _csv(database: Database | None) -> Show:
     return show
 
 
+def _in_json(value: Any) -> Any:
+    """JSON has no word for a number that is not finite: the texts are those of Protocol Buffers in JSON, as Yamcs has."""
+    if isinstance(value, float) and not isfinite(value):
+        return "NaN" if value != value else "Infinity" if value > 0 else "-Infinity"
+    if isinstance(value, dict):
+        return {key: _in_json(inner) for key, inner in value.items()}
+    return [_in_json(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+
+
 def _json(database: Database | None) -> Show:
     def show(piece: Piece, packet: Packet | None) -> None:
         fields = {"values": packet.values, "raw": packet.raw} if packet else {}
-        text = json.dumps(_about(piece, packet) | fields, default=_plain)
+        text = json.dumps(_in_json(_about(piece, packet) | fields), default=_plain)
         print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves
 
     return show

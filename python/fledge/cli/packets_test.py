@@ -291,6 +291,23 @@ def test_tables_and_json(files, capsys):
     assert lines[2]["container"] is None and "may be damaged" in lines[2]["reason"] and "found 6" in lines[2]["reason"]
 
 
+def test_json_has_numbers_that_are_not_finite_as_texts(tmp_path, capsys):
+    def constant(name):
+        raise ValueError(f"{name} is no JSON")
+
+    kind = "<FloatParameterType name='f64' sizeInBits='64'><FloatDataEncoding sizeInBits='64'/></FloatParameterType>"
+    parameters = "".join(f"<Parameter name='{name}' parameterTypeRef='f64'/>" for name in "abcd")
+    entries = "".join(f"<ParameterRefEntry parameterRef='{name}'/>" for name in "abcd")
+    (tmp_path / "s.xml").write_text(XTCE.replace("</ParameterTypeSet>", f"{kind}</ParameterTypeSet>").replace(
+        "</ParameterSet>", f"{parameters}</ParameterSet>").replace("<ParameterRefEntry parameterRef='bus'/>", entries))
+    numbers = (float("nan"), float("inf"), float("-inf"), 0.5)
+    (tmp_path / "a.bin").write_bytes(packet(0, struct.pack(">4d", *numbers)))
+    assert main(["packets", str(tmp_path / "a.bin"), "--database", str(tmp_path / "s.xml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=constant)
+    assert [found["values"][name] for name in "abcd"] == ["NaN", "Infinity", "-Infinity", 0.5]
+    assert [found["raw"][name] for name in "abcd"] == ["NaN", "Infinity", "-Infinity", 0.5]
+
+
 @pytest.mark.parametrize("form", [[], ["--csv"], ["--json"]])
 def test_no_text_of_a_database_or_a_packet_drives_the_terminal_or_a_table(form, files, tmp_path, capsys):
     (tmp_path / "s.xml").write_text(
