@@ -50,6 +50,26 @@ def test_samples_that_did_not_come_live_are_read_and_are_no_gap(speed):
     assert result["requests"] < 40
 
 
+@needs_node
+def test_a_chart_has_no_infinite_value_and_an_axis_whose_marks_differ():
+    result = in_node("""
+        import {Curve, room} from "SOURCES/../../../ground/console/web/curve.js";
+        const curve = new Curve("x");
+        [1, Infinity, 3, -Infinity, NaN, 6].forEach((value, t) => curve.add(t, value, Math.min(value, 0), value));
+        const ranges = [[0, 1], [2, 2], [0, 0], [-3, -3], [1.7e18, 1.7e18 + 512], [1.7e18, 1.7e18 + 256],
+                        [-1e300, -1e300], [5e-324, 1e-323], [1, 1 + 2 ** -52], [null, null]].map(([low, high]) => {
+            const [from, to] = room(low, high), step = (to - from) / 40;     // of the smallest marks
+            return [low === null || (from < low && to > high), from + step > from, to - step < to];
+        });
+        console.log(JSON.stringify({table: curve.table, kept: String(curve.value[1]), ranges, one: room(0, 1),
+            same: room(2, 2), none: room(0, 0)}));
+    """)
+    assert result["table"][1] == [1, None, 3, None, None, 6] and result["table"][2] == [0, 0, 0, None, None, 0]
+    assert result["kept"] == "Infinity"     # as the legend says
+    assert all(all(each) for each in result["ranges"]), result["ranges"]
+    assert (result["one"], result["same"], result["none"]) == ([-0.06, 1.06], [1.8, 2.2], [-1, 1])
+
+
 @pytest.mark.long("three flights and a browser: 40 s")
 @in_browser
 def test_live_plots_have_the_points_of_the_archive(tmp_path):

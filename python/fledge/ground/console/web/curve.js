@@ -5,6 +5,7 @@ const FAR = 5;      // two samples of the archive that are so many usual steps a
 const LEAST = 2;    // [s] of a gap
 const MISSED = 1.5; // so many times the step apart, the archive may have a sample between two live values
 const AGAIN = 500;  // [ms] between two requests for samples that did not come live; 10 times that after a failure
+const LEAST_AXIS = 2 ** -44;    // of a number's size
 const COLUMNS = ["t", "value", "low", "high", "worst"];
 
 /** A parameter's samples: time in s, value, the least, the largest and the worst state of each step of time. Up to the
@@ -69,7 +70,20 @@ export class Curve {
         if (n > 100) for (const key of COLUMNS) this[key].splice(0, n);
     }
 
-    get table() { return [this.t, this.value, this.low, this.high]; }
+    /** What is drawn: an infinite value has no place in a chart, which would scale to it. */
+    get table() {
+        const finite = (y) => (Number.isFinite(y) ? y : null);
+        return [this.t, this.value.map(finite), this.low.map(finite), this.high.map(finite)];
+    }
+}
+
+/** The least and the largest value of an axis with all values from low to high. It is so long that the doubles between
+ *  its marks differ: the chart adds step to step, and would not end where that changes nothing. */
+export function room(low, high) {
+    if (low === null || high === null) return [0, 1];
+    const size = Math.max(Math.abs(low), Math.abs(high));
+    const edge = Math.max(0.06 * (high - low) || 0.1 * size || 1, size * LEAST_AXIS);
+    return [low - edge, high + edge];
 }
 
 /** Reads from the archive the samples that curves did not get live. read(from, to) [s]: the archive's series of each

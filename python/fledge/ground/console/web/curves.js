@@ -2,7 +2,7 @@
 // Charts of curves, which follow live values and the archive.
 import uPlot from "uplot";
 import {of, series} from "./api.js";
-import {Curve, Mender} from "./curve.js";
+import {Curve, Mender, room} from "./curve.js";
 import {visible} from "./dom.js";
 import {bare, ns, seconds, span} from "./format.js";
 import {isStale, real} from "./store.js";
@@ -187,9 +187,3 @@ export function named(names) {
 
 /** The table of all curves over one axis of time. */
 export const data = (curves) => (curves.length === 1 ? curves[0].table : uPlot.join(curves.map(({table}) => table)));
-
-function room(low, high) {
-    if (low === null || high === null) return [0, 1];
-    const edge = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
-    return [low - edge, high + edge];
-}
