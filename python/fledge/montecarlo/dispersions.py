@@ -38,7 +38,7 @@ from fledge.requirements.declared import Requirement as Declared, Requirements, 
 from fledge.requirements.formula import Formula, Signal, time_text
 from fledge.requirements.judge import watched
 from fledge.world.attributes import given_orbit
-from fledge.world.bodies import ANGLE, LENGTH
+from fledge.world.bodies import ANGLE, LENGTH, dot
 
 if TYPE_CHECKING:
     import numpy as np
@@ -326,7 +326,7 @@ class Dispersions:
         distributions = {name: _distribution(f"{path}.orbit.{name}", name, draw) for name, draw in elements.items()}
         body, axes = orbit.body, orbit.frame or [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
         relative = _core.orbit_state(body.mu, orbit.p, orbit.e, orbit.i, orbit.Omega, orbit.omega, orbit.f)
-        turned = [sum(x * axis[k] for x, axis in zip(part, axes)) for part in relative for k in range(3)]
+        turned = [dot(part, column) for part in relative for column in zip(*axes)]
         origin = [float(x) - y for x, y in zip([*craft.r_BN_N, *craft.v_BN_N], turned)]
         paths = {f"{path}.orbit.{name}": name for name in elements}
         self._plan.orbit(self.simulation.kernel, path, list(paths),

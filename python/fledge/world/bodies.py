@@ -205,6 +205,11 @@ SSB = Body("SOLAR SYSTEM BARYCENTER", 0.0, 0.0, naif=0)  # N may have its origin
 BODIES = {b.name: b for b in (SUN, MERCURY, VENUS, EARTH, MOON, MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO)}
 
 
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
+    """Of vectors with three elements. sum() of floats has other bits from Python 3.12 on."""
+    return 0.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 def equator(pole_N: Sequence[float]) -> list[list[float]]:
     """Three axes: the third along the pole, the first where its equator ascends over N's."""
     from math import hypot

@@ -31,10 +31,11 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
     whole span. start, duration: the span, in the time of the run; the segments may outlast it by some nanoseconds.
 
     Takes the fewest segments of equal length that suffice, at most 8, and then the fewest coefficients, at most 16. The
-    coefficients interpolate at Chebyshev's nodes; the error is sampled eight times as densely, ends included. Raises
-    SetupError if the bound cannot be held, with the error that can be reached, or if the Sky does not cover the span.
+    coefficients interpolate at Chebyshev's nodes, with the same bits on every machine; the error is sampled eight times
+    as densely, ends included. Raises SetupError if the bound cannot be held, with the error that can be reached, or if
+    the Sky does not cover the span.
     """
-    from numpy import arange, array, cos, linspace, pi, zeros
+    from numpy import array, linspace, zeros
     from numpy.linalg import norm
     from numpy.polynomial import chebyshev
 
@@ -49,15 +50,16 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
         return array([sky.state(body, (first + min(round((1 + at) / 2 * length), begin + span - first)) / 1e9, center)
                       .r_PN_N for at in x])
 
-    # The nodes of Chebyshev's polynomial of degree TERMS, and the samples of the error.
-    nodes = -cos(pi * (arange(TERMS) + 0.5) / TERMS)
+    nodes = _nodes()
     between = linspace(-1, 1, 8 * TERMS + 1)
     best = float("inf")
     for segments in range(1, SEGMENTS + 1):
         length = -(-span // segments)
         firsts = [begin + k * length for k in range(segments)]
-        whole = [2 / TERMS * chebyshev.chebvander(nodes, TERMS - 1).T @ positions(first, length, nodes)
-                 for first in firsts]
+        whole = [zeros((TERMS, 3)) for _ in firsts]
+        for c, first in zip(whole, firsts):     # term by term: a matrix product has other bits on other processors
+            for terms, r in zip(chebyshev.chebvander(nodes, TERMS - 1), positions(first, length, nodes)):
+                c += 2 / TERMS * terms[:, None] * r
         truth = [positions(first, length, between) for first in firsts]
         for c in whole:
             c[0] /= 2
@@ -73,3 +75,14 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
             return {"start": begin, "duration": length, "segments": segments, "n": n, "c": coefficients}
     raise SetupError(f"{path}: {SEGMENTS} segments of {TERMS} coefficients hold {body} within {best:.3g} m over "
                      f"{span / 1e9:g} s, not within {bound:g} m; take a shorter duration")
+
+
+def _nodes() -> list[float]:
+    """Those of Chebyshev's polynomial of degree TERMS, a power of 2, rising: -cos(pi (2 k + 1) / (2 TERMS)), by roots
+    of half angles, which have the same bits everywhere; cosines of C libraries and numpy differ."""
+    from math import sqrt
+
+    cosines = [sqrt(0.5)]       # of odd multiples of pi / 4 below pi / 2, then of pi / 8, and so on
+    while len(cosines) < TERMS // 2:
+        cosines = [sqrt((1 + sign * c) / 2) for sign in (1, -1) for c in cosines]
+    return sorted([-c for c in cosines] + cosines)

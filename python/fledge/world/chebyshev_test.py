@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The coefficients of an ephemeris, as flight evaluates them, against the Sky that they come from."""
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import fledge
 from fledge import SetupError, Simulation, world
 from fledge import flight as fsw
 from fledge.units import day, hour, km, m, minute, s
+from fledge.world import chebyshev
 
 DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
 pytestmark = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
@@ -49,6 +51,14 @@ def test_a_tighter_bound_takes_more_and_the_fewest_that_suffice(sky):
         sizes.append(fit["segments"] * fit["n"])
         assert not fit["c"][fit["segments"]:].any() and not fit["c"][:, fit["n"]:].any()
     assert sizes == sorted(set(sizes))
+
+
+def test_the_coefficients_have_the_same_bits_on_every_machine(sky):
+    """They are numbers of flight: no processor, library or version of Python may change them."""
+    fit = world.fit_ephemeris(sky, world.SUN, within=1 * km, duration=10 * day)
+    assert hashlib.sha256(fit["c"].tobytes()).hexdigest()[:16] == "608d751d67e77950"
+    nodes = chebyshev._nodes()
+    assert max(abs(x + np.cos(np.pi * (2 * k + 1) / 32)) for k, x in enumerate(nodes)) < 3e-16
 
 
 def test_beyond_its_span_flight_says_so(sky):

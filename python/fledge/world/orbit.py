@@ -12,7 +12,7 @@ from fledge.errors import SetupError, suggesting
 from fledge.objects.plausible import check_orbit
 from fledge.objects.si import time_ns, to_number, to_si, to_vector
 from fledge.units import Quantity
-from fledge.world.bodies import ANGLE, EARTH, LENGTH, NUMBER, SPEED, Body, body_of
+from fledge.world.bodies import ANGLE, EARTH, LENGTH, NUMBER, SPEED, Body, body_of, dot
 from fledge.world.sky import TIME, Sky
 
 
@@ -159,7 +159,7 @@ class Orbit:
         check_orbit(self)
         r, v = _core.orbit_state(self.body.mu, p, e, self.i, self.Omega, self.omega, self.f)
         if self.frame is not None:
-            r, v = ([sum(x * axis[k] for x, axis in zip(a, self.frame)) for k in range(3)] for a in (r, v))
+            r, v = ([dot(a, column) for column in zip(*self.frame)] for a in (r, v))
         self.r_BN_N = [x + y for x, y in zip(r, self.body.r_PN_N)]
         self.v_BN_N = [x + y for x, y in zip(v, self.body.v_PN_N)]
 
@@ -170,7 +170,7 @@ class Orbit:
         r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
         v = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
         if frame is not None:
-            r, v = ([sum(x * y for x, y in zip(axis, a)) for axis in _axes(frame)] for a in (r, v))
+            r, v = ([dot(axis, a) for axis in _axes(frame)] for a in (r, v))
         p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
         orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f, frame=frame)
         vars(orbit)["body"] = body
@@ -252,8 +252,8 @@ class Orbit:
         r, v = _osculating(n, a, k, i, u)
         node = _node_at(sky, 0, local, body, apparent, frame)
         x, y = cos(node), sin(node)
-        r, v = ([float(sum(axis[j] * w for axis, w in zip(frame, (x * b[0] - y * b[1], y * b[0] + x * b[1], b[2]))))
-                 for j in range(3)] for b in (r, v))
+        r, v = ([float(dot(column, (x * b[0] - y * b[1], y * b[0] + x * b[1], b[2]))) for column in zip(*frame)]
+                for b in (r, v))
         return cls.from_state(body, r, v, frame=frame)
 
     def local_time_of_node(self, sky: Sky, t: Any = 0, *, apparent: bool = False) -> float:
