@@ -147,7 +147,7 @@ def _csv(database: Database | None) -> Show:
 
 
 def _in_json(value: Any) -> Any:
-    """JSON has no word for a number that is not finite: the texts are those of Protocol Buffers in JSON, as Yamcs has."""
+    """JSON has no word for a number that is not finite: the texts are those of Protocol Buffers, as in Yamcs."""
     if isinstance(value, float) and not isfinite(value):
         return "NaN" if value != value else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, dict):
