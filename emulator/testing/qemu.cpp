@@ -70,7 +70,7 @@ std::string without_qemu()
         pclose(pipe);
     if (!found)
         return "qemu-system-sparc is not installed";
-    return major > 8 ? "QEMU " + std::to_string(major) + " has another floating-point unit than QEMU 7 and 8" : "";
+    return major > 7 ? "QEMU " + std::to_string(major) + " has another floating-point unit than QEMU 7" : "";
 }
 
 std::vector<std::uint8_t> run_in_qemu(const Stream &stream)

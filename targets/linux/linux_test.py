@@ -25,10 +25,10 @@ def folder(tmp_path_factory):
 def test_nadir_spin_is_small(folder):
     """Flight modules, generated code, commands and telemetry, runner and record: under 58 KiB of text, 61 where
     the compiler fortifies by default, as Ubuntu's does, and 16 KiB of memory, without the C library. The generated code
-    is under 4.25 KiB, its messages' definitions, for the record, aside."""
+    is under 4.375 KiB, 4.5 there, its messages' definitions, for the record, aside."""
     macros = subprocess.run(["gcc", "-O2", "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True, text=True,
                             check=True)
-    most = 61 if "_FORTIFY_SOURCE" in macros.stdout else 58
+    most, most_written = (61, 4608) if "_FORTIFY_SOURCE" in macros.stdout else (58, 4480)
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     target = TARGETS["linux"]
     code, memory = target.sizes(target.build(job.parts[0]))
@@ -38,7 +38,7 @@ def test_nadir_spin_is_small(folder):
     for name in ("nadir_spin", "nadir_spin_board", "nadir_spin_io", "nadir_spin_host"):
         out = subprocess.run(["size", objects[name]], capture_output=True, text=True, check=True).stdout
         written += int(out.splitlines()[1].split()[0])
-    assert 1024 < written < 4480
+    assert 1024 < written < most_written
 
 
 def test_only_what_changed_is_built(folder):
