@@ -24,7 +24,8 @@ namespace fledge::world {
 
 class Attraction {
 public:
-    /// Throws SetupError on what `checked` refuses, if a name is listed twice, and on a mu that is none of the radius.
+    /// Throws SetupError on what `checked` refuses, if a name is listed twice, and if mu and radius give a gravity at
+    /// the surface outside 1e-6 to 1e4 m/s^2.
     void add(const GravityBody &body);
     const std::vector<GravityBody> &bodies() const { return bodies_; }
 

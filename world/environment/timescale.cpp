@@ -308,7 +308,7 @@ std::int64_t TimeSystem::gps(Epoch epoch) const
 
 const TimeSystem::Step *TimeSystem::step_at(std::int64_t tai) const
 {
-    if (missing_ && tai >= missing_->begin() - second) { // the leap second itself is the last of the day before
+    if (missing_ && tai >= missing_->begin() - second) { // the leap second ends the day before the step
         refuse_missing();
     }
     const Step *last = nullptr;

@@ -57,7 +57,7 @@ def delayed_stops() -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            if handler is not None:     # one of C
+            if handler is not None:     # Python cannot restore a handler that C installed
                 signal.signal(number, handler)
     if caught:
         signal.raise_signal(caught[0])

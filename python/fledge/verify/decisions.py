@@ -233,8 +233,8 @@ class _Leaf:
     false: int
     several: bool                   # one of several, of whose pairs clang keeps a record
     at: dict[int, Places]           # number of the file where it stands, or a macro that holds it -> places from there
-    source: Path                    # of the last of these, and of the first
-    text_in: Path
+    source: Path                    # the last of these files: that of the function
+    text_in: Path                   # the first: where the condition itself is written
     pair: bool | None = True        # None: nothing has counted pairs
 
     @property
@@ -281,9 +281,10 @@ def _leaves(function: Mapping[str, Any], sources: _Sources) -> list[_Leaf]:
             file, place = uses[file]
             at[file] = (place, *places)
         leaves.append(_Leaf(true, false, kind == OF_SEVERAL, at, files[file], files[stands_in]))
-    # A record does not say in which file it lies: there, as many conditions are left as it has, but for constant ones,
-    # which are no branches. Innermost first, for a condition may have a decision within, and in its macro this may be
-    # longer. The records of one macro stand in the order of its uses.
+    # A record does not name its file. It belongs where its place holds as many conditions without a record as it has;
+    # constants are no branches. Short records come first, because a condition may have a decision within. A decision in
+    # a macro may be longer than the use of the macro, so the search goes on until no record fits. Records of one macro
+    # come in the order of its uses.
     left = [leaf for leaf in leaves if leaf.several]
     records = sorted(function["mcdc_records"], key=lambda m: (m[2] - m[0], m[3] - m[1]))
     while fit := _fit(records, left):

@@ -98,7 +98,8 @@ class Sky:
         world.SSB for the barycentre of the solar system. The axes of N are those of the ICRF (J2000).
     kernels: SPICE SPK files (.bsp); later ones have precedence. Without any: DE405, with Sun, planets and
         Moon from 1960 to 2060. "DE405" in the list puts it among the kernels.
-    leap_seconds: a SPICE file (.tls), which must have all that UTC needs here. None: the leap seconds up to 2016-12-31.
+    leap_seconds: a SPICE file (.tls), with all leap seconds before the dates that are asked for as UTC. None: those up
+        to 2016-12-31.
     pck: a SPICE text file (.tpc) with the bodies' rotations. None: the constants of the IAU's report of 2000.
     earth: an EarthOrientation, in place of the Earth's constants, which are within 0.2 deg.
     moon: "mean Earth", by the constants, or "principal axes", by the librations of DE405, to which gravity fields of

@@ -5,7 +5,7 @@ const FAR = 5;      // two samples of the archive that are so many usual steps a
 const LEAST = 2;    // [s] of a gap
 const MISSED = 1.5; // so many times the step apart, the archive may have a sample between two live values
 const AGAIN = 500;  // [ms] between two requests for samples that did not come live; 10 times that after a failure
-const LEAST_AXIS = 2 ** -44;    // of a number's size
+const LEAST_AXIS = 2 ** -44;    // [-] least length of an axis, divided by its largest number
 const COLUMNS = ["t", "value", "low", "high", "worst"];
 
 /** A parameter's samples: time in s, value, the least, the largest and the worst state of each step of time. Up to the
