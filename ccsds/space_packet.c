@@ -134,11 +134,17 @@ int packet_join(PacketJoiner *joiner, const uint8_t *bytes, size_t n)
         joiner->parts.faults[fault]++;
         return 0;
     }
+    const uint16_t check = ccsds_crc16(bytes, n);
     if (joiner->begun != 0u && packet.count != joiner->count) {
+        if (((packet.count + 1u) & 0x3FFFu) == joiner->count && check == joiner->check) {
+            joiner->parts.faults[CCSDS_REPLAY]++;
+            return 0;
+        }
         joiner->parts.faults[CCSDS_GAP]++;
         joiner->parts.open = 0u;
     }
     joiner->begun = 1u;
+    joiner->check = check;
     joiner->count = (uint16_t)(packet.count + 1u) & 0x3FFFu;
     return part_join(&joiner->parts, packet.part, bytes + SPACE_PACKET_HEADER, n - (size_t)SPACE_PACKET_HEADER,
                      CCSDS_TYPE); /* no packet is missing, so the sender left out the last part */

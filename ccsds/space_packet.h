@@ -158,13 +158,15 @@ typedef struct PacketJoiner {
     PartJoiner parts;
     uint16_t application;
     uint16_t count; ///< of the next packet
+    uint16_t check; ///< the CRC of the last one
     uint8_t begun;  ///< 1: a packet came, so the count is known
 } PacketJoiner;
 
 void packet_joiner_begin(PacketJoiner *joiner, uint16_t application, uint8_t *memory, size_t room);
 
-/** Take a packet. Returns 1 if the data is whole, as part_join does. What is missing, repeated or too long is counted
- * in joiner->parts.faults, and ends the data that it belongs to. */
+/** Take a packet. Returns 1 if the data is whole, as part_join does. What is missing or too long is counted in
+ * joiner->parts.faults, and ends the data that it belongs to. A packet that is the last one again counts as
+ * CCSDS_REPLAY, and is passed over. */
 int packet_join(PacketJoiner *joiner, const uint8_t *packet, size_t n);
 
 #ifdef __cplusplus

@@ -186,6 +186,39 @@ TEST(PacketJoiner, data_comes_out_as_it_was_or_not_at_all)
     }
 }
 
+/// The last packet may come again: the data stays whole, and comes out once.
+TEST(PacketJoiner, a_repeated_packet_is_passed_over)
+{
+    std::mt19937 random(3);
+    Bytes memory(5000);
+    PacketJoiner joiner{};
+    packet_joiner_begin(&joiner, 5, memory.data(), memory.size());
+    std::uint16_t count = 16000; // it wraps
+    std::uint32_t repeated = 0;
+    for (int i = 0; i < 300; i++) {
+        const Bytes data = any_bytes(random, 1 + random() % 4000);
+        std::uint32_t out = 0;
+        for (const Bytes &packet : split(data, 1 + random() % 700, count)) {
+            for (std::uint32_t n = 1 + random() % 3; n != 0; n--) {
+                out += packet_join(&joiner, packet.data(), packet.size()) != 0;
+                repeated += n > 1;
+            }
+        }
+        ASSERT_EQ(out, 1u);
+        ASSERT_EQ(Bytes(memory.begin(), memory.begin() + static_cast<std::ptrdiff_t>(joiner.parts.n)), data);
+    }
+    EXPECT_EQ(joiner.parts.faults[CCSDS_REPLAY], repeated);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_GAP], 0u);
+    // The same count with other bytes is a gap.
+    const std::vector<Bytes> packets = split(Bytes(2, 1), 1, count);
+    Bytes other = packets[0];
+    other.back() ^= 1u;
+    EXPECT_EQ(packet_join(&joiner, packets[0].data(), packets[0].size()), 0);
+    EXPECT_EQ(packet_join(&joiner, other.data(), other.size()), 0);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_GAP], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_REPLAY], repeated);
+}
+
 TEST(PacketJoiner, what_does_not_belong_is_counted)
 {
     Bytes memory(10);

@@ -13,6 +13,9 @@ static CcsdsFault read_end(const uint8_t *bytes, size_t *n, int control, int che
             return CCSDS_CRC;
         }
         *n -= (size_t)TM_CHECK;
+        frame->check = ccsds_get16(bytes + *n);
+    } else {
+        frame->check = ccsds_crc16(bytes, *n);
     }
     frame->has_control = control != 0;
     frame->control = 0u;
@@ -93,11 +96,18 @@ int tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, si
 
 void tm_receive(TmReceiver *receiver, const TmFrame *frame)
 {
+    const uint64_t self = UINT64_C(1) << 40 | (uint64_t)frame->count << 16 | frame->check;
+    uint64_t *came = &receiver->came[frame->count % (uint32_t)TM_RECALLED];
     if (receiver->begun != 0u && frame->count != receiver->count) {
+        if (*came == self) {
+            receiver->repeated++;
+            return;
+        }
         receiver->missing += (frame->count - receiver->count) & (receiver->counts - 1u);
         packet_zone_gap(&receiver->zone);
     }
     receiver->begun = 1u;
+    *came = self;
     receiver->count = (frame->count + 1u) & (receiver->counts - 1u);
     receiver->frames++;
     packet_zone_take(&receiver->zone, frame->zone, frame->n, frame->first);

@@ -18,6 +18,7 @@ extern "C" {
 
 enum { TM_FRAME_HEADER = 6, TM_FRAME_MAX = 2048, TM_CHANNELS = 8, TM_CONTROL = 4, TM_CHECK = 2 };
 enum { AOS_FRAME_HEADER = 6, AOS_CHANNELS = 64 };
+enum { TM_RECALLED = 16 }; ///< frames of a virtual channel that a receiver knows again
 
 /** What is the same for all frames of a physical channel. */
 typedef struct TmChannel {
@@ -42,6 +43,7 @@ typedef struct TmFrame {
     uint32_t control; ///< the operational control field
     uint32_t count;   ///< of the virtual channel
     uint16_t spacecraft;
+    uint16_t check; ///< the CRC of the frame, also if the channel sends none
     uint8_t virtual_channel;
     uint8_t master_count;
     uint8_t has_control; ///< 1: there is one
@@ -105,14 +107,17 @@ typedef struct TmReceiver {
     uint32_t count;  ///< that is expected
     uint32_t counts; ///< 256 for TM, 2^24 for AOS
     uint32_t frames;
-    uint32_t missing; ///< frames, by the counts
+    uint32_t missing;           ///< frames, by the counts
+    uint32_t repeated;          ///< frames that came before, and were not taken again
+    uint64_t came[TM_RECALLED]; ///< by count % TM_RECALLED: 1, count (24 bits), check (16 bits); 0: none
     uint8_t begun;
 } TmReceiver;
 
 /** memory: for the packet that spans frames. Returns 0 if it has less than ENCAPSULATION_HEADER_MAX bytes. */
 int tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user);
 
-/** Take a frame of this virtual channel. */
+/** Take a frame of this virtual channel. One that repeats one of the last TM_RECALLED, by count and CRC, is passed
+ * over: a repetition is no gap of all other counts. */
 void tm_receive(TmReceiver *receiver, const TmFrame *frame);
 
 #ifdef __cplusplus

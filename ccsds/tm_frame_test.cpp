@@ -242,6 +242,96 @@ TEST(TmFrame, packets_arrive_in_order_but_for_those_that_lost_a_frame)
     }
 }
 
+/// What was sent, and the frames of one virtual channel that carry it: of TM, or of AOS with the same zones.
+std::pair<std::vector<Bytes>, std::vector<Bytes>> sent_in_frames(std::mt19937 &random, const TmChannel &channel,
+                                                                 bool aos, unsigned packets)
+{
+    std::vector<Bytes> sent, frames;
+    TmSender sender{};
+    EXPECT_TRUE(tm_sender_begin(&sender, &channel, keep, &frames));
+    Bytes memory(channel.size);
+    TmVirtual vc{};
+    tm_virtual_begin(&vc, 3, memory.data());
+    for (unsigned k = 0; k < packets; k++) {
+        sent.push_back(packet_of(random, 1, static_cast<std::uint16_t>(k), 7 + random() % 200));
+        tm_send(&sender, &vc, sent.back().data(), sent.back().size());
+    }
+    tm_flush(&sender, &vc);
+    for (std::uint32_t k = 0; aos && k < frames.size(); k++) {
+        Bytes &frame = frames[k];
+        const Bytes head{0x40,
+                         static_cast<std::uint8_t>(channel.spacecraft << 6 | 3),
+                         0,
+                         static_cast<std::uint8_t>(k >> 8),
+                         static_cast<std::uint8_t>(k),
+                         0};
+        frame.insert(frame.begin(), 2, 0); // the pointer stays in front of the zone
+        std::copy(head.begin(), head.end(), frame.begin());
+        if (channel.check) {
+            ccsds_put16(&frame[frame.size() - 2], slow_crc({frame.begin(), frame.end() - 2}));
+        }
+    }
+    return {sent, frames};
+}
+
+/// Each of the last 16 frames may come again at any time: no packet is lost, none comes twice, and no frame is missing.
+TEST(TmReceiver, a_repeated_frame_is_passed_over)
+{
+    std::mt19937 random(6);
+    for (unsigned i = 0; i < 40; i++) {
+        SCOPED_TRACE(i);
+        const bool aos = i % 2 != 0;
+        const TmChannel channel{1, static_cast<std::uint16_t>(40 + random() % 100), 0,
+                                static_cast<std::uint8_t>(i / 2 % 2)};
+        const auto [sent, frames] = sent_in_frames(random, channel, aos, 500);
+        ASSERT_GT(frames.size(), 256u); // the counts of TM wrap
+        std::vector<Bytes> received;
+        Bytes memory(300);
+        TmReceiver receiver{};
+        tm_receiver_begin(&receiver, aos ? 1u << 24 : 256, memory.data(), memory.size(), keep, &received);
+        const auto take = [&](const Bytes &bytes) {
+            TmFrame frame{};
+            ASSERT_EQ(aos ? aos_frame_read(bytes.data(), bytes.size(), 0, 0, channel.check, &frame)
+                          : tm_frame_read(&channel, bytes.data(), bytes.size(), &frame),
+                      CCSDS_OK);
+            ASSERT_EQ(frame.check, slow_crc({bytes.begin(), bytes.end() - 2 * channel.check}));
+            tm_receive(&receiver, &frame);
+        };
+        std::uint32_t repeated = 0;
+        for (std::size_t k = 0; k < frames.size(); k++) {
+            take(frames[k]);
+            for (std::size_t n = random() % 3; n != 0; n--) {
+                take(frames[k - random() % std::min<std::size_t>(k + 1, TM_RECALLED)]);
+                repeated++;
+            }
+        }
+        EXPECT_EQ(received, sent);
+        EXPECT_EQ(receiver.frames, frames.size());
+        EXPECT_EQ(receiver.repeated, repeated);
+        EXPECT_EQ(receiver.missing, 0u);
+    }
+}
+
+/// A frame of the same count with other bytes comes after all other counts went missing.
+TEST(TmReceiver, the_count_alone_makes_no_repetition)
+{
+    std::mt19937 random(7);
+    const TmChannel channel{1, 60, 0, 1};
+    const auto [sent, frames] = sent_in_frames(random, channel, false, 300);
+    std::vector<Bytes> received;
+    Bytes memory(300);
+    TmReceiver receiver{};
+    tm_receiver_begin(&receiver, 256, memory.data(), memory.size(), keep, &received);
+    for (const std::size_t k : {0, 256, 257}) {
+        TmFrame frame{};
+        ASSERT_EQ(tm_frame_read(&channel, frames[k].data(), frames[k].size(), &frame), CCSDS_OK);
+        tm_receive(&receiver, &frame);
+    }
+    EXPECT_EQ(receiver.repeated, 0u);
+    EXPECT_EQ(receiver.missing, 255u);
+    EXPECT_EQ(receiver.frames, 3u);
+}
+
 TEST(PacketZone, packets_that_are_too_long_or_end_elsewhere_are_counted)
 {
     std::mt19937 random(4);

@@ -211,17 +211,19 @@ public:
 
     std::string summary() const
     {
-        std::uint32_t idle = 0;
+        std::uint32_t idle = 0, repeated = 0;
         std::string unfinished;
         for (const auto &[number, channel] : channels_) {
             const PacketZone &zone = channel->receiver.zone;
             idle += zone.idle;
+            repeated += channel->receiver.repeated;
             if (zone.n + zone.skip != 0) {
                 unfinished += "; virtual channel " + std::to_string(number) + " ends within a packet";
             }
         }
         return std::to_string(read_) + " " + name_ + " frames of spacecraft " + std::to_string(common_.spacecraft) +
                ", " + std::to_string(idle) + " idle packets" +
+               (repeated ? ", " + std::to_string(repeated) + " repeated frames passed over" : "") +
                (format_.code ? ", " + std::to_string(corrected_) + " symbols corrected" : "") + unfinished;
     }
 

@@ -137,6 +137,18 @@ def test_telemetry_frames():
             parsed(b"x" * 2000, **wrong)
 
 
+def test_a_repeated_frame_is_a_repetition():
+    for room in (20, 56):       # packets span 20 bytes
+        zones = frames_of(b"".join(ALL), room + 6, False)
+        for frames in (zones, frames_of(b"".join(ALL), room + 8), aos(zones), aos(zones, check=False)):
+            for given, repeated in ([frame for frame in frames for _ in range(2)], len(frames)), (
+                    frames[:3] + frames[1:3] + frames[1:], 4):
+                all_ = list(pieces(b"".join(given), Format(frames=len(frames[0]))))
+                assert [piece.packet for piece in all_ if piece.packet] == ALL
+                assert not any(piece.problem for piece in all_)
+                assert f", {repeated} repeated frames passed over" in all_[-1].note
+
+
 def aos(frames, insert=0, check=True, header_check=False, control=False, channel=5):
     """The same packets in AOS frames, 732.0-B-4: each is as much longer as it has more fields."""
     packets = []

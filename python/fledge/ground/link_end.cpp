@@ -98,7 +98,8 @@ public:
         const PacketZone &zone = end_->receiver.zone;
         const std::uint32_t unread =
             zone.faults[CCSDS_VERSION] + zone.faults[CCSDS_LENGTH] + zone.faults[CCSDS_ROOM] + zone.faults[CCSDS_GAP];
-        for (const auto &[name, n] : {std::pair("encapsulated", zone.encapsulated), std::pair("unread", unread)}) {
+        for (const auto &[name, n] : {std::pair("encapsulated", zone.encapsulated), std::pair("unread", unread),
+                                      std::pair("repeated", end_->receiver.repeated)}) {
             if (n != 0) {
                 counts[name] = n;
             }

@@ -57,7 +57,8 @@ class Framed(Link):
     @property
     def counts(self) -> dict[str, int]:
         """Frames of telemetry and those missing, CLCWs, how often COP-1 ended; and, by fault, frames refused; packets
-        of others that were `encapsulated`, and what in frames was `unread`: cut off, or of another version."""
+        of others that were `encapsulated`, what in frames was `unread`: cut off, or of another version; and frames
+        that came `repeated`, and count once."""
         return dict(self._end.counts)
 
     @property
