@@ -199,13 +199,15 @@ TEST_F(Archive, SeriesAreTheValuesOfTheDecoder)
         }
         EXPECT_EQ(from, 250u);
     }
-    // Rows begin when each input has had a value, and repeat the newest.
+    // Rows have the newest value of each input, also from before the query.
     const auto rows = past.rows({"temperature", "count"}, {5 * second, 12 * second}).values;
-    ASSERT_EQ(rows.size(), 3u * 3);
-    EXPECT_EQ(std::bit_cast<std::int64_t>(rows[0]), 10 * second);
-    EXPECT_EQ(rows[1], -5);
-    EXPECT_EQ(rows[2], 10);
-    EXPECT_EQ(rows[8], 12);
+    ASSERT_EQ(rows.size(), 9u * 3); // at 10 s, the count comes before the temperature
+    for (std::size_t i = 0; i < 9; i++) {
+        const int t = 5 + static_cast<int>(i) - (i > 5);
+        EXPECT_EQ(std::bit_cast<std::int64_t>(rows[3 * i]), t * second);
+        EXPECT_EQ(rows[3 * i + 1], i > 5 ? -5 : -10);
+        EXPECT_EQ(rows[3 * i + 2], t);
+    }
 }
 
 TEST_F(Archive, AQueryThatCannotBeAnsweredSaysWhy)

@@ -13,6 +13,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr std::uint32_t most_sought = 10'000; // packets before a query in which the value of an input is sought
+
 std::string value_of(const std::map<std::string, std::string> &pairs, const std::string &key)
 {
     const auto at = pairs.find(key);
@@ -32,6 +34,11 @@ std::string metadata(const PacketFile &file, const std::string &name, const std:
 std::int64_t whole(const std::string &text)
 {
     return std::strtoll(text.c_str(), nullptr, 10);
+}
+
+std::uint32_t session_of(const PacketFile &file)
+{
+    return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
 }
 
 /// The session that a program writes now; 0: there is none.
@@ -487,22 +494,47 @@ std::set<Id> History::needed(const std::vector<Target> &targets, const std::vect
     return containers;
 }
 
-/// The last packets before a query, in the order of time.
-std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t> &before, std::int64_t from,
-                                               std::uint32_t session)
+/// The last packets before a query, in the order of time: so many of each container, and the last that has a value of
+/// each input.
+std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t> &before,
+                                               const std::vector<Target> &inputs, const Query &query)
 {
     std::vector<Earlier> last;
+    const auto back = [&](const Wanted &wanted, const std::function<bool(const Stored &)> &needs_more) {
+        std::vector<Piece> all = pieces({0, query.from - 1, query.session});
+        for (bool more = true; !all.empty() && more; all.pop_back()) {
+            walk({all.back()}, wanted, true,
+                 [&, session = session_of(*all.back().file)](const Stored &stored, const std::string &) {
+                     last.emplace_back(stored.t, stored.received, session,
+                                       std::vector(stored.packet.begin(), stored.packet.end()));
+                     return more = needs_more(stored);
+                 });
+        }
+    };
     for (const auto &[id, n] : before) {
-        std::uint32_t left = n;
-        walk(
-            pieces({0, from - 1, session}),
-            [&path = db_.containers[id].path](const std::string &container) { return container == path; }, true,
-            [&](const Stored &stored, const std::string &) {
-                last.emplace_back(stored.t, stored.received, std::vector(stored.packet.begin(), stored.packet.end()));
-                return --left != 0;
-            });
+        back([&path = db_.containers[id].path](const std::string &container) { return container == path; },
+             [left = n](const Stored &) mutable { return --left != 0; });
     }
-    std::sort(last.begin(), last.end());
+    Decoder decoder(db_);
+    for (const Target &input : inputs) {
+        std::set<std::string> paths;
+        for (const Id id : carriers({input.parameter})) {
+            paths.insert(db_.containers[id].path);
+        }
+        back([&](const std::string &container) { return paths.contains(container); },
+             [&, left = most_sought](const Stored &stored) mutable { // it may lie behind a condition
+                 const Decoded &done = decoder.decode(stored.packet, root_);
+                 bool found = false;
+                 for (const Field &field : done.reason.empty() ? done.fields : std::span<const Field>()) {
+                     found = found || (field.parameter == input.parameter && leads(input.steps, done, field.node));
+                 }
+                 return !found && --left != 0;
+             });
+    }
+    std::reverse(last.begin(), last.end()); // packets of one time keep the order of the archive
+    std::stable_sort(last.begin(), last.end(), [](const Earlier &a, const Earlier &b) {
+        return std::pair(std::get<0>(a), std::get<1>(a)) < std::pair(std::get<0>(b), std::get<1>(b));
+    });
     return last;
 }
 
@@ -541,9 +573,11 @@ std::pair<std::int64_t, std::int64_t> History::extent(const std::vector<Piece> &
 }
 
 /// Calls `value` for the values before the query on which others depend, then `range` once with the times of the first
-/// and last packet, then `value` for each value of the targets and `packet` after the last of each packet.
-void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
-                     const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
+/// and last packet, then `value` for each value of the targets and `packet` after the last of each packet. held: the
+/// last value of each target before the query counts, too.
+void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, bool held,
+                     const Query &query, const Range &range, const Value &value,
+                     const std::function<void(const Stored &)> &packet)
 {
     std::map<Id, std::uint32_t> before;
     std::set<std::string> paths;
@@ -578,13 +612,10 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
             packet(stored);
         }
     };
-    const auto session_of = [](const PacketFile &file) {
-        return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
-    };
     std::vector<Piece> all = pieces(query);
-    if (!before.empty() && !all.empty() && query.from > 0) {
-        const std::uint32_t session = session_of(*all.front().file);
-        for (const auto &[t, received, bytes] : earlier(before, query.from, session)) {
+    if ((!before.empty() || held) && !all.empty() && query.from > 0) {
+        for (const auto &[t, received, session, bytes] :
+             earlier(before, held ? targets : std::vector<Target>(), query)) {
             process({t, received, 0, bytes}, session, true);
         }
         all = pieces(query); // files may have been renamed meanwhile
@@ -620,7 +651,7 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
     std::vector<std::int64_t> bucket(names.size(), -1);
     std::uint64_t n = 0;
     decode(
-        targets, judges, query,
+        targets, judges, false, query,
         [&](std::int64_t begin, std::int64_t end) {
             from = begin;
             width = points != 0 && end > begin ? (end - begin) / static_cast<std::int64_t>(points) + 1 : 0;
@@ -681,11 +712,8 @@ History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
     std::vector<double> newest(inputs.size());
     std::vector<bool> has_value(inputs.size());
     decode(
-        targets, {}, query, [](std::int64_t, std::int64_t) {},
+        targets, {}, true, query, [](std::int64_t, std::int64_t) {},
         [&](const Sample &sample) {
-            if (sample.before) {
-                return;
-            }
             const Decoded &packet = sample.packet;
             const Field &field = packet.fields[sample.field];
             newest[sample.target] = number(field.value, packet.values[sample.field], field.raw,

@@ -69,7 +69,7 @@ public:
                                const Settings *limits = nullptr, bool exact = false);
 
     /// A row for each packet that has one of the inputs, after each input had a value: the time (its 64 bits) and the
-    /// newest value of each input.
+    /// newest value of each input, which may be older than the query.
     struct Rows {
         std::vector<double> values;
         std::vector<std::int64_t> received; ///< of each row
@@ -94,8 +94,9 @@ private:
         Id parameter, type;
         std::vector<std::uint32_t> steps;
     };
-    using Earlier = std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>; ///< t, received, packet
-    struct Sample {                                                                    ///< a value in a packet
+    /// t, received, session, packet
+    using Earlier = std::tuple<std::int64_t, std::int64_t, std::uint32_t, std::vector<std::uint8_t>>;
+    struct Sample { ///< a value in a packet
         Decoder &decoder;
         const Decoded &packet;
         std::size_t field, target;
@@ -120,10 +121,11 @@ private:
     std::set<Id> references(Id container) const;
     std::set<Id> needed(const std::vector<Target> &targets, const std::vector<Judge> &judges,
                         std::map<Id, std::uint32_t> &before) const;
-    std::vector<Earlier> earlier(const std::map<Id, std::uint32_t> &before, std::int64_t from, std::uint32_t session);
+    std::vector<Earlier> earlier(const std::map<Id, std::uint32_t> &before, const std::vector<Target> &inputs,
+                                 const Query &query);
     std::pair<std::int64_t, std::int64_t> extent(const std::vector<Piece> &all, const Query &query,
                                                  const std::function<Wanted(const PacketFile &)> &wanted_of) const;
-    void decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+    void decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, bool held, const Query &query,
                 const Range &range, const Value &value, const std::function<void(const Stored &)> &packet);
 
     const std::string folder_, craft_;

@@ -232,3 +232,53 @@ def test_values_of_the_past_are_exact_and_have_the_state_that_they_had(tmp_path,
     assert not history.series(["natural"])["natural"][4].any()
     with pytest.raises(SetupError, match="text is no number but a text"):
         history.series(["text"])
+
+
+SLOW = """<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>
+<IntegerParameterType name="u8"><IntegerDataEncoding sizeInBits="8"/></IntegerParameterType>
+</ParameterTypeSet><ParameterSet><Parameter name="id" parameterTypeRef="u8"/>
+<Parameter name="fast" parameterTypeRef="u8"/><Parameter name="slow" parameterTypeRef="u8"/>
+<Parameter name="has" parameterTypeRef="u8"/><Parameter name="some" parameterTypeRef="u8"/></ParameterSet><ContainerSet>
+<SequenceContainer name="P" abstract="true"><EntryList><ParameterRefEntry parameterRef="id"/></EntryList>
+</SequenceContainer>""" + "".join(f"""<SequenceContainer name="C{i}"><EntryList>{entries}</EntryList>
+<BaseContainer containerRef="P"><RestrictionCriteria><Comparison parameterRef="id" value="{i}"/></RestrictionCriteria>
+</BaseContainer></SequenceContainer>""" for i, entries in enumerate([
+    '<ParameterRefEntry parameterRef="fast"/>', '<ParameterRefEntry parameterRef="slow"/>',
+    """<ParameterRefEntry parameterRef="has"/><ParameterRefEntry parameterRef="some"><IncludeCondition>
+    <Comparison parameterRef="has" value="1"/></IncludeCondition></ParameterRefEntry>""",
+    '<ParameterRefEntry parameterRef="fast"/><ParameterRefEntry parameterRef="slow"/>'])) + \
+    "</ContainerSet></TelemetryMetaData></SpaceSystem>"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_last_values_of_inputs_before_a_query_count(tmp_path, seed):
+    """The rows of a part are those of the whole history in that part, which a few lines of Python compute: of inputs
+    that are much rarer than the query is long, in several containers, behind a condition and in earlier sessions."""
+    chance = random.Random(seed)
+    (tmp_path / "s.xml").write_text(SLOW)
+    database = _ground.Database.read([(str(tmp_path / "s.xml"), "")])
+    newest, rows, t = {}, [], 10**18
+    for _ in range(3):      # sessions of a clock that shows UTC
+        monitor, archive = _ground.Monitor(database), _ground.PacketArchive(str(tmp_path), "craft", database, 50)
+        monitor.sink(archive)
+        for _ in range(300):
+            t += S
+            kind, value = chance.choices(range(4), [90, 2, 8, 1])[0], chance.randrange(1, 100)
+            held = kind != 2 or chance.random() < 0.2
+            packet = bytes({0: [0, value], 1: [1, value], 2: [2, held, value][:2 + held],
+                            3: [3, value, value + 100]}[kind])
+            monitor.take([(t, t, packet)])
+            new = [{"fast": value}, {"slow": value}, {"some": value} if held else {},
+                   {"fast": value, "slow": value + 100}][kind]
+            newest |= new
+            if new and len(newest) == 3:
+                rows.append([t, newest["fast"], newest["slow"], newest["some"]])
+        monitor.sink(None)
+        archive.close()
+    history = _ground.History(str(tmp_path), "craft", database)
+    assert len(rows) > 100, seed
+    for begin in chance.sample(range(900), 25):
+        first, last = 10**18 + begin * S, 10**18 + (begin + chance.randrange(5, 60)) * S
+        found, received = history.rows(["fast", "slow", "some"], first, last)
+        assert [[t, *row] for t, row in zip(received.tolist(), found[:, 1:].tolist())] == \
+            [row for row in rows if first <= row[0] <= last], begin
