@@ -48,6 +48,13 @@ bool is_header(const Container &container)
     return container.is_abstract || (container.base == no_id && !container.heirs.empty());
 }
 
+/// Whether a type's values are numbers of IEEE 754 with at most 32 bits.
+bool is_single(const Type &type)
+{
+    return type.sort == Type::Sort::real && type.encoding.form == NumberForm::ieee754 && type.encoding.bits <= 32 &&
+           type.encoding.calibrator.kind == Calibrator::Kind::none && type.encoding.contexts.empty();
+}
+
 /// Run an action, which may wait for another thread, without the GIL.
 template <class Action> auto released(const Action &action)
 {
@@ -136,6 +143,7 @@ public:
             row["container"] = path_of(db_, described.slot.container);
             row["header"] = described.slot.container != no_id && is_header(db_.containers[described.slot.container]);
             row["kind"] = name_of(described.slot.kind);
+            row["single"] = described.slot.parameter != no_id && is_single(db_.types[described.slot.type]);
             std::vector<std::string> labels;
             std::string unit = described.slot.unit, description = described.slot.description;
             if (described.slot.parameter != no_id) {
@@ -289,8 +297,9 @@ void bind_monitor(py::module_ &m)
              "(\"archive\", text): why it stores no packets; \"\": it does again.")
         .def("slots", &Watcher::slots, py::arg("first") = 0, py::arg("most") = no_id,
              "At most `most` slots from the first on: dicts of slot, name, path, container, header (whether others "
-             "extend its container, as the CCSDS header), unit, kind, labels, description, limits, persistence, "
-             "replaced (the database's limits if others are in force, else None).")
+             "extend its container, as the CCSDS header), unit, kind, single (whether a real is of at most 32 bits), "
+             "labels, description, limits, persistence, replaced (the database's limits if others are in force, else "
+             "None).")
         .def("slot", &Watcher::slot, py::arg("name"),
              "The slot of a name or path. Raises SetupError with similar names.")
         .def("newest", &Watcher::newest, py::arg("slot"),

@@ -263,8 +263,8 @@ def test_derived_parameters_come_from_rows_of_their_inputs_in_the_order_of_packe
     assert monitor.newest(product) == (4, 9, 56, 56, "good", 2, 3)
     assert monitor.slots(product)[0] == {
         "slot": product, "name": "product", "path": "product", "container": None, "header": False, "kind": "real",
-        "unit": "V", "labels": [], "description": "of both", "limits": {"warning": [0, 50]}, "persistence": 2,
-        "replaced": None}
+        "single": False, "unit": "V", "labels": [], "description": "of both", "limits": {"warning": [0, 50]},
+        "persistence": 2, "replaced": None}
     assert monitor.put(product, t[:8], struct.pack("<d", float("nan"))) == []
     assert monitor.newest(product)[3:6] == (None, "uncalibrated", 2)
     assert len(monitor.rows(twice)) == 16 * 4

@@ -94,7 +94,7 @@ class Alarms:
             if new:
                 newest = self._telemetry.monitor.newest(slot)
                 alarm["value"] = value = newest[3] if newest else None
-                alarm["text"] = f"{value:g}" if isinstance(value, float) else str(value)
+                alarm["text"] = str(value)
             if worse:
                 alarm["acknowledged"] = None
             if worse or self._ends(alarm, t):

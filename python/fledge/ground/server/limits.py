@@ -166,6 +166,6 @@ def fits(change: Change, about: dict[str, Any] | None) -> bool:
 
 def in_words(levels: Levels, persistence: int = 1) -> str:
     """warning -1 to 1, critical open to 2"""
-    parts = [f"{level} {' to '.join('open' if end is None else f'{end:g}' for end in ends)}"
+    parts = [f"{level} {' to '.join('open' if end is None else repr(end).removesuffix('.0') for end in ends)}"
              for level, ends in levels.items()]
     return ", ".join(parts + [f"{persistence} in a row"] * (persistence > 1 and bool(parts))) or "none"

@@ -26,7 +26,7 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
     const colour = (k) => COLOURS[theme][k % COLOURS[theme].length];
     const labels = slots[0]?.labels ?? [];
     const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
-        slot?.labels?.[y] ?? `${real(y)} ${bare(slot?.unit)}`.trim());
+        slot?.labels?.[y] ?? `${real(y, slot?.single)} ${bare(slot?.unit)}`.trim());
     /** Numbers of an axis, with as many digits as distinguish them. */
     const numbers = (all, step) => {
         const size = Math.max(...all.map(Math.abs)), digits = Math.max(1, Math.ceil(Math.log10(size / step)) + 1);

@@ -99,7 +99,7 @@ export class Store {
         if (!this.seen[slot]) return "";
         const about = this.slots[slot] ?? {kind: "natural"};
         switch (about.kind) {
-        case "real": return real(join(this.word, slot, "getFloat64"));
+        case "real": return real(join(this.word, slot, "getFloat64"), about.single);
         case "integer": return String(join(this.word, slot, "getBigInt64"));
         case "natural": return String(join(this.word, slot, "getBigUint64"));
         case "time": return clock(join(this.word, slot, "getBigInt64"), true);
@@ -136,20 +136,24 @@ function join(from, slot, how) {
     return bits[how](0, true);
 }
 
-/** A double with seven significant digits. */
-export function real(value) {
+/** The shortest text that reads back as the same double, or, if single, as the same number of 32 bits. */
+export function real(value, single = false) {
     if (!Number.isFinite(value))
         return Number.isNaN(value) ? "not a number" : value > 0 ? "+infinite" : "\u2212infinite";
-    const size = Math.abs(value);
-    const text = size && (size >= 1e7 || size < 1e-4) ? value.toExponential(5) : String(+value.toPrecision(7));
-    return text.replaceAll("-", "\u2212");
+    let number = value;
+    if (single && value && Math.fround(value) === value)
+        for (let digits = 1; digits === 1 || Math.fround(number) !== value; digits++)
+            number = Number(value.toPrecision(digits));
+    const size = Math.abs(number), plain = Object.is(number, -0) ? "-0" : String(number);
+    const power = size && (size >= 1e7 || size < 1e-4) ? number.toExponential() : plain;
+    return (power.length < plain.length ? power : plain).replaceAll("-", "\u2212");
 }
 
 /** A value of the archive (valuesAt) as text, in the form of Store.text. */
 export function valueText(slot, {value, text}) {
     if (value === null || value === undefined) return "\u2013";
     switch (slot.kind) {
-    case "real": return real(value);
+    case "real": return real(value, slot.single);
     case "label": return slot.labels?.includes(text) ? text : `${text} (no name)`;
     case "boolean": return value ? "true" : "false";
     case "time": return clock(BigInt(text.replace(".", "")), true);

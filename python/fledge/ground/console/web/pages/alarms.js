@@ -33,7 +33,8 @@ export async function open(context) {
             const alarm = alarms[row];
             [alarm.concern, alarm.worst].forEach((level, k) => putLevel(cells[k], level, CONCERNS[0]));
             put(cells[2], alarm.name);
-            put(cells[3], typeof alarm.value === "number" ? real(alarm.value) : String(alarm.value ?? ""));
+            const {single} = live.store(craft).slots[alarm.slot] ?? {};
+            put(cells[3], typeof alarm.value === "number" ? real(alarm.value, single) : String(alarm.value ?? ""));
             stamp(cells[4], time.text(alarm.since_ns));
             put(cells[5], state(alarm));
             dress(element,

@@ -11,7 +11,8 @@ export const title = "Packets", key = "k";
 
 const WIDTH = 16;       // bytes in a line
 const short = (path) => path?.split("/").at(-1);
-const written = (value) => (typeof value === "number" && !Number.isInteger(value) ? real(value) : String(value ?? ""));
+const written = (value, single) =>
+    (typeof value === "number" && !Number.isInteger(value) ? real(value, single) : String(value ?? ""));
 
 export async function open(context) {
     const {root, api, time, craft, keys} = context;
@@ -55,11 +56,12 @@ export async function open(context) {
             {title: "Bits", width: "5.5rem", class: "num"}
         ],
         fill: (cells, row, element) => {
-            const field = rows[row];
+            const field = rows[row], single = field.bits <= 32;
             put(cells[0], field.name);
             hint(cells[0], field.name);
-            put(cells[1], field.status && field.status !== "good" ? field.status : written(field.value));
-            put(cells[2], written(field.raw));
+            put(cells[1], field.status && field.status !== "good" ? field.status :
+                written(field.value, single && field.value === field.raw));
+            put(cells[2], written(field.raw, single));
             put(cells[3], `${field.bit} +${field.bits}`);
             element.onpointerenter = () => mark(row);
         },

@@ -47,6 +47,7 @@ export async function open(context) {
             const {slot, name, group, about, glance: first} = shown[row], of = store.slots[slot];
             const write = (text, word, unit, level, state, age, soft) => {
                 [text, word, unit].forEach((part, k) => put(cells[k], part));
+                hint(cells[1], word);       // a narrow cell cuts it
                 putLevel(cells[3], level, state);
                 put(cells[4], age);
                 dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${group ? " group" : ""}`);
