@@ -3,24 +3,34 @@
  *     x = a (cos E - e) p + a sqrt(1 - e^2) sin E q,   E - e sin E = M,   dE = dM / (1 - e cos E),
  * and on the hyperbola, with a < 0,
  *     x = a (cosh H - e) p - a sqrt(e^2 - 1) sinh H q,   e sinh H - H = M,   dH = dM / (e cosh H - 1).
+ * With u^2 = |E^2 / (1 - e)| or |H^2 / (1 - e)|, z = (1 - e) u^2 and Stumpff's functions c1, c2, c3 of z, which are
+ * 1 - z / 6, 1/2 - z / 24, 1/6 - z / 120 and so on, both conics are
+ *     u + e u^3 c3 = M / |1 - e|^(3/2),   x = |a (1 - e)| ((1 - u^2 c2) p + sqrt(1 + e) u c1 q),
+ * in which nothing cancels as e goes to 1: Barker's equation of the parabola.
  * The plane turns by W = dOmega n3 + domega h, with the pole n3 and the orbit's normal h; so
  *     v = x' + W x x,   a = x'' + 2 W x x' + W x (W x x) + dW x x,   dW = dOmega n3 x domega h. */
 #include "flight/navigation/element_ephemeris.h"
 
 #include <string.h>
 
+static const double NEAR_PARABOLA = 0.01;  /* of |1 - e|: beyond, the anomalies lose at most three digits */
+static const double NEAR_PERIAPSIS = 0.15; /* [rad] of M: beyond, they lose none; up to it |z| < 1 */
+
+/* Sine and cosine of an anomaly, hyperbolic or not; cosine - e, and |1 - e cosine|. */
+typedef struct {
+    double s, c, over, near;
+} Place;
+
 void element_ephemeris_reset(ElementEphemeris *m)
 {
     memset(&m->out, 0, sizeof m->out);
 }
 
-/* E of E - e sin E = M, by Newton's method of order 4 from Danby's start, which converges for every e < 1. */
+/* E of E - e sin E = M, M in [-pi, pi], by Newton's method of order 4 from Danby's start, which converges for every
+ * e < 1. */
 static double eccentric_anomaly(double M, double e)
 {
-    double s, c;
-    fm_sincos(M, &s, &c);
-    M = fm_atan2(s, c);
-    double E = M + (s < 0.0 ? -0.85 : 0.85) * e;
+    double s, c, E = M + (M < 0.0 ? -0.85 : 0.85) * e;
     /* undecided: the steps of the loop are bounded, and it converges before */
     for (int k = 0; k < 12; k++) {
         fm_sincos(E, &s, &c);
@@ -55,6 +65,49 @@ static void hyperbolic_anomaly(double M, double e, double *s, double *c)
     *c = y;
 }
 
+/* Near the periapsis of a conic that is nearly a parabola: u by Newton's method. Its equation rises and is convex, so
+ * that u begins above the solution and falls until roundings end that. */
+static Place near_parabola(double M, double e)
+{
+    const double w = 1.0 - e, size = fm_sqrt(fm_abs(w)), B = fm_abs(M) / (size * size * size);
+    const double cubic = fm_exp(fm_log(6.4 * B) / 3.0); /* e c3 > 1 / 6.4 */
+    double u = B < cubic ? B : cubic, c1 = 1.0, c2 = 0.5;
+    /* undecided: the steps of the loop are bounded, and it converges before */
+    for (int k = 0; k < 30; k++) {
+        const double z = w * u * u;
+        double c3 = 0.0;
+        c2 = 0.0;
+        for (int j = 8; j >= 0; j--) {
+            c2 = (1.0 - z * c2) / ((2 * j + 1) * (2 * j + 2));
+            c3 = (1.0 - z * c3) / ((2 * j + 2) * (2 * j + 3));
+        }
+        c1 = 1.0 - z * c3;
+        const double next = u - (u + e * u * u * u * c3 - B) / (1.0 + e * u * u * c2);
+        if (!(next < u)) {
+            break;
+        }
+        u = next;
+    }
+    const double fallen = u * u * c2;
+    return (Place){(M < 0.0 ? -size : size) * u * c1, 1.0 - w * fallen, w * (1.0 - fallen),
+                   fm_abs(w) * (1.0 + e * fallen)};
+}
+
+/* M in [-pi, pi] of an ellipse. */
+static Place place(double M, double e)
+{
+    double s, c;
+    if (fm_abs(1.0 - e) < NEAR_PARABOLA && fm_abs(M) < NEAR_PERIAPSIS) {
+        return near_parabola(M, e);
+    }
+    if (e < 1.0) {
+        fm_sincos(eccentric_anomaly(M, e), &s, &c);
+    } else {
+        hyperbolic_anomaly(M, e, &s, &c);
+    }
+    return (Place){s, c, c - e, fm_abs(1.0 - e * c)};
+}
+
 void element_ephemeris_update(ElementEphemeris *m, Tick t)
 {
     const int64_t now = head_written(m->in.time.head) ? m->in.time.time : t.t;
@@ -66,29 +119,29 @@ void element_ephemeris_update(ElementEphemeris *m, Tick t)
     const double ratio = m->par.radius / (a * root * root);
     const double k = ellipse ? 0.75 * m->par.J2 * ratio * ratio * n : 0.0;
 
-    double si, ci, sO, cO, so, co, s, c;
+    double si, ci, sO, cO, so, co;
     fm_sincos(m->par.i, &si, &ci);
     const double dOmega = -2.0 * k * ci;
     const double domega = k * (5.0 * ci * ci - 1.0);
     const double dM = n + k * root * (3.0 * ci * ci - 1.0);
     fm_sincos(m->par.node + dOmega * dt, &sO, &cO);
     fm_sincos(m->par.periapsis + domega * dt, &so, &co);
-    const double M = m->par.M + dM * dt;
+    double M = m->par.M + dM * dt;
     if (ellipse) {
-        fm_sincos(eccentric_anomaly(M, e), &s, &c);
-    } else {
-        hyperbolic_anomaly(M, e, &s, &c);
+        double s, c;
+        fm_sincos(M, &s, &c);
+        M = fm_atan2(s, c);
     }
+    const Place at = place(M, e);
 
     const Vec3 pole = vec3(0.0, 0.0, 1.0);
     const Vec3 node = vec3(cO, sO, 0.0), ahead = vec3(-sO * ci, cO * ci, si);
     const Vec3 normal = vec_cross(node, ahead);
     const Vec3 p = vec_add(vec_scale(co, node), vec_scale(so, ahead));
     const Vec3 q = vec_sub(vec_scale(co, ahead), vec_scale(so, node));
-    const double near = fm_abs(1.0 - e * c);
-    const Vec3 x = vec_add(vec_scale(m->par.a * (c - e), p), vec_scale(a * root * s, q));
-    const Vec3 dx = vec_add(vec_scale(-a * dM / near * s, p), vec_scale(a * dM / near * root * c, q));
-    const Vec3 ddx = vec_scale(-dM * dM / (near * near * near), x);
+    const Vec3 x = vec_add(vec_scale(m->par.a * at.over, p), vec_scale(a * root * at.s, q));
+    const Vec3 dx = vec_add(vec_scale(-a * dM / at.near * at.s, p), vec_scale(a * dM / at.near * root * at.c, q));
+    const Vec3 ddx = vec_scale(-dM * dM / (at.near * at.near * at.near), x);
 
     const Vec3 W = vec_add(vec_scale(dOmega, pole), vec_scale(domega, normal));
     const Vec3 dW = vec_scale(dOmega * domega, vec_cross(pole, normal));

@@ -6,9 +6,10 @@
 #include "flight/msg/orbit.h"
 
 /** The motion on an orbit by its elements: as that of this spacecraft, or as that of another body. An ellipse has a > 0
- *  and e < 1; a hyperbola a < 0 and e > 1, and M = e sinh H - H; other pairs are no orbit, and nothing is written. With
- *  J2, node, periapsis and mean anomaly of an ellipse change at their secular rates; a hyperbola has none, and J2 does
- *  not count. With p = a (1 - e^2), k = 3/4 J2 (radius / p)^2 n:
+ *  and e < 1; a hyperbola a < 0 and e > 1, and M = e sinh H - H; other pairs are no orbit, and nothing is written. No
+ *  digit is lost near e = 1 if a is q / (1 - e) by that very double e; with the doubles next to 1, it is the parabola.
+ *  With J2, node, periapsis and mean anomaly of an ellipse change at their secular rates; a hyperbola has none, and J2
+ *  does not count. With p = a (1 - e^2), k = 3/4 J2 (radius / p)^2 n:
  *      dOmega = -2 k cos i,   domega = k (5 cos^2 i - 1),   dM = n + k sqrt(1 - e^2) (3 cos^2 i - 1),
  *  for mean elements whose third axis is the pole. Velocity and acceleration are the derivatives of the position.
  *  Source: Vallado, chapters 2 and 9. */

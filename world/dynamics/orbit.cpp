@@ -19,7 +19,8 @@ namespace {
 using sim::format_number;
 
 using std::numbers::pi;
-constexpr double degenerate = 1e-12; // what counts as circular, parabolic, equatorial or straight
+constexpr double degenerate = 1e-12; // what counts as circular, equatorial or straight
+constexpr double parabolic = 2e-15;  // by how much roundings may move e from 1
 
 void check(bool holds, const char *rule, double found)
 {
@@ -77,7 +78,14 @@ OrbitState orbit_state(double mu, const OrbitElements &elements)
     fm_sincos(Omega, &sin_node, &cos_node);
     fm_sincos(omega, &sin_peri, &cos_peri);
     fm_sincos(f, &sin_f, &cos_f);
-    if (!(1.0 + e * cos_f > 0.0)) {
+    double over_r = 1.0 + e * cos_f, ahead_v = e + cos_f; // p / r, and the speed ahead of periapsis by sqrt(mu / p)
+    if (fm_abs(1.0 - e) < 0.01 && cos_f < 0.0) {
+        // Far out near a parabola both sums would cancel.
+        const double half = fm_cos(0.5 * f), left = 2.0 * half * half; // 1 + cos f
+        over_r = (1.0 - e) + e * left;
+        ahead_v = left - (1.0 - e);
+    }
+    if (!(over_r > 0.0 && 1.0 + e * cos_f > 0.0)) {
         throw sim::SetupError("orbit: with an eccentricity of " + format_number(e) +
                               " the true anomaly must be between the asymptotes, +-" +
                               format_number(fm_acos(-1.0 / e)) + " rad; found " + format_number(f));
@@ -89,9 +97,9 @@ OrbitState orbit_state(double mu, const OrbitElements &elements)
     const Eigen::Vector3d peri = cos_peri * node + sin_peri * ahead;
     const Eigen::Vector3d flight = cos_peri * ahead - sin_peri * node;
 
-    const double r = p / (1.0 + e * cos_f);
+    const double r = p / over_r;
     const double speed = std::sqrt(mu / p);
-    return {r * (cos_f * peri + sin_f * flight), speed * ((e + cos_f) * flight - sin_f * peri)};
+    return {r * (cos_f * peri + sin_f * flight), speed * (ahead_v * flight - sin_f * peri)};
 }
 
 OrbitElements orbit_elements(double mu, const OrbitState &state)
@@ -111,7 +119,7 @@ OrbitElements orbit_elements(double mu, const OrbitState &state)
     OrbitElements elements;
     elements.p = h * (h / mu);
     elements.e = (state.v.cross(momentum) / mu - state.r / r).norm();
-    if (std::abs(elements.e - 1.0) < degenerate) {
+    if (std::abs(elements.e - 1.0) < parabolic) {
         elements.e = 1.0;
     }
 

@@ -34,7 +34,7 @@ double semi_latus_rectum(double a, double e);
 OrbitState orbit_state(double mu, const OrbitElements &elements);
 
 /// Angles are in [0, 2 pi), i in [0, pi], but f in (-pi, pi) on open orbits. Within 1e-12, orbits
-/// count as circular (e = 0), parabolic (e = 1) and equatorial (i = 0 or pi).
+/// count as circular (e = 0) and equatorial (i = 0 or pi), within 2e-15 as parabolic (e = 1).
 /// Throws SetupError on mu <= 0, on a state that is not finite, and on a rectilinear one (r and v
 /// along one line), which these elements cannot describe.
 OrbitElements orbit_elements(double mu, const OrbitState &state);

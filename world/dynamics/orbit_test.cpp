@@ -167,6 +167,7 @@ TEST(Orbit, WhatIsNoOrbitIsRefused)
     EXPECT_EQ(message([](auto &x) { x.e = 2.0, x.f = 2.5; }),
               "orbit: with an eccentricity of 2 the true anomaly must be between the asymptotes, "
               "+-2.0943951023931957 rad; found 2.5");
+    EXPECT_NE(message([](auto &x) { x.e = 1.0, x.f = pi; }), "");
     EXPECT_NE(message([](auto &x) { x.Omega = INFINITY; }), "");
     EXPECT_NE(message([](auto &x) { x.omega = NAN; }), "");
     EXPECT_NE(message([](auto &x) { x.f = NAN; }), "");

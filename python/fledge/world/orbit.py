@@ -115,7 +115,8 @@ class Orbit:
     frame: other axes for them, as three rows in N: sky.true_of_date() of the Earth, sky.equator(body) of any body
     at a date, body.equator() of J2000.
 
-    r_BN_N [m] and v_BN_N [m/s] hold the state, the body's own position and velocity included.
+    r_BN_N [m] and v_BN_N [m/s] hold the state, the body's own position and velocity included. Near a parabola rp and e
+    lose no digits; a, or ra, of e = 1 - d is as exact as a double holds d: within 1e-16 / d of itself.
     Raises SetupError on elements that describe no orbit, on a position inside the body, on an ellipse that enters
     the body (`body.with_surface(0)` allows both), on an inclination beyond pi, and on another angle beyond 2 pi
     without a unit. A hyperbola or parabola may lead into the body: then the run ends there.
@@ -134,9 +135,9 @@ class Orbit:
                 raise SetupError(f"Orbit: {name} must be > 0, found {value:g} m")
         e_given = e is not None
         e = to_number(e, "Orbit: e", "-", NUMBER) if e_given else 0.0
-        names = set(sizes)
+        names, a = set(sizes), None
         if names == {"a"}:
-            p = _core.semi_latus_rectum(sizes["a"], e)
+            p, a = _core.semi_latus_rectum(sizes["a"], e), sizes["a"]
         elif names == {"p"}:
             p = sizes["p"]
         elif names == {"rp"} and e_given:
@@ -146,13 +147,14 @@ class Orbit:
             if rp > ra:
                 raise SetupError(f"Orbit: the radius of periapsis, {rp:g} m, is above that of apoapsis, {ra:g} m")
             e = (ra - rp) / (ra + rp)
-            p = rp * (1.0 + e)
+            p, a = rp * (1.0 + e), (rp + ra) / 2.0
         elif names == {"altitude"} and not e_given:
             p = self.body.radius + sizes["altitude"]
         else:
             given_names = ", ".join([*sizes] + ["e"] * e_given) or "none"
             raise SetupError(f"Orbit: expected a and e, p and e, rp and ra, rp and e, or altitude; found {given_names}")
         self.p, self.e = p, e
+        self._a = a if a is not None else p / ((1.0 - e) * (1.0 + e)) if e != 1.0 else float("inf")
         self.i, self.Omega, self.omega, self.f = (
             _angle(x, name) for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
         self.require_outside("Orbit")
@@ -166,14 +168,24 @@ class Orbit:
     @classmethod
     def from_state(cls, body: Body | str, r: Any, v: Any, *, frame: Any = None) -> Orbit:
         """The orbit through a position [m] with a velocity [m/s], relative to the body; its elements in `frame`."""
+        from math import dist, sqrt
+
         body = body_of(body, "Orbit.from_state")
-        r = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
-        v = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
+        r = r_N = to_vector(r, "Orbit.from_state: r", "m", LENGTH)
+        v = v_N = to_vector(v, "Orbit.from_state: v", "m/s", SPEED)
         if frame is not None:
             r, v = ([dot(axis, a) for axis in _axes(frame)] for a in (r, v))
         p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
         orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f, frame=frame)
         vars(orbit)["body"] = body
+        alpha = 2.0 / sqrt(dot(r, r)) - dot(v, v) / body.mu
+        if alpha * (1.0 - e) > 0.0:     # p and e of a far point near a parabola have fewer digits of it
+            vars(orbit)["_a"] = 1.0 / alpha
+        # Far out near a parabola, or near an asymptote, the elements have fewer digits than the state.
+        for name, given, origin in (("r_BN_N", r_N, body.r_PN_N), ("v_BN_N", v_N, body.v_PN_N)):
+            kept = [x + y for x, y in zip(given, origin)]
+            if dist(kept, getattr(orbit, name)) > 1e-12 * sqrt(dot(given, given)):
+                vars(orbit)[name] = kept
         return orbit
 
     @classmethod
@@ -294,7 +306,7 @@ class Orbit:
     @property
     def a(self) -> float:
         """The semi-major axis [m]: negative for a hyperbola, infinite for a parabola."""
-        return self.p / (1.0 - self.e**2) if self.e != 1.0 else float("inf")
+        return self._a
 
     @property
     def period(self) -> float:
