@@ -22,19 +22,34 @@ struct Head {
     bool is_space = false;
 };
 
+/// Whether other parts of its unit of data follow a part.
+bool goes_on(unsigned part)
+{
+    return part == SPACE_PACKET_FIRST || part == SPACE_PACKET_MIDDLE;
+}
+
 /// The last packet of an application.
 struct Last {
     unsigned count, part;
-    bool stays; ///< the counts may be constant
+    bool stays;  ///< the counts may be constant
+    bool opened; ///< its unit goes on, and the first part of it came
+
+    Last behind(const Head &head) const
+    {
+        return {head.count, head.part, count == head.count,
+                head.part == SPACE_PACKET_FIRST || (opened && head.part == SPACE_PACKET_MIDDLE)};
+    }
+    static Last first(const Head &head) { return {head.count, head.part, true, head.part == SPACE_PACKET_FIRST}; }
 };
 
-/// Whether a packet may follow an earlier one of its application, by their counts and parts.
-bool is_behind(const Head &head, unsigned count, unsigned part, unsigned furthest = near_counts)
+/// Whether a packet may follow an earlier one of its application, by their counts and parts. Where packets between them
+/// are missing, any part may; and the parts of a unit whose first one came may have one count.
+bool is_behind(const Head &head, const Last &last, unsigned furthest = near_counts)
 {
-    const unsigned on = (head.count - count) & (SPACE_PACKET_COUNTS - 1u);
-    const bool within = part == SPACE_PACKET_FIRST || part == SPACE_PACKET_MIDDLE; // a unit of data
-    return on != 0 && on <= furthest &&
-           (head.part == SPACE_PACKET_WHOLE || within == (head.part != SPACE_PACKET_FIRST));
+    const unsigned on = (head.count - last.count) & (SPACE_PACKET_COUNTS - 1u);
+    const bool fits = goes_on(last.part) == (head.part != SPACE_PACKET_FIRST);
+    return on == 0 ? last.opened && (head.part & SPACE_PACKET_FIRST) == 0
+                   : on <= furthest && (on != 1 || head.part == SPACE_PACKET_WHOLE || fits);
 }
 
 /// A packet whose end nothing confirms yet.
@@ -50,7 +65,7 @@ public:
 
     std::vector<Piece> read()
     {
-        std::size_t at = 0;
+        std::size_t at = read_led();
         while (!ends(at)) {
             const std::optional<Head> head = next(at, true);
             if (head && head->end - head->begin == 1) { // a fill packet
@@ -63,7 +78,7 @@ public:
             if (known && follows) {
                 release();
             }
-            const bool sure = follows && (known || is_begun(*head));
+            const bool sure = follows && (known || is_begun(*head, known_.empty()));
             if (sure || (follows && may_be(*head))) {
                 const char *doubt = "";
                 if (sure && !known_.empty() ? are_known_inside(*head)
@@ -94,8 +109,30 @@ private:
 
     const std::uint8_t *data(std::size_t at) const { return bytes_.data() + at; }
 
-    /// The header of what may be a packet there, even if the file ends within it.
-    std::optional<Head> begins(std::size_t at) const
+    /// Read a file in which the lengths lead from packet to packet to its end, or into one that continues those before
+    /// and is cut off: each is one, whatever its part. Returns where they end; 0, and nothing is read, if they lead
+    /// elsewhere.
+    std::size_t read_led()
+    {
+        std::size_t at = 0;
+        for (std::optional<Head> head; !ends(at) && (head = complete(at, true)); at = head->end) {
+            if (head->end - head->begin > 1) { // else a fill packet
+                wait(*head, "");
+                release();
+            }
+        }
+        const std::optional<Head> cut = begins(at, true);
+        if (ends(at) || (cut && cut->end > bytes_.size() && continues_known(*cut))) {
+            return at;
+        }
+        known_.clear();
+        pieces_.clear();
+        return 0;
+    }
+
+    /// The header of what may be a packet there, even if the file ends within it. led: lengths lead there, so it may be
+    /// a part for application 0, which otherwise is rather padding.
+    std::optional<Head> begins(std::size_t at, bool led = false) const
     {
         const std::size_t begin = at + skip_;
         std::uint32_t size = 0;
@@ -112,15 +149,15 @@ private:
             head.id = ccsds_get16(data(begin));
             head.count = ccsds_get16(data(begin + 2)) & (SPACE_PACKET_COUNTS - 1u);
             head.part = data(begin + 2)[0] >> 6;
-            if (head.id == 0 && head.part != SPACE_PACKET_WHOLE) {
-                return std::nullopt; // rather padding than a part for application 0
+            if (head.id == 0 && head.part != SPACE_PACKET_WHOLE && (!led || (head.part == 0 && head.count == 0))) {
+                return std::nullopt;
             }
         }
         return head;
     }
-    std::optional<Head> complete(std::size_t at) const
+    std::optional<Head> complete(std::size_t at, bool led = false) const
     {
-        std::optional<Head> head = begins(at);
+        std::optional<Head> head = begins(at, led);
         return head && head->end <= bytes_.size() ? head : std::nullopt;
     }
     std::size_t behind_zeros(std::size_t at) const
@@ -162,24 +199,35 @@ private:
         if (!head.is_space || before == known_.end()) {
             return false;
         }
-        const auto &[count, part, stays] = before->second;
-        return is_behind(head, count, part) || (stays && head.count == count && head.part == part);
+        const Last &last = before->second;
+        return is_behind(head, last) || (last.stays && head.count == last.count && head.part == last.part);
     }
-    /// Whether later packets continue it: one, or two with the same count. It must be whole, or a first part.
-    bool is_begun(const Head &first) const
+    /// Whether later packets continue it: one, or two with the same count; three of a part that begins no unit, or all
+    /// up to the end. In small numbers many places look like such a part: it counts only where the bytes before it
+    /// `lead` there.
+    bool is_begun(const Head &first, bool lead = false) const
     {
+        const bool begins_unit = (first.part & SPACE_PACKET_FIRST) != 0;
+        if (!begins_unit && !lead) {
+            return false;
+        }
         std::optional<Head> step = first;
-        unsigned same = 0;
-        for (unsigned i = 0; i < steps && (first.part & SPACE_PACKET_FIRST) && (step = next(step->end)); i++) {
+        Last last = Last::first(first);
+        unsigned same = 0, behind = 0;
+        for (unsigned i = 0; i < steps && (step = next(step->end)); i++) {
             if (!step->is_space || step->id != first.id) {
                 continue;
             }
-            if (step->count != first.count || step->part != SPACE_PACKET_WHOLE || first.part != SPACE_PACKET_WHOLE) {
-                return is_behind(*step, first.count, first.part, first.part == SPACE_PACKET_WHOLE ? near_counts : 1);
-            }
-            if (++same == 2) {
+            if (step->count == last.count && step->part == SPACE_PACKET_WHOLE && last.part == SPACE_PACKET_WHOLE) {
+                if (++same == 2) {
+                    return true;
+                }
+            } else if (!is_behind(*step, last, goes_on(last.part) ? 1 : near_counts)) {
+                return false;
+            } else if (++behind == (begins_unit ? 1 : 3) || ends(step->end)) {
                 return true;
             }
+            last = last.behind(*step);
         }
         return false;
     }
@@ -253,7 +301,7 @@ private:
         if (head.is_space && *doubt == '\0') {
             const auto [place, fresh] = known_.try_emplace(head.id);
             before = fresh ? std::nullopt : std::optional(place->second);
-            place->second = {head.count, head.part, fresh || before->count == head.count};
+            place->second = fresh ? Last::first(head) : before->behind(head);
         }
         waiting_.push_back({head, before, doubt});
     }

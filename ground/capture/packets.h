@@ -17,9 +17,12 @@ namespace fledge::ground {
 
 /// Space packets and encapsulation packets, with `skip` bytes in front of each; zeros between them are padding.
 ///
-/// Packets have no check, so the packets around it show whether a place has one. A packet *continues* an earlier one
-/// if the first two bytes are equal and the earlier count is 1 to 256 less, or equal if the counts never change, and if
-/// its part of a longer unit may follow the earlier packet's part.
+/// Where the lengths lead from packet to packet to the end of the file, each is one, whatever part of a unit of data it
+/// has: what lacks its other parts is a packet, too.
+///
+/// In other files, as packets have no check, those around it show whether a place has one. A packet *continues* an
+/// earlier one if the first two bytes are equal and the earlier count is 1 to 256 less, or equal if the counts never
+/// change or both are parts of a unit, and if its part may follow the earlier packet's part.
 ///
 /// - While packets follow each other, all are read. But bytes that continue no earlier packet are no packet if a packet
 ///   that continues an earlier one begins inside of them or of the packet before. A part that continues none has a

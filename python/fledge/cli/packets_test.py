@@ -5,7 +5,10 @@ import csv
 import io
 import json
 import os
+import shutil
 import struct
+import subprocess
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -75,16 +78,41 @@ def pcap(frames, order="<", magic=0xA1B2C3D4, link=1):
         struct.pack(order + "4I", 100 + i, 7, len(frame), len(frame)) + frame for i, frame in enumerate(frames))
 
 
-def pcapng(frames, order="<"):
+def pcapng(frames, order="<", offset=0, old=False):
     def block(kind, body):
         body += bytes(-len(body) % 4)
         return struct.pack(order + "2I", kind, len(body) + 12) + body + struct.pack(order + "I", len(body) + 12)
 
-    ticks = struct.pack(order + "2HB3x2H", 9, 1, 9, 0, 0)
+    clock = struct.pack(order + "2HB3x2Hq2H", 9, 1, 9, 14, 8, offset, 0, 0)
+    head = order + ("2H4I" if old else "5I")
     return block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1)) + \
-        block(1, struct.pack(order + "HHI", 1, 0, 65535) + ticks) + b"".join(
-            block(6, struct.pack(order + "5I", 0, *divmod((100 + i) * 10**9 + 7, 1 << 32), *2 * [len(frame)]) + frame)
+        block(1, struct.pack(order + "HHI", 1, 0, 65535) + clock) + b"".join(
+            block(2 if old else 6, struct.pack(head, *[0] * (1 + old), *divmod((100 + i) * 10**9 + 7, 1 << 32),
+                                               *2 * [len(frame)]) + frame)
             for i, frame in enumerate(frames))
+
+
+def by_tshark(path):
+    """(time [ns], payload) of each UDP datagram, as Wireshark reads the file."""
+    rows = subprocess.run(["tshark", "-r", path, "-T", "fields", "-e", "frame.time_epoch", "-e", "udp.payload"],
+                          check=True, capture_output=True, text=True).stdout.split("\n")
+    return [(int(Decimal(time) * 10**9), bytes.fromhex(payload)) for time, payload in map(str.split, filter(None, rows))]
+
+
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="not here: tshark")
+def test_captures_of_all_kinds_have_the_datagrams_that_wireshark_finds(tmp_path):
+    ip = datagram(ALL[1])[18:-2]
+    kinds = {0: b"\2\0\0\0", 1: bytes(12) + b"\x08\0", 12: b"", 101: b"", 108: b"\0\0\0\2", 113: bytes(14) + b"\x08\0",
+             228: b"", 276: b"\x08\0" + bytes(18)}
+    captures = [pcap([front + ip], link=link) for link, front in kinds.items()]
+    captures += [pcapng([datagram(packet) for packet in ALL], order, offset, old)
+                 for order, offset, old in (("<", 0, True), (">", 1000, False), (">", -90, True))]
+    for data in captures:
+        (tmp_path / "all.pcap").write_bytes(data)
+        expected = by_tshark(tmp_path / "all.pcap")
+        assert expected and [(piece.time, piece.packet) for piece in pieces(data)] == expected
+    problem, = (piece.problem for piece in pieces(pcap([ip, ip], link=127)))
+    assert problem == "2 packets of a network of kind 127 (LINKTYPE), which is not read, are left out"
 
 
 @pytest.mark.parametrize("order", "<>")

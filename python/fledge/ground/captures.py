@@ -20,7 +20,8 @@ PCAP = {b"\xd4\xc3\xb2\xa1": ("<", 10**3), b"\xa1\xb2\xc3\xd4": (">", 10**3), b"
         b"\xa1\xb2\x3c\x4d": (">", 1)}      # byte order, and nanoseconds of a fraction
 PCAPNG = b"\x0a\x0d\x0d\x0a"
 MCAP = b"\x89MCAP0\r\n"
-NULL, ETHERNET, RAW_IP, LINUX, USER = 0, 1, {12, 14, 101, 228, 229}, 113, range(147, 163)     # kinds of links
+ETHERNET, USER = 1, range(147, 163)                                             # kinds of links
+IP_AT = {0: 4, 12: 0, 14: 0, 101: 0, 108: 4, 113: 16, 228: 0, 229: 0, 276: 20}      # [bytes] of others in front of IP
 
 
 class Piece(NamedTuple):
@@ -161,7 +162,7 @@ def _pcap(data: bytes) -> Iterator[Captured]:
 
 def _pcapng(data: bytes) -> Iterator[Captured]:
     at, order = 0, "<"
-    links: list[tuple[int, int]] = []       # kind, ticks of a second
+    links: list[tuple[int, int, int]] = []      # kind, ticks of a second, [s] to add
     while at < len(data):
         if data[at:at + 4] == PCAPNG:
             order, links = (">" if data[at + 8:at + 12] == b"\x1a\x2b\x3c\x4d" else "<"), []
@@ -174,12 +175,12 @@ def _pcapng(data: bytes) -> Iterator[Captured]:
             yield at, None, None, f"the file ends within a block of {n} bytes"
             return
         if kind == 1 and len(body) >= 8:        # a description of an interface
-            links.append((struct.unpack_from(order + "H", body)[0], _resolution(body[8:], order)))
-        elif kind == 6 and len(body) >= 20:     # a packet
-            interface, high, low, size, _ = struct.unpack_from(order + "5I", body)
+            links.append((struct.unpack_from(order + "H", body)[0], *_clock(body[8:], order)))
+        elif kind in (2, 6) and len(body) >= 20:     # a packet; 2: in the older form, which counts those dropped, too
+            interface, high, low, size, _ = struct.unpack_from(order + ("H2x4I" if kind == 2 else "5I"), body)
             if interface < len(links) and 20 + size <= len(body):
-                link, resolution = links[interface]
-                yield at + 28, (high << 32 | low) * 10**9 // resolution, link, body[20:20 + size]
+                link, ticks, offset = links[interface]
+                yield at + 28, (high << 32 | low) * 10**9 // ticks + offset * 10**9, link, body[20:20 + size]
             else:
                 yield at, None, None, "a packet of an interface that is not described, or longer than its block"
         elif kind == 3 and len(body) >= 4 and links:    # a simple packet, without a time
@@ -187,29 +188,37 @@ def _pcapng(data: bytes) -> Iterator[Captured]:
         at += n
 
 
-def _resolution(options: bytes, order: str) -> int:
-    """Ticks of a second."""
-    at = 0
+def _clock(options: bytes, order: str) -> tuple[int, int]:
+    """Of an interface: ticks of a second, and [s] to add to its times."""
+    at, ticks, offset = 0, 10**6, 0
     while at + 4 <= len(options):
         code, n = struct.unpack_from(order + "2H", options, at)
         if code == 9 and n == 1 and at + 4 < len(options):
             value = options[at + 4]
-            return 2 ** (value & 0x7F) if value & 0x80 else 10 ** value
+            ticks = 2 ** (value & 0x7F) if value & 0x80 else 10 ** value
+        elif code == 14 and n == 8 and at + 12 <= len(options):
+            offset, = struct.unpack_from(order + "q", options, at + 4)
         at += 4 + (n + 3) // 4 * 4
-    return 10**6
+    return ticks, offset
 
 
 def _datagrams(captured: Iterable[Captured], skip: int) -> Iterator[Piece]:
     other = 0
+    unknown: dict[int, int] = {}
     for at, time, link, content in captured:
         if link is None:
             yield Piece(at, b"", None, content)
+            continue
+        if link not in IP_AT and link != ETHERNET and link not in USER:
+            unknown[link] = unknown.get(link, 0) + 1
             continue
         place, payload = (0, content) if link in USER else _udp(content, link)
         if place is None:
             other += 1
         else:
             yield from packets(payload, skip, at + place, time)
+    for link, n in unknown.items():
+        yield Piece(0, b"", None, f"{n} packets of a network of kind {link} (LINKTYPE), which is not read, are left out")
     if other:
         yield Piece(0, b"", None, f"{other} packets of the network are no whole UDP datagrams: they are left out")
 
@@ -222,7 +231,7 @@ def _udp(frame: bytes, link: int) -> tuple[int | None, bytes]:
             at += 4
         at = at + 2 if frame[at:at + 2] in (b"\x08\x00", b"\x86\xdd") else len(frame)
     else:
-        at = 0 if link in RAW_IP else 4 if link == NULL else 16 if link == LINUX else len(frame)
+        at = IP_AT[link]
     ip = frame[at:]
     if len(ip) >= 28 and ip[0] >> 4 == 4 and ip[9] == 17 and not int.from_bytes(ip[6:8], "big") & 0x3FFF:
         head, end = 4 * (ip[0] & 15), int.from_bytes(ip[2:4], "big")
