@@ -719,6 +719,8 @@ class Observer(_Member):
 
     simulation, name, address, keys: as of a Node
     timeout: [s] in which the controller must answer and all nodes must have joined
+    patience: [s] after which a controller whose connection is lost is gone; a stopped one that goes on connects again
+        earlier
 
     One thread uses it, but other threads may call write(). Close it, or use `with`.
     """
@@ -730,6 +732,7 @@ class Observer(_Member):
         self.topics = {}      #: topic -> Schema, of all that there are
         self.missed = 0       #: messages, of all topics
         self.t = 0            #: [ns] of the newest message
+        self.patience = 2
         self._positions = {}  # topic -> (count, t) of the last message
         self._counts = {}     # topic -> messages written
         self._lock = threading.Lock()
@@ -760,6 +763,11 @@ class Observer(_Member):
                 self._publisher.close()
             self._context.term()
 
+    @property
+    def lost(self):
+        """Whether the connection to the controller is lost. What came before may still be unread."""
+        return self._handshake.lost is not None
+
     def subscribe(self, *topics):
         """Subscribe to all topics with one of these prefixes; "": all. The last message of each comes at once."""
         for topic in topics:
@@ -776,8 +784,8 @@ class Observer(_Member):
                 seen = self._read(self._socket.recv_multipart())
                 if seen is not None:
                     return seen
-            elif self._handshake.lost and time.monotonic() - self._handshake.lost > 2:
-                raise NodeError("the controller is gone")  # a stopped controller that goes on connects again earlier
+            elif self._handshake.lost and time.monotonic() - self._handshake.lost > self.patience:
+                raise NodeError("the controller is gone")
             elif end is not None and time.monotonic() >= end:
                 break
         return None

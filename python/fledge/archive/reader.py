@@ -252,6 +252,17 @@ class Archive(Records[Channel]):
             length, = packing.unpack_from("<Q", self._data, at + 1)
             yield self._data[at + mcap.PAYLOAD_AT:at + mcap.CONTENT_AT + length]
 
+    def messages(self, topic: str, first: int = 0) -> Iterator[np.void]:
+        """The messages of a topic from a number on, one after another: a["/topic"][first:], of which only one is in
+        memory."""
+        import numpy as np
+        channel = self._channel(topic)
+        struct = channel._struct()
+        for at in channel.offsets[first:]:
+            little = self._data[at + mcap.CDR_AT + 1] == 1
+            yield np.frombuffer(self._data[at + mcap.PAYLOAD_AT:at + mcap.PAYLOAD_AT + struct.size],
+                                struct.dtype("<" if little else ">"))[0]
+
     def time(self, topic: str) -> NDArray[np.float64]:
         """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
         return self.time_ns(topic) / 1e9

@@ -70,7 +70,8 @@ class Link(ABC):
 
     def gaps(self) -> list[tuple[int, int, str]]:
         """(from, to, why) [ns] of the link's clock, of which the link has learned since the last call that packets
-        between were lost on their way to this program; from -1: what was sent before it was here."""
+        between were lost on their way to this program; from -1: what was sent before it was here; to -1: what was
+        sent until the end of a run, which this program did not hear."""
         return []
 
     def close(self) -> None:

@@ -4,8 +4,10 @@ for which the run does not wait, and as a node, for which it does. Both find the
 `fledge up` sets."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, takewhile
+from pathlib import Path
 from queue import Queue
 from struct import Struct
 from threading import Thread
@@ -74,13 +76,16 @@ class _Messages:
 
 class Onlooker(Link):
     """An asynchronous program: what it sends enters the run at the first time that flight was not granted yet, and is
-    in the record of the exchange. raw: the messages of telemetry are not cut into packets. radio: by that model of the
-    world, "world.radio"."""
+    in the record of the exchange. Of a controller that was killed, that record also has what the controller had not
+    passed on. raw: the messages of telemetry are not cut into packets. radio: by that model of the world,
+    "world.radio"."""
 
     def __init__(self, process: str, raw: bool = False, radio: str | None = None) -> None:
         self._messages = _Messages(raw, radio)
         self._newest: int | None = None      # [ns] of the last message of telemetry
         self._gaps: list[tuple[int, int, str]] = []
+        self._rest: Iterator[list[Timed]] | None = None     # once the controller is gone: what its record has
+        self._gone = ""                                     # and why there is no more
         self._receive: Callable[[Any], None] = lambda message: None
         bindings = _bindings()
         try:
@@ -92,7 +97,7 @@ class Onlooker(Link):
 
     @property
     def t(self) -> int:
-        return int(self._observer.t)
+        return max(int(self._observer.t), self._newest or 0)
 
     @property
     def topics(self) -> Any:
@@ -126,7 +131,15 @@ class Onlooker(Link):
 
     def _next(self, wait: float) -> list[Timed] | None:
         """The packets of the next message; None: it has not come in time [s]."""
-        message = self._observer.next(wait)
+        try:
+            message = self._observer.next(wait) if self._rest is None else None
+        except _bindings().NodeError as error:
+            self._gone, self._rest, message = str(error), self._recorded(), None
+        if self._rest is not None:
+            packets = next(self._rest, None)
+            if packets is None and wait:    # else there are packets before that
+                raise ConnectionError(self._gone)
+            return packets
         if message is None:
             if wait and (self.wait is None or self._observer.reason is not None):
                 raise ConnectionError("the run is over" if self._observer.reason is not None else
@@ -137,6 +150,47 @@ class Onlooker(Link):
             return []
         self._count(message)
         return self._messages.units(message, message.t) if message["n"] else []
+
+    def _recorded(self) -> Iterator[list[Timed]]:
+        """The packets of each message that the controller has recorded after the newest one that came. Then a gap, if
+        the record has no end: it lacks the controller's last second."""
+        newest, n, name = self._newest, 0, os.environ.get("FLEDGE_EXCHANGE")
+        whole, problem = False, "" if name else ", and there is no record of its messages here"
+        if name and newest is not None:     # else this program does not know where it came in
+            from fledge.archive import Archive, ArchiveError
+
+            path = Path(name)
+            path = path if path.exists() else path.with_name(f"{path.name}.part")
+            try:
+                with Archive(path) as record:
+                    times = record.time_ns(self._telemetry)
+                    first = int(times.searchsorted(newest, "right"))
+                    for t, message in zip(times[first:].tolist(), record.messages(self._telemetry, first)):
+                        newest = self._newest = t
+                        n += 1
+                        yield self._messages.units(message, t) if message["n"] else []
+                problem = f"; {n} messages of {self._telemetry} are from {path}"
+                whole = record.complete and "end" in record.metadata
+            except ArchiveError as error:
+                problem = f", and its record cannot be read: {error}"
+        self._gone += problem
+        if not whole:
+            self._gone += "; what was sent later is lost"
+            self._gaps.append((-1 if newest is None else newest, -1, self._gone))
+
+    def hurry(self) -> None:
+        """Wait no more for a controller whose connection is lost."""
+        self._observer.patience = 0
+
+    def leave(self) -> None:
+        """Take what is left from the controller's record, for this program has no time to wait for the run's end."""
+        if self._rest is None:
+            self._gone, self._rest = "this program ended before the run", self._recorded()
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the run goes on, as far as is known here."""
+        return self._rest is None and self._observer.reason is None and not self._observer.lost
 
     def gaps(self) -> list[tuple[int, int, str]]:
         gaps, self._gaps = self._gaps, []

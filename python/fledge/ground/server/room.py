@@ -95,6 +95,8 @@ class Room:
         if self.postgres:
             self.postgres.close()
         for craft in self.crafts.values():
+            craft.end()
+        for craft in self.crafts.values():
             craft.close()
         for name in list(self._unsaved):
             self.flush(name)

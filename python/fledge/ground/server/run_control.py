@@ -33,6 +33,11 @@ class RunControl(ABC):
         """[s] until which the run repeats an earlier one."""
         return 0.0
 
+    @property
+    def reached(self) -> float:
+        """[s] to which all of the run has come, as far as is known here."""
+        return 0.0
+
     def repeats(self, received: float = inf) -> str:
         """That the run repeats an earlier one and has not come to its end yet, or its telemetry has been received up
         to a time [s] before: that, in words; empty: it does not."""
@@ -158,6 +163,10 @@ class Steered(RunControl):
     @property
     def past(self) -> float:
         return float(self._steering.state.get("past") or 0.0)
+
+    @property
+    def reached(self) -> float:
+        return float(self._steering.state.get("t") or 0.0)
 
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
         t = float(self._steering.state.get("t") or 0.0)

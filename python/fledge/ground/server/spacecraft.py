@@ -18,6 +18,7 @@ from urllib.parse import parse_qsl, urlsplit
 from fledge.errors import Failure, SetupError
 from fledge.ground.database import Database
 from fledge.ground.scripts.craft import NoAnswer
+from fledge.ground.scripts.member import Onlooker
 from fledge.ground.server.alarms import Alarms
 from fledge.ground.server.clock import Clock, Packets
 from fledge.ground.server.commanding import Commanding
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 
+LAST = 1.0              # [s] for a co-simulation that ends with the server to send its last packets
 PATIENCE = 60.0         # [s] at most until the thread begins again; after as long without an error, soon
 OF_FLIGHT = {"low": "watch", "medium": "warning", "high": "critical"}     # severities of flight, as here
 
@@ -109,9 +111,13 @@ class Spacecraft:
         self._thread = Thread(target=self._serve, name=self.name, daemon=True)
         self._thread.start()
 
+    def end(self) -> None:
+        """Begin to end; close() waits for it."""
+        self._over.set()
+
     def close(self) -> None:
         """End in order."""
-        self._over.set()
+        self.end()
         end = time.monotonic() + 10
         # It takes no packet while it opens the link, for which a run that is over lets it wait long.
         while self._thread and self._thread.is_alive() and not self.connection.opening and time.monotonic() < end:
@@ -171,6 +177,21 @@ class Spacecraft:
                     with suppress(BaseException):
                         self._answer()
                     self._over.wait(TURN / 1e9)
+        self._finish()
+
+    def _finish(self) -> None:
+        """Take what a co-simulation, which mostly ends with the server, has sent."""
+        run, end = self.connection.carrier, time.monotonic() + LAST
+        if not isinstance(run, Onlooker):
+            return
+        run.hurry()
+        try:
+            while True:
+                if run.goes_on and time.monotonic() > end:
+                    run.leave()
+                self._turn()
+        except (OSError, SetupError, NoAnswer, Failure) as error:
+            self._break(str(error))
 
     def _fail(self, why: str, wait: float) -> None:
         """Report that the server itself has failed here, and close the link."""
@@ -210,6 +231,9 @@ class Spacecraft:
 
     def _break(self, why: str) -> None:
         """The link is gone, or cannot be opened."""
+        self._lost([])
+        self.handle(self.telemetry.retry())
+        self.telemetry.report_gaps()
         if self.connection.broke(why):
             self.reporter.event("warning", "link", f"the link is down: {why}")
         self.publish()
@@ -234,8 +258,7 @@ class Spacecraft:
             self.clock.now = max(self.clock.now, link.t)
         self._advance()
         packets = self.clock.timed(arrived, link.t)
-        for begin, end, why in self.connection.gaps():
-            packets = self.telemetry.lost(begin, end, why, packets, self.control.past if self.control else -1.0)
+        packets = self._lost(packets)
         if self.commanding.left and (packets or not self.clock.simulated):
             self.commanding.restore()
         if packets:
@@ -245,6 +268,15 @@ class Spacecraft:
         self.transfers.poll()
         self.stored.poll()
         self.feed.sample()
+
+    def _lost(self, packets: Packets) -> Packets:
+        """Note what the link has lost; returns the packets that are new."""
+        past, reached = (self.control.past, self.control.reached) if self.control else (-1.0, 0.0)
+        for begin, end, why in self.connection.gaps():
+            if end < 0:
+                end = max(begin, self.clock.now, round(reached * 1e9))
+            packets = self.telemetry.lost(begin, end, why, packets, past)
+        return packets
 
     def _publish_all(self) -> None:
         self.contacts.poll()

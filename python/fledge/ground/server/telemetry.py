@@ -173,8 +173,8 @@ class Telemetry:
         self._publish_state()
 
     def retry(self) -> list[Note]:
-        """Write what the archive did not take, also while no packet comes."""
-        return self.monitor.take([]) if self.archive_problem else []
+        """Write what the archive does not have yet, also while no packet comes."""
+        return self.monitor.take([]) if self.archive_problem or self._gaps else []
 
     def recovered(self) -> None:
         """Note that the archive takes packets again, if it does."""
