@@ -35,6 +35,10 @@ double fm_atan2(double y, double x);
 double fm_exp(double x);
 double fm_log(double x); /**< natural; -infinity for 0, NaN for x < 0 */
 
+/** x to the power of y, exact wherever the power is a double; NaN for finite x < 0 unless y is an integer, and
+ *  fm_pow(x, 0) and fm_pow(1, y) are 1, also of NaN. */
+double fm_pow(double x, double y);
+
 /** The machine's square root, which IEEE 754 rounds correctly. */
 static inline double fm_sqrt(double x)
 {

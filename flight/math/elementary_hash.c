@@ -96,10 +96,10 @@ static uint64_t hash_double(uint64_t hash, double x)
     return hash;
 }
 
-typedef enum Function { SIN, COS, SINCOS, TAN, ASIN, ACOS, ATAN, ATAN2, EXP, LOG, SQRT } Function;
+typedef enum Function { SIN, COS, SINCOS, TAN, ASIN, ACOS, ATAN, ATAN2, EXP, LOG, POW, SQRT } Function;
 
 static const char NAMES[][8] = {
-    "sin", "cos", "sincos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt",
+    "sin", "cos", "sincos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "pow", "sqrt",
 };
 
 static uint64_t hash_of(Function function)
@@ -120,6 +120,7 @@ static uint64_t hash_of(Function function)
         case ATAN2: y = fm_atan2(x, argument(&state, i / 4)); break;
         case EXP: y = fm_exp(x); break;
         case LOG: y = fm_log(x); break;
+        case POW: y = fm_pow(i % 2 ? x : fm_abs(x), argument(&state, i / 4)); break;
         default: y = fm_sqrt(x); break;
         }
         hash = hash_double(hash_double(hash, y), second);

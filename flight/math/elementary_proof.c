@@ -13,5 +13,6 @@ void main(void)
     any = fm_asin(x) < fm_acos(x);
     any = fm_atan2(y, x) < 0.0;
     any = fm_exp(x) < fm_log(x);
+    any = fm_pow(x, y) < 0.0;
     Frama_C_show_each_returned();
 }

@@ -293,6 +293,72 @@ TEST(ArcTangent2, IsWithinOneUlp)
     EXPECT_LE(worst.ulps, 1.0) << std::hexfloat << worst.y << ", " << worst.x;
 }
 
+TEST(Power, IsWithinOneUlp)
+{
+    using Pair = std::pair<double, double>;
+    const std::vector<std::function<Pair(Random &)>> regimes = {
+        [](Random &r) { return Pair(r.between(0.0, 10.0), r.between(-10.0, 10.0)); },
+        [](Random &r) { return Pair(r.sign() * r.spread(-30, 30), r.integer(-30, 30)); },
+        [](Random &r) { return Pair(r.spread(-1074, 1023), r.sign() * r.spread(-70, 70)); },
+        // Of any size, with results of all sizes up to overflow, and down to subnormal ones and 0.
+        [](Random &r) {
+            const double x = r.spread(-1074, 1023);
+            return Pair(x, r.between(-746.0, 710.0) / std::log(x));
+        },
+        [](Random &r) {
+            const double x = r.spread(-1074, 1023);
+            return Pair(x, r.between(-746.0, -700.0) / std::log(x));
+        },
+        // Beside 1, where the exponent may be huge.
+        [](Random &r) {
+            const double x = 1.0 + r.sign() * r.spread(-53, -2);
+            return Pair(x, r.between(-746.0, 710.0) / std::log(x));
+        },
+        // Where the logarithm changes the row of its table, or has its largest rest.
+        [](Random &r) {
+            const double x = from_bits(0x3fe6a00000000000u + (static_cast<std::uint64_t>(r.integer(0, 32)) << 47));
+            return Pair(r.beside(x), r.between(-2000.0, 2000.0));
+        },
+    };
+    Worst worst;
+    Exact base, exponent, power;
+    for (std::size_t regime = 0; regime < regimes.size(); ++regime) {
+        Random random(5000 + regime);
+        for (int i = 0; i < arguments_per_regime(); ++i) {
+            const auto [x, y] = regimes[regime](random);
+            base.set(x);
+            exponent.set(y);
+            mpfr_pow(power.get(), base.get(), exponent.get(), MPFR_RNDN);
+            worst.see(power.ulps_from(fm_pow(x, y)), x, y);
+        }
+    }
+    std::printf("pow   worst %.4f ulp at %a, %a\n", worst.ulps, worst.x, worst.y);
+    EXPECT_LE(worst.ulps, 1.0) << std::hexfloat << worst.x << ", " << worst.y;
+}
+
+TEST(Power, IsExactWhereItIsADouble)
+{
+    Random random(6000);
+    for (int i = 0; i < 20'000; ++i) {
+        const int n = random.integer(1, 33), most = static_cast<int>(std::exp2(53.0 / n));
+        const double x = random.integer(1, std::max(most, 1));
+        double product = 1.0;
+        for (int k = 0; k < n; ++k) {
+            product *= x; // exact, below 2^53
+        }
+        const int scale = random.integer(-1000 / n, 900 / n); // of the base, so that the power remains normal
+        const double signed_x = random.sign() * std::ldexp(x, scale);
+        const double wanted = std::ldexp(signed_x < 0 && n % 2 ? -product : product, n * scale);
+        ASSERT_EQ(bits_of(fm_pow(signed_x, n)), bits_of(wanted)) << signed_x << ", " << n;
+        if (n % 2) {
+            ASSERT_EQ(bits_of(fm_pow(product * product, 0.5)), bits_of(std::sqrt(product * product))) << product;
+        }
+    }
+    for (int n = -1074; n < 1024; ++n) {
+        ASSERT_EQ(fm_pow(2.0, n), std::ldexp(1.0, n)) << n;
+    }
+}
+
 // ---- special cases -----------------------------------------------------------------------------
 
 void expect_same(double got, double wanted, const char *what)
@@ -412,6 +478,72 @@ TEST(SpecialCases, Logarithm)
     for (const double x : {SMALLEST, 1.0, LARGEST, INF}) {
         EXPECT_SAME(fm_log(-x), NAN);
     }
+}
+
+TEST(SpecialCases, Power)
+{
+    for (const double x : {0.0, SMALLEST, 0.5, 1.0, 3.0, LARGEST, INF, static_cast<double>(NAN)}) {
+        for (const double sign : {1.0, -1.0}) {
+            EXPECT_SAME(fm_pow(sign * x, 0.0), 1.0);
+            EXPECT_SAME(fm_pow(sign * x, -0.0), 1.0);
+            EXPECT_SAME(fm_pow(1.0, sign * x), 1.0);
+        }
+        EXPECT_SAME(fm_pow(NAN, x), x == 0.0 ? 1.0 : static_cast<double>(NAN));
+        EXPECT_SAME(fm_pow(x, NAN), x == 1.0 ? 1.0 : static_cast<double>(NAN));
+    }
+    EXPECT_SAME(fm_pow(-1.0, NAN), NAN);
+    for (const double y : {1.0, 3.0, 0x1.fffffffffffffp+52}) { // odd
+        EXPECT_SAME(fm_pow(0.0, y), 0.0);
+        EXPECT_SAME(fm_pow(-0.0, y), -0.0);
+        EXPECT_SAME(fm_pow(0.0, -y), INF);
+        EXPECT_SAME(fm_pow(-0.0, -y), -INF);
+        EXPECT_SAME(fm_pow(-INF, y), -INF);
+        EXPECT_SAME(fm_pow(-INF, -y), -0.0);
+        EXPECT_SAME(fm_pow(-1.0, y), -1.0);
+    }
+    for (const double y : {0.5, 2.0, 2.5, 0x1p52, 0x1p53, 0x1.8p54, LARGEST, INF}) {
+        EXPECT_SAME(fm_pow(0.0, y), 0.0);
+        EXPECT_SAME(fm_pow(-0.0, y), 0.0);
+        EXPECT_SAME(fm_pow(0.0, -y), INF);
+        EXPECT_SAME(fm_pow(-0.0, -y), INF);
+        EXPECT_SAME(fm_pow(INF, y), INF);
+        EXPECT_SAME(fm_pow(INF, -y), 0.0);
+        EXPECT_SAME(fm_pow(-INF, y), INF);
+        EXPECT_SAME(fm_pow(-INF, -y), 0.0);
+    }
+    for (const double y : {2.0, 0x1p52, 0x1p66, LARGEST, INF}) {
+        EXPECT_SAME(fm_pow(-1.0, y), 1.0);
+        EXPECT_SAME(fm_pow(-1.0, -y), 1.0);
+    }
+    for (const double y : {0.5, -0.5, 1.5, 0x1.8p+1 + 0x1p-51, 0x1.fffffffffffffp+51, SMALLEST}) { // no integers
+        EXPECT_SAME(fm_pow(-2.0, y), NAN);
+        EXPECT_SAME(fm_pow(-SMALLEST, y), NAN);
+        EXPECT_SAME(fm_pow(-LARGEST, y), NAN);
+    }
+    for (const double y : {0x1.fffffffffffffp64, 0x1p65, 0x1.0000000000001p65, 0x1p80, LARGEST, INF}) {
+        EXPECT_SAME(fm_pow(std::nextafter(1.0, 2.0), y), INF);
+        EXPECT_SAME(fm_pow(std::nextafter(1.0, 2.0), -y), 0.0);
+        EXPECT_SAME(fm_pow(std::nextafter(1.0, 0.0), y), 0.0);
+        EXPECT_SAME(fm_pow(std::nextafter(1.0, 0.0), -y), INF);
+        EXPECT_SAME(fm_pow(-2.0, y), INF);
+        EXPECT_SAME(fm_pow(-2.0, -y), 0.0);
+    }
+    for (const double y : {0x1.fffffffffffffp-66, 0x1p-65, SMALLEST}) {
+        for (const double x : {SMALLEST, 0.5, 2.0, LARGEST}) {
+            EXPECT_SAME(fm_pow(x, y), 1.0);
+            EXPECT_SAME(fm_pow(x, -y), 1.0);
+        }
+    }
+    EXPECT_SAME(fm_pow(2.0, 1024.0), INF);
+    EXPECT_SAME(fm_pow(-2.0, 1025.0), -INF);
+    EXPECT_SAME(fm_pow(2.0, 1200.0), INF);
+    EXPECT_SAME(fm_pow(2.0, -1075.0), 0.0);
+    EXPECT_SAME(fm_pow(-2.0, -1201.0), -0.0);
+    EXPECT_SAME(fm_pow(-2.0, -1074.0), SMALLEST);
+    EXPECT_SAME(fm_pow(SMALLEST, -1.0), INF);
+    EXPECT_SAME(fm_pow(0x1p-1060, 0.5), 0x1p-530);
+    EXPECT_SAME(fm_pow(LARGEST, 1.0), LARGEST);
+    EXPECT_SAME(fm_pow(3.0 * SMALLEST, 1.0), 3.0 * SMALLEST);
 }
 
 TEST(SpecialCases, SquareRootAndMagnitude)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Exponential and natural logarithm. */
+/* Exponential, natural logarithm, and power. */
 #include "flight/math/elementary.h"
 #include "flight/math/ieee.h"
 
@@ -81,8 +81,8 @@ typedef struct Scaled {
     int32_t exponent;
 } Scaled;
 
-/* exp x = value 2^exponent, for |x| <= 1000. */
-static inline Scaled scaled_exp(double x)
+/* exp(x + rest) = value 2^exponent, for |x| <= 1000 and a rest within an ulp of x. */
+static inline Scaled scaled_exp(double x, double rest)
 {
     /* ln2/64 in 32 + 53 bits: n LN2_1 is exact. */
     const double LN2_1 = 0x1.62e42feep-7, LN2_2 = 0x1.a39ef35793c76p-39;
@@ -90,7 +90,7 @@ static inline Scaled scaled_exp(double x)
 
     const double shifted = x * INVERSE + FM_ROUND_TO_INTEGER;
     const double n = shifted - FM_ROUND_TO_INTEGER;
-    const double r = (x - n * LN2_1) - n * LN2_2;
+    const double r = (x - n * LN2_1) - (n * LN2_2 - rest);
 
     /* Offset to make the dividend positive: shifting a negative number is not portable. */
     const int32_t OFFSET = 4096;
@@ -105,17 +105,21 @@ static inline Scaled scaled_exp(double x)
     return result;
 }
 
+/* Of a result near overflow, or subnormal: of the two factors only the last can round. */
+static inline double by_halves(Scaled y)
+{
+    const int32_t half = y.exponent / 2;
+    return y.value * fm_power_of_two(half) * fm_power_of_two(y.exponent - half);
+}
+
 double fm_exp(double x)
 {
     if (fabs(x) < 708.0) {
-        const Scaled y = scaled_exp(x);
+        const Scaled y = scaled_exp(x, 0.0);
         return y.value * fm_power_of_two(y.exponent);
     }
     if (fabs(x) < 800.0) {
-        /* Near overflow, or subnormal: of the two factors only the last can round. */
-        const Scaled y = scaled_exp(x);
-        const int32_t half = y.exponent / 2;
-        return y.value * fm_power_of_two(half) * fm_power_of_two(y.exponent - half);
+        return by_halves(scaled_exp(x, 0.0));
     }
     if (x > 0.0) {
         return INFINITY;
@@ -174,8 +178,14 @@ static const Reciprocal RECIPROCALS[32] = {
     {0x1.6ep-1, {0x1.57bf753c8dp-2, 0x1.fadedee5d40efp-46}},
 };
 
-/* log(x 2^extra) for normal x > 0. */
-static inline double log_of_normal(double x, int32_t extra)
+/* log(x 2^extra) = sum.hi + (sum.lo + small + log(1 + r) - r.hi), with r = r.hi + r.lo exactly. */
+typedef struct Reduced {
+    FmSum r, sum;
+    double small;
+} Reduced;
+
+/* Of normal x > 0. */
+static inline Reduced reduced_log(double x, int32_t extra)
 {
     /* ln2: a multiple of 2^-42, so that k LN2_1 + minus_log.hi is exact, and the rest. */
     const double LN2_1 = 0x1.62e42fefa38p-1, LN2_2 = 0x1.ef35793c7673p-45;
@@ -188,16 +198,20 @@ static inline double log_of_normal(double x, int32_t extra)
     const uint64_t m_bits = (above & FM_FRACTION) + LOG_START;
     const double m1 = fm_from_bits(m_bits & ~(uint64_t)0x1ff);
     const double m2 = fm_from_bits(m_bits) - m1;
-    const FmSum r_sum = fm_sum_ordered(m1 * row.c - 1.0, m2 * row.c);
-    const double r = r_sum.hi;
+    const FmSum r = fm_sum_ordered(m1 * row.c - 1.0, m2 * row.c);
+    const Reduced reduced = {r, fm_sum_ordered(k * LN2_1 + row.minus_log.hi, r.hi), k * LN2_2 + row.minus_log.lo};
+    return reduced;
+}
 
+static inline double log_of_normal(double x, int32_t extra)
+{
+    const Reduced reduced = reduced_log(x, extra);
+    const double r = reduced.r.hi;
     const double rr = r * r;
     const double L = (-0.5 + r * 0x1.5555555557a7ep-2) +
                      rr * ((-0x1.00000000043bep-2 + r * 0x1.999998256aa7bp-3) +
                            rr * ((-0x1.5555538f02dcdp-3 + r * 0x1.24b36649868c9p-3) + rr * -0x1.00216bacb2c18p-3));
-
-    const FmSum sum = fm_sum_ordered(k * LN2_1 + row.minus_log.hi, r);
-    return sum.hi + (sum.lo + (r_sum.lo + (k * LN2_2 + row.minus_log.lo) + rr * L));
+    return reduced.sum.hi + (reduced.sum.lo + (reduced.r.lo + reduced.small) + rr * L);
 }
 
 double fm_log(double x)
@@ -212,4 +226,62 @@ double fm_log(double x)
         return log_of_normal(x * 0x1p54, -54);
     }
     return x == 0.0 ? -INFINITY : NAN;
+}
+
+/* ---- power --------------------------------------------------------------------------------------
+ * x^y = exp(y log x), with log x as a sum of two doubles: its error, some 2^-66, is multiplied by up to 745. */
+
+/* Of normal x > 0. log(1 + r) = r - r^2/2 + r^3 L(r), and the square is exact. */
+static FmSum log_sum(double x, int32_t extra)
+{
+    const Reduced reduced = reduced_log(x, extra);
+    const double r = reduced.r.hi;
+    const double rr = r * r;
+    const double L = (0x1.5555555555554p-2 + r * -0x1.ffffffffffffdp-3) +
+                     rr * ((0x1.99999999a79f6p-3 + r * -0x1.5555555567852p-3) +
+                           rr * ((0x1.249246f4f1b88p-3 + r * -0x1.fffffb2851a25p-4) +
+                                 rr * (0x1.c7612e79e9c3ap-4 + r * -0x1.99dddc47f1b1ap-4)));
+    const FmSum square = fm_product(r, r);
+    const FmSum sum = fm_sum_ordered(reduced.sum.hi, -0.5 * square.hi);
+    const double lo =
+        reduced.sum.lo + sum.lo + (reduced.small - 0.5 * square.lo) + (reduced.r.lo - r * reduced.r.lo) + rr * r * L;
+    return fm_sum_ordered(sum.hi, lo);
+}
+
+/* Whether y >= 0 is an integer, as all numbers from 2^52 on are. */
+static int is_whole(double y)
+{
+    return y >= 0x1p52 || (y + 0x1p52) - 0x1p52 == y;
+}
+
+/* x^y for x > 0 that is not 1, and y that is not 0. */
+static double power_of_positive(double x, double y)
+{
+    const double size = fabs(y);
+    if (!(x > 0.0 && x <= DBL_MAX && size <= 0x1p65)) { /* log x is 2^-53 at least, if not -2^-54 */
+        return (x > 1.0) == (y > 0.0) ? INFINITY : 0.0;
+    }
+    if (size < 0x1p-65) {
+        return 1.0;
+    }
+    const FmSum log_x = x < DBL_MIN ? log_sum(x * 0x1p54, -54) : log_sum(x, 0);
+    const FmSum product = fm_product(y, log_x.hi);
+    if (fabs(product.hi) >= 800.0) {
+        return product.hi > 0.0 ? INFINITY : 0.0;
+    }
+    return by_halves(scaled_exp(product.hi, product.lo + y * log_x.lo));
+}
+
+double fm_pow(double x, double y)
+{
+    const double x_size = fabs(x), y_size = fabs(y);
+    if (y == 0.0 || x == 1.0) {
+        return 1.0;
+    }
+    if (x != x || y != y || (x < 0.0 && x >= -DBL_MAX && !is_whole(y_size))) {
+        return NAN;
+    }
+    const int is_odd = is_whole(y_size) && !is_whole(0.5 * y_size);
+    const double power = x_size == 1.0 ? 1.0 : power_of_positive(x_size, y);
+    return is_odd ? fm_flip(power, fm_sign(x)) : power;
 }

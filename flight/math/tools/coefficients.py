@@ -153,6 +153,8 @@ def polynomials():
                        -EXP_HALF * mpf("1.001"), EXP_HALF * mpf("1.001"), 4),
         "LOG": minimax(lambda r: (mp.log1p(r) - r) / r**2, lambda r: r**2 / mp.log1p(r),
                        LOG_LOW, LOG_HIGH, 7),
+        "LOG_CUBE": minimax(lambda r: (mp.log1p(r) - r + r**2 / 2) / r**3, lambda r: r**3 / mp.log1p(r),
+                            LOG_LOW, LOG_HIGH, 8),
     }
 
 

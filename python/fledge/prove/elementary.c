@@ -61,3 +61,11 @@ double fm_log(double x)
 {
     return x == 0.0 ? -INFINITY : x > DBL_MAX ? x : within(x > 0.0, -746.0, 710.0);
 }
+
+double fm_pow(double x, double y)
+{
+    if (x >= 0.0 && y == y) {
+        return any ? INFINITY : any_number(0.0, DBL_MAX);
+    }
+    return any ? NAN : any ? INFINITY : any ? -INFINITY : any_number(-DBL_MAX, DBL_MAX);
+}
