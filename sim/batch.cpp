@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/batch.h"
 
+#include "flight/exec/task.h"
 #include "sim/text.h"
 
 #include <unistd.h>
@@ -11,6 +12,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstring>
+#include <deque>
 #include <mutex>
 #include <thread>
 
@@ -30,6 +32,31 @@ std::shared_ptr<Instance> find(const Simulation &simulation, const std::string &
         }
     }
     throw SetupError("there is no instance " + path);
+}
+
+struct Run {
+    const Process *process;
+    const Task *task;
+    const Instance *instance;
+};
+
+const std::string &path_of(const Run &run)
+{
+    return run.instance->path;
+}
+
+/// What tasks run, in the order of an instant.
+std::vector<Run> in_order(const Simulation &simulation)
+{
+    std::vector<Run> order;
+    for (const auto &process : simulation.processes()) {
+        for (const Task *task : sim::in_order(*process)) {
+            for (const auto &instance : task->run) {
+                order.push_back({process.get(), task, instance.get()});
+            }
+        }
+    }
+    return order;
 }
 
 /// Numbers in the memory of a clone, and their place in its row of an array.
@@ -233,9 +260,16 @@ struct alignas(cache_line) Batch::Clone {
     std::unique_ptr<Simulation> simulation;
     std::vector<std::byte *> heads; ///< of the inputs that are actions
     std::vector<Place> actions, observations;
+    std::vector<const Instance *> before; ///< a step ends before the first of them
     BatchRun run;
     Ns at = -1;         ///< the end of its last step
+    bool given = false; ///< it has the actions of a step that has not ended
     bool ahead = false; ///< it has ended a step that others have not
+    struct Coming {
+        Ns made;
+        std::vector<double> actions;
+    };
+    std::deque<Coming> coming; ///< actions on their way
     std::string failure;
     std::vector<double> draws;
 };
@@ -267,6 +301,11 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     for (const BatchField &observation : plan_.observations) {
         observations_ += observation.names.size();
     }
+    if (__builtin_mul_overflow(static_cast<Ns>(plan_.delay), period_, &delay_) || delay_ < 0) {
+        throw SetupError("delay: " + std::to_string(plan_.delay) + " periods of " + format_time(period_) +
+                         " are longer than any run");
+    }
+    find_late();
     for (const Dispersion &dispersion : plan_.campaign.dispersions) {
         check_dispersion(*nominal_, dispersion);
     }
@@ -304,6 +343,18 @@ void Batch::add_target(const Simulation &original, const BatchField &action)
     const std::size_t first = targets_.size();
     if (group == FLEDGE_IN) {
         targets_.push_back({action, actions_, field});
+        const Wire *last = nullptr;
+        bool direct = false;
+        for (const Wire &wire : original.wires()) {
+            if (wire.to.path() == path) {
+                last = &wire;
+                direct = direct || is_direct(wire);
+            }
+        }
+        if (direct || !last) {
+            count_from(*instance);
+        }
+        see_period(instance->model() && last ? *last->from.instance : *instance, path);
     } else if (group == FLEDGE_OUT) {
         for (const Wire &wire : original.wires()) {
             if (wire.from.path() == path) {
@@ -311,13 +362,19 @@ void Batch::add_target(const Simulation &original, const BatchField &action)
                 target.instance = wire.to.instance->path;
                 target.offset += wire.to.field->offset - field->offset;
                 targets_.push_back({target, actions_, wire.to.field});
+                if (is_direct(wire)) {
+                    count_from(*wire.to.instance);
+                }
             }
         }
+        see_period(*instance, path);
         if (targets_.size() == first) {
             throw SetupError(path + " feeds no input: an action there would have no effect");
         }
     } else if (group == FLEDGE_PAR && !(field->flags & FLEDGE_INITIAL)) {
         targets_.push_back({action, actions_, nullptr});
+        count_from(*instance);
+        see_period(*instance, path);
     } else {
         throw SetupError(path +
                          (group == FLEDGE_PAR ? " is an initial value, which counts only until the first instant"
@@ -339,6 +396,78 @@ void Batch::add_target(const Simulation &original, const BatchField &action)
     }
 }
 
+/// An action counts when this instance runs; configuration, when what reads it does. A model reads it for the time
+/// since it last ran, so that it counts from the end of an instant on.
+void Batch::count_from(const Instance &instance)
+{
+    if (instance.model()) {
+        return;
+    }
+    const auto order = in_order(*nominal_);
+    const auto run = std::ranges::find(order, instance.path, path_of);
+    if (run == order.end()) {
+        for (const Wire &wire : nominal_->wires()) {
+            if (wire.from.instance->path == instance.path) {
+                count_from(*wire.to.instance);
+            }
+        }
+        return;
+    }
+    for (const Run &each : order) { // a computer takes all that comes to it before the first of its modules
+        if (each.instance == run->instance || (run->process->flight() && each.process == run->process)) {
+            before_.push_back(each.instance->path);
+        }
+    }
+}
+
+/// Whether the reader of a wire has a message at the instant at which it is written; else at its next one.
+bool Batch::is_direct(const Wire &wire) const
+{
+    const auto order = in_order(*nominal_);
+    const auto place_of = [&](const Port &port) { return std::ranges::find(order, port.instance->path, path_of); };
+    const auto from = place_of(wire.from);
+    return wire.options.latency == 0 && (from == order.end() || from < place_of(wire.to));
+}
+
+/// The period of what an action replaces.
+void Batch::see_period(const Instance &instance, const std::string &path)
+{
+    Ns period = 0;
+    const auto process = [](const std::string &of) { return of.substr(0, of.find('.')); };
+    const auto order = in_order(*nominal_);
+    const auto run = std::ranges::find(order, instance.path, path_of);
+    for (const Run &each : order) { // configuration counts at the next instant of its process
+        if (run == order.end() ? process(each.instance->path) == process(instance.path)
+                               : each.instance == run->instance) {
+            period = period > 0 ? std::min(period, each.task->period) : each.task->period;
+        }
+    }
+    if (plan_.delay > 0 && period_ > 0 && period != period_) {
+        throw SetupError("delay: " + path + " has periods of " + format_time(period) + ", the actions before it of " +
+                         format_time(period_) + ": a batch has one delay; leave it out, or act on one of them");
+    }
+    period_ = period;
+}
+
+/// What a step ends before is not there yet: it is observed as of the instant before.
+void Batch::find_late()
+{
+    const auto order = in_order(*nominal_);
+    const auto place_of = [&](const std::string &path) {
+        return std::ranges::find(order, path, path_of) - order.begin();
+    };
+    std::ptrdiff_t place = std::ssize(order);
+    for (const std::string &path : before_) {
+        place = std::min(place, place_of(path));
+    }
+    for (const BatchField &observation : plan_.observations) {
+        const auto instance = find(*nominal_, observation.instance);
+        const FledgeField *field = field_at(instance->type(), observation.offset);
+        const std::ptrdiff_t own = place_of(observation.instance);
+        late_.push_back(own >= place && own < std::ssize(order) && !(field && field->group == FLEDGE_PAR));
+    }
+}
+
 void Batch::lay_out(Clone &clone) const
 {
     for (const Target &target : targets_) {
@@ -349,6 +478,9 @@ void Batch::lay_out(Clone &clone) const
         if (head && std::find(clone.heads.begin(), clone.heads.end(), head) == clone.heads.end()) {
             clone.heads.push_back(head);
         }
+    }
+    for (const std::string &path : before_) {
+        clone.before.push_back(find(*clone.simulation, path).get());
     }
     std::size_t column = 0;
     for (const BatchField &observation : plan_.observations) {
@@ -373,7 +505,8 @@ void Batch::begin(Clone &clone, BatchRun run, std::span<const std::byte> snapsho
     Simulation &simulation = *clone.simulation;
     clone.run = run;
     clone.at = -1;
-    clone.ahead = false;
+    clone.given = clone.ahead = false;
+    clone.coming.clear();
     clone.failure.clear();
     clone.draws.assign(drawn(), no_number);
     CampaignPlan plan = snapshot.empty() ? plan_.campaign : CampaignPlan{};
@@ -382,15 +515,42 @@ void Batch::begin(Clone &clone, BatchRun run, std::span<const std::byte> snapsho
         begin_anew(*nominal_, simulation);
         const auto draws = disperse(*nominal_, simulation, plan, run.index);
         std::copy(draws.begin(), draws.end(), clone.draws.begin());
-        if (snapshot.empty()) {
-            simulation.run_until(0);
-        } else {
+        if (!snapshot.empty()) {
             simulation.restore(snapshot);
             simulation.reseed();
         }
+        go_to_place(clone);
         clone.at = simulation.time();
     } catch (const std::exception &error) {
         clone.failure = error.what();
+    }
+}
+
+/// To the first instant at which an action can count.
+void Batch::go_to_place(Clone &clone) const
+{
+    Simulation &simulation = *clone.simulation;
+    Ns to = 0;
+    if (!clone.before.empty()) {
+        simulation.ready_for(std::max<Ns>(simulation.time(), 0));
+        to = std::max<Ns>(simulation.next_of(clone.before), 0);
+    }
+    if (to > simulation.time()) {
+        simulation.run_until(to, {}, clone.before);
+    }
+}
+
+/// made: when the script gave the actions
+void Batch::write(Clone &clone, Ns made, std::span<const double> actions) const
+{
+    for (std::byte *at : clone.heads) {
+        Head head;
+        std::memcpy(&head, at, sizeof head);
+        head = head_next(head, made, QUALITY_GOOD);
+        std::memcpy(at, &head, sizeof head);
+    }
+    for (const Place &place : clone.actions) {
+        place.write(actions.data());
     }
 }
 
@@ -434,19 +594,25 @@ bool Batch::advance(Clone &clone, std::span<const double> actions, const RunCont
         return true;
     }
     try {
-        for (std::byte *at : clone.heads) {
-            Head head;
-            std::memcpy(&head, at, sizeof head);
-            head = head_next(head, clone.at, QUALITY_GOOD);
-            std::memcpy(at, &head, sizeof head);
+        if (!clone.given && delay_ == 0) {
+            write(clone, clone.at, actions);
+        } else if (!clone.given) {
+            clone.coming.push_back({clone.at, {actions.begin(), actions.end()}});
         }
-        for (const Place &place : clone.actions) {
-            place.write(actions.data());
+        clone.given = true;
+        const Ns end = clone.at + plan_.every;
+        for (; !clone.coming.empty() && exec_later(clone.coming.front().made, delay_) < end; clone.coming.pop_front()) {
+            const Ns arrives = exec_later(clone.coming.front().made, delay_);
+            if (arrives > clone.at && !clone.simulation->run_until(arrives, control, clone.before)) {
+                return false;
+            }
+            write(clone, clone.coming.front().made, clone.coming.front().actions);
         }
-        if (!clone.simulation->run_until(clone.at + plan_.every, control)) {
+        if (!clone.simulation->run_until(end, control, clone.before)) {
             return false;
         }
-        clone.at += plan_.every;
+        clone.at = end;
+        clone.given = false;
     } catch (const std::exception &error) {
         clone.failure = error.what();
     }

@@ -32,6 +32,7 @@ struct BatchPlan {
     std::vector<BatchField> actions, observations;
     CampaignPlan campaign; ///< the seed, and what is dispersed
     bool separate = false; ///< the caller gives each clone functions of its own, in place of those that all share
+    std::size_t delay = 0; ///< [periods of flight] of an action on its way
 };
 
 /// Which run a clone flies.
@@ -43,6 +44,11 @@ struct BatchRun {
 /// An action in an input is a message that is made at the start of each step and replaces its wire. One in an output
 /// replaces each wire from it. One in a parameter is a change of it. All clones have the parameters that `nominal` had
 /// when the batch was made.
+///
+/// A clone stands before the first module of flight that has an action. So an action counts at the very instant that
+/// was observed, as the output of a law in flight does, and only then the rest of that instant runs. What runs from
+/// that module on is observed as of the instant before. A model of the world reads an action when it next runs, for the
+/// time since this instant, and needs no such place.
 ///
 /// A clone fails alone: by an action that breaks the rule of a parameter, or by an error in its run. It then stands
 /// still until it is reset.
@@ -64,10 +70,14 @@ public:
     std::size_t actions() const { return actions_; }           ///< numbers per clone
     std::size_t observations() const { return observations_; } ///< numbers per clone
     std::size_t drawn() const;                                 ///< numbers per clone
+    /// Whether the numbers of a field of the plan's observations are those of the instant before.
+    bool is_late(std::size_t observation) const { return late_[observation]; }
 
-    /// Begin the clones `which` anew at time 0, each with its run, and run the instant 0, at which inputs that are
-    /// actions were never written. With a snapshot: set them to it. Their random streams begin anew there, as the runs
-    /// say, and their parameters are the snapshot's. Throws SetupError, and changes nothing, if it is of another one.
+    /// Begin the clones `which` anew at time 0, each with its run, up to the first instant in which an action can
+    /// count: with tasks without an offset, the instant 0. With a snapshot: set them to it, and run them to the first
+    /// such instant from there; one of a clone of this batch is in one. Their random streams begin anew at the
+    /// snapshot, as the runs say, and their parameters are its. No action is on its way. Throws SetupError, and changes
+    /// nothing, if it is of another simulation.
     bool reset(std::span<const std::size_t> which, std::span<const BatchRun> runs,
                std::span<const std::byte> snapshot = {}, const Poll &poll = {});
 
@@ -100,7 +110,13 @@ private:
     class Crew;
 
     void add_target(const Simulation &original, const BatchField &action);
+    void count_from(const Instance &instance);
+    bool is_direct(const Wire &wire) const;
+    void see_period(const Instance &instance, const std::string &path);
+    void find_late();
     void lay_out(Clone &clone) const;
+    void go_to_place(Clone &clone) const;
+    void write(Clone &clone, Ns made, std::span<const double> actions) const;
     void begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot) const;
     bool advance(Clone &clone, std::span<const double> actions, const RunControl &control) const;
     void read_row(const Clone &clone, std::span<double> row) const;
@@ -115,6 +131,10 @@ private:
     BatchPlan plan_;
     std::unique_ptr<Simulation> nominal_;
     std::vector<Target> targets_;
+    std::vector<std::string> before_; ///< a step ends before the first of these modules
+    Ns period_ = 0;                   ///< [ns] of what the actions replace; 0: there are none
+    Ns delay_ = 0;                    ///< [ns]
+    std::vector<bool> late_;          ///< of each observation
     std::size_t actions_ = 0, observations_ = 0;
     std::vector<Clone> clones_;
     std::unique_ptr<Crew> crew_;

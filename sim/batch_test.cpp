@@ -104,15 +104,251 @@ TEST(Batch, AnActionInAParameterChangesIt)
     Batch batch(nominal.sim, plan);
     begin(batch);
     std::vector<double> observed(2);
-    // The first step has the flow of the nominal gain at 0: 8 - 0.5 * 4; then each its own.
+    // A gain counts at the instant at which it is given: x' = gain x for half a second, from 8.
     ASSERT_TRUE(batch.step(std::vector{-1.0, 0.0}, observed));
-    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {6.0, 6.0}));
-    ASSERT_TRUE(batch.step(std::vector{-1.0, 0.0}, observed));
-    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {3.0, 6.0}));
-    // A clone that begins anew has the nominal gain again.
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {4.0, 8.0}));
+    ASSERT_TRUE(batch.step(std::vector{-0.5, -1.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {3.0, 4.0}));
     EXPECT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 0}}));
-    ASSERT_TRUE(batch.step(std::vector{0.0, 0.0}, observed));
-    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {6.0, 6.0}));
+    EXPECT_EQ(interface<Scale>(batch.clone(0).processes()[1]->instances()[0]).par.gain, -0.5)
+        << "the nominal one again";
+    ASSERT_TRUE(batch.step(std::vector{1.0, 0.0}, observed));
+    EXPECT_THAT(observed, Pointwise(DoubleNear(1e-12), {12.0, 4.0}));
+}
+
+/// What flight does with the level, in three modules: the first is observed, the last commands the tank. With
+/// feedback, the first one adds what the second one put out at the instant before.
+struct Chain {
+    explicit Chain(bool feedback = false, Ns offset = 0)
+    {
+        Process &world = sim.add_process("world"), &flight = sim.add_process("flight");
+        const auto tank = make(world, "tank", tank_type);
+        interface<Tank>(tank).par.initial = 8.0;
+        const auto sense = make(flight, "sense", scale_type), law = make(flight, "law", scale_type),
+                   valve = make(flight, "valve", scale_type);
+        interface<Scale>(sense).par.gain = 0.25;
+        interface<Scale>(law).par.gain = -1.5;
+        interface<Scale>(valve).par.gain = 2.0;
+        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+        flight.add_task({"gnc", 500 * ms, offset, 0, {sense, law, valve}});
+        sim.connect(port(tank, "level"), port(sense, "number"));
+        sim.connect(port(sense, "product"), port(law, "number"));
+        sim.connect(port(law, "product"), port(valve, "number"));
+        sim.connect(port(valve, "product"), port(tank, "flow"));
+        if (feedback) {
+            sim.connect(port(law, "product"), port(sense, "offset"));
+        }
+    }
+    /// Clones whose law is outside: they show what the first module senses, the level, and the valve's flow.
+    static BatchPlan plan(Ns every = second / 2, std::size_t delay = 0)
+    {
+        BatchPlan plan;
+        plan.clones = 2;
+        plan.every = every;
+        plan.delay = delay;
+        plan.actions = {{"flight.law", offsetof(Scale, out.number.x), FLEDGE_F64, {"flight.law.product.x"}}};
+        plan.observations = {{"flight.sense", offsetof(Scale, out.number.x), FLEDGE_F64, {"sensed"}},
+                             {"world.tank", offsetof(Tank, out.level.x), FLEDGE_F64, {"level"}},
+                             {"flight.valve", offsetof(Scale, out.number.x), FLEDGE_F64, {"flow"}}};
+        return plan;
+    }
+    Simulation sim;
+};
+
+TEST(Batch, ALawOutsideFliesTheBitsOfTheLawInside)
+{
+    const auto memory = [](const Simulation &sim, std::size_t process, std::size_t instance) {
+        const auto &found = sim.processes()[process]->instances()[instance];
+        return std::vector(found->memory(), found->memory() + found->type().size);
+    };
+    for (const auto &[feedback, offset] : {std::pair<bool, Ns>{false, 0}, {true, 0}, {false, 300 * ms}}) {
+        Chain chain(feedback, offset);
+        BatchPlan plan = Chain::plan();
+        plan.threads = feedback ? 2 : 1;
+        Batch batch(chain.sim, plan);
+        begin(batch);
+        std::vector<double> seen(6);
+        batch.observe(seen);
+        EXPECT_EQ(seen[0], 2.0) << "of the first instant of flight, before any action";
+        EXPECT_EQ(batch.time(0), offset);
+        const auto inside = chain.sim.clone();
+        inside->run_until(offset);
+        for (int k = 0; k < 60; k++) {
+            ASSERT_TRUE(batch.step(std::vector{-1.5 * seen[0], -1.5 * seen[3]}, seen));
+            for (std::size_t i = 0; i < 2; i++) {
+                EXPECT_EQ(memory(batch.clone(i), 1, 2), memory(*inside, 1, 2)) << "the valve at " << k;
+            }
+            inside->run_until((k + 1) * second / 2 + offset);
+            for (std::size_t i = 0; i < 2; i++) {
+                EXPECT_EQ(memory(batch.clone(i), 0, 0), memory(*inside, 0, 0)) << "the tank at " << k + 1;
+                EXPECT_EQ(memory(batch.clone(i), 1, 0), memory(*inside, 1, 0)) << "what is sensed at " << k + 1;
+                EXPECT_EQ(batch.clone(i).time(), inside->time());
+            }
+        }
+    }
+}
+
+TEST(Batch, AnActionCountsAtTheInstantThatWasObserved)
+{
+    Chain chain;
+    // By hand: the valve's flow is twice the action, from the instant k on, and the level its integral.
+    for (const std::size_t delay : {0u, 1u, 2u, 5u}) {
+        for (const int periods : {1, 2, 3}) { // in a step
+            Batch batch(chain.sim, Chain::plan(periods * second / 2, delay));
+            begin(batch);
+            std::vector<double> seen(6), given;
+            double level = 8.0;
+            for (int k = 0; k < 12; k++) {
+                given.push_back(0.25 * (k + 1) * (k % 3 - 1));
+                ASSERT_TRUE(batch.step(std::vector{given.back(), 0.0}, seen));
+                for (int i = k * periods; i < (k + 1) * periods; i++) {
+                    const int arrived = i - static_cast<int>(delay);
+                    level += 0.5 * 2.0 * (arrived < 0 ? 0.0 : given[static_cast<std::size_t>(arrived / periods)]);
+                }
+                EXPECT_NEAR(seen[1], level, 1e-12) << delay << " " << periods << " " << k;
+                EXPECT_NEAR(seen[0], 0.25 * level, 1e-12) << "flight has seen this instant";
+                EXPECT_NEAR(seen[4], 8.0, 1e-12);
+            }
+        }
+    }
+}
+
+TEST(Batch, AMessageOnItsWayKeepsTheTimeAtWhichItWasMade)
+{
+    Chain chain;
+    Batch batch(chain.sim, Chain::plan(second, 3));
+    begin(batch);
+    std::vector<double> seen(6);
+    ASSERT_TRUE(batch.step(std::vector{1.0, 1.0}, seen));
+    const auto valve = [&] { return interface<Scale>(batch.clone(0).processes()[1]->instances()[2]).in.number; };
+    EXPECT_EQ(valve().head.quality, QUALITY_NONE) << "nothing has arrived";
+    ASSERT_TRUE(batch.step(std::vector{2.0, 2.0}, seen));
+    EXPECT_EQ(valve().x, 1.0);
+    EXPECT_EQ(valve().head.t, 0);
+    ASSERT_TRUE(batch.step(std::vector{3.0, 3.0}, seen));
+    EXPECT_EQ(valve().x, 2.0);
+    EXPECT_EQ(valve().head.t, second);
+    EXPECT_EQ(valve().head.sequence, 2u);
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 0}}));
+    ASSERT_TRUE(batch.step(std::vector{4.0, 4.0}, seen));
+    EXPECT_EQ(valve().head.quality, QUALITY_NONE) << "what was on its way is gone";
+}
+
+TEST(Batch, WhatRunsBehindTheActionsIsLate)
+{
+    Chain chain;
+    BatchPlan plan = Chain::plan();
+    plan.observations.push_back({"flight.valve", offsetof(Scale, par.gain), FLEDGE_F64, {"gain"}});
+    plan.observations.push_back({"flight.law", offsetof(Scale, out.number.x), FLEDGE_F64, {"law"}});
+    const auto late = [&] {
+        const Batch batch(chain.sim, plan);
+        std::string found;
+        for (std::size_t i = 0; i < plan.observations.size(); i++) {
+            found += batch.is_late(i) ? '1' : '0';
+        }
+        return found;
+    };
+    EXPECT_EQ(late(), "00100") << "only the valve: its gain is no message, and the law that is replaced still runs";
+    plan.actions[0] = {"flight.law", offsetof(Scale, par.gain), FLEDGE_F64, {"gain"}};
+    EXPECT_EQ(late(), "00101");
+    plan.actions[0] = {"world.tank", offsetof(Tank, in.flow.x), FLEDGE_F64, {"flow"}};
+    EXPECT_EQ(late(), "00000") << "a model reads it at its next instant";
+}
+
+TEST(Batch, ACopyInTheMiddleOfAnInstantGoesOnFromThere)
+{
+    Chain chain;
+    Batch batch(chain.sim, Chain::plan());
+    begin(batch);
+    std::vector<double> seen(6);
+    ASSERT_TRUE(batch.step(std::vector{-1.0, 1.0}, seen));
+    const auto copy = batch.copy(0);
+    EXPECT_EQ(copy->time(), second / 2);
+    EXPECT_EQ(copy->snapshot(), batch.clone(0).snapshot());
+    // From its snapshot, another clone does what the first one does.
+    const auto snapshot = copy->snapshot();
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{1}, std::vector<BatchRun>{{7, 0}}, snapshot));
+    EXPECT_EQ(batch.time(1), second / 2);
+    ASSERT_TRUE(batch.step(std::vector{-2.0, -2.0}, seen));
+    EXPECT_EQ(seen[0], seen[3]);
+    EXPECT_EQ(seen[1], seen[4]);
+    EXPECT_NEAR(seen[1], 8.0 - 1.0 - 2.0, 1e-12);
+    EXPECT_EQ(batch.clone(0).snapshot(), batch.clone(1).snapshot());
+    // The copy runs the rest of its instant with the action that it had, and goes on with it.
+    copy->run_until(second);
+    EXPECT_NEAR(interface<Tank>(copy->processes()[0]->instances()[0]).out.level.x, 8.0 - 1.0 - 1.0, 1e-12);
+    EXPECT_EQ(interface<Scale>(copy->processes()[1]->instances()[2]).mem.updates, 3);
+}
+
+TEST(Batch, FromASnapshotOfAWholeInstantItRunsToOneAtWhichAnActionCounts)
+{
+    Chain chain;
+    chain.sim.run_until(second + 100 * ms);
+    const auto snapshot = chain.sim.snapshot();
+    const auto inside = chain.sim.clone();
+    Batch batch(chain.sim, Chain::plan());
+    begin(batch);
+    EXPECT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 0}}, snapshot));
+    EXPECT_EQ(batch.time(0), 3 * second / 2);
+    std::vector<double> seen(6);
+    for (int k = 3; k < 10; k++) {
+        batch.observe(seen);
+        inside->run_until(k * second / 2);
+        EXPECT_EQ(seen[1], interface<Tank>(inside->processes()[0]->instances()[0]).out.level.x);
+        ASSERT_TRUE(batch.step(std::vector{-1.5 * seen[0], 0.0}, seen));
+    }
+}
+
+TEST(Batch, AWireWithLatencyKeepsIt)
+{
+    Chain chain;
+    Simulation sim;
+    Process &first = sim.add_process("first"), &second_one = sim.add_process("second");
+    const auto law = make(first, "law", source_type);
+    const auto valve = make(second_one, "valve", scale_type);
+    interface<Source>(law).par.value = 1.0;
+    interface<Scale>(valve).par.gain = 1.0;
+    first.add_task({"gnc", 500 * ms, 0, 0, {law}});
+    second_one.add_task({"gnc", 500 * ms, 0, 0, {valve}});
+    for (const int latency : {0, 1}) {
+        const auto own = sim.clone();
+        WireOptions options;
+        options.latency = latency;
+        const auto of = [&](std::size_t i) { return own->processes()[i]->instances()[0]; };
+        own->connect(port(of(0), "number"), port(of(1), "number"), options);
+        BatchPlan plan;
+        plan.clones = 1;
+        plan.every = second / 2;
+        plan.actions = {{"first.law", offsetof(Source, out.number.x), FLEDGE_F64, {"x"}}};
+        plan.observations = {{"second.valve", offsetof(Scale, in.number.x), FLEDGE_F64, {"x"}},
+                             {"second.valve", offsetof(Scale, out.number.x), FLEDGE_F64, {"y"}}};
+        Batch batch(*own, plan);
+        begin(batch);
+        std::vector<double> seen(2);
+        ASSERT_TRUE(batch.step(std::vector{5.0}, seen));
+        ASSERT_TRUE(batch.step(std::vector{6.0}, seen));
+        // The valve has run at 0 and 0.5 s, and with latency at 1 s, too.
+        EXPECT_THAT(seen, ::testing::ElementsAre(6.0, 6.0));
+        EXPECT_EQ(interface<Scale>(batch.clone(0).processes()[1]->instances()[0]).mem.updates, latency ? 3 : 2);
+    }
+}
+
+TEST(Batch, ADelayIsOfOnePeriod)
+{
+    Chain chain;
+    const auto slow = make(chain.sim.process("flight"), "slow", scale_type);
+    interface<Scale>(slow).par.gain = 1.0;
+    chain.sim.process("flight").add_task({"slow", second, 0, 0, {slow}});
+    chain.sim.feed(port(slow, "number"));
+    BatchPlan plan = Chain::plan();
+    plan.actions.push_back({"flight.slow", offsetof(Scale, in.number.x), FLEDGE_F64, {"flight.slow.number.x"}});
+    EXPECT_EQ(error_of([&] { Batch(chain.sim, plan); }), "");
+    plan.delay = 1;
+    EXPECT_THAT(error_of([&] { Batch(chain.sim, plan); }),
+                HasSubstr("delay: flight.slow.number has periods of 1 s, the actions before it of 0.5 s"));
+    plan.actions.pop_back();
+    plan.delay = std::numeric_limits<std::size_t>::max();
+    EXPECT_THAT(error_of([&] { Batch(chain.sim, plan); }), HasSubstr("longer than any run"));
 }
 
 TEST(Batch, RunsAreThoseOfTheCampaignOfThatSeed)

@@ -438,6 +438,13 @@ void Judge::take(Ns t)
     }
 }
 
+/// One that ends the run does so at the end of an instant; so do events and packets become known.
+bool Judge::is_early(const std::function<bool(const Instance &)> &waits) const
+{
+    return !stops && std::ranges::all_of(
+                         sources_, [&](const Source &source) { return source.instance && !waits(*source.instance); });
+}
+
 void Judge::rewind(Ns now)
 {
     for (Source &source : sources_) {

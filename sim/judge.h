@@ -68,6 +68,7 @@ public:
     bool traces = false; ///< keep what the atoms' expressions were
     void take(Ns t) override;
     void rewind(Ns now) override;
+    bool is_early(const std::function<bool(const Instance &)> &waits) const override;
     /// Samples at these times: of each source its elements, one row a sample.
     void play(std::span<const Ns> times, const std::vector<std::span<const double>> &sources);
     void finish(Ns t);

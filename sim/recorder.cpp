@@ -237,6 +237,17 @@ void Recorder::take_due(Ns t)
     find_next_due();
 }
 
+void Recorder::look_early(Ns t, const std::function<bool(const Instance &)> &waits)
+{
+    for (const auto &watcher : watchers_) {
+        if (t >= watcher->due_ && watcher->is_early(waits)) {
+            watcher->due_ = due_after(watcher->every, t);
+            watcher->take(t);
+        }
+    }
+    find_next_due();
+}
+
 void Recorder::written(Log &log, Ns t)
 {
     log.keep = log.times.size() < Log::most;

@@ -46,6 +46,9 @@ public:
     /// The simulation went to the instant `now`; -1: to its beginning.
     virtual void rewind(Ns now) = 0;
 
+    /// Whether none of what it looks at waits for the rest of an instant that is held: then it looks before.
+    virtual bool is_early(const std::function<bool(const Instance &)> & /* waits */) const { return false; }
+
     Ns every = 0;      ///< 0: at each instant
     bool stop = false; ///< the run shall end after this instant
 
@@ -110,6 +113,14 @@ public:
         }
     }
 
+    /// What watchers can see at t, an instant that is held. waits: whether an instance may change in the rest of it.
+    void take_early(Ns t, const std::function<bool(const Instance &)> &waits)
+    {
+        if (t >= next_due_) {
+            look_early(t, waits);
+        }
+    }
+
     /// Empty the logs and start anew at 0.
     void reset();
 
@@ -118,6 +129,7 @@ public:
 
 private:
     void take_due(Ns t);
+    void look_early(Ns t, const std::function<bool(const Instance &)> &waits);
     void keep(Log &log, Ns t);
     void declare(Log &log, ArchiveFile &archive);
     template <class Use> void for_all(const Use &use);

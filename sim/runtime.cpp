@@ -55,6 +55,27 @@ Ns Runtime::next_instant() const
     return t;
 }
 
+Ns Runtime::next_of(Modules modules) const
+{
+    if (held_.task >= 0 && std::ranges::find(modules, steps_[held_.step].instance) != modules.end()) {
+        return now;
+    }
+    Ns t = never;
+    for (const RunTask &task : tasks_) {
+        if (first_of(task, modules) != task.last_step) {
+            const Ns due = next_of(task);
+            t = exec_sooner(t, due > now ? due : exec_later(due, task.rate.period)); // else it is held elsewhere
+        }
+    }
+    return t < never ? t : -1;
+}
+
+/// The last instant at which a process has had its turn.
+Ns Runtime::seen(const RunProcess &process) const
+{
+    return held_.task >= 0 && &process > tasks_[static_cast<std::size_t>(held_.task)].process ? held_.before : now;
+}
+
 void Runtime::expect_changes()
 {
     changes_ = true;
@@ -266,29 +287,43 @@ void Runtime::play(RunProcess &process, Ns t)
         });
 }
 
-inline void Runtime::run_task(RunTask &task, Ns t)
+inline Tick Runtime::begin_task(RunTask &task, Ns t)
 {
     if (const auto &flight = task.process->process->flight(); flight && task.process->ran != t) {
         flight(t);
     }
-    const Tick tick = exec_begin(&task.state, task.rate, t);
+    return exec_begin(&task.state, task.rate, t);
+}
+
+inline void Runtime::run_steps(const RunTask &task, std::uint32_t first, std::uint32_t last, Tick tick)
+{
     const std::int32_t mode = task.process->mode;
     running_->task.store(task.task, std::memory_order_relaxed);
     const Copy *const copies = wiring_.copies();
-    for (const Step *step = steps_.data() + task.first_step, *const end = steps_.data() + task.last_step; step != end;
-         step++) {
-        for (const Copy *copy = copies + step->first_copy, *const last = copies + step->last_copy; copy != last;
+    for (const Step *step = steps_.data() + first, *const end = steps_.data() + last; step != end; step++) {
+        for (const Copy *copy = copies + step->first_copy, *const behind = copies + step->last_copy; copy != behind;
              copy++) {
-            if (carry(*copy, mode, t)) {
-                health.was_stale(copy->age, t);
+            if (carry(*copy, mode, tick.t)) {
+                health.was_stale(copy->age, tick.t);
             }
         }
         running_->instance.store(step->instance, std::memory_order_relaxed);
         step->update(step->self, tick);
     }
     running_->instance.store(nullptr, std::memory_order_relaxed);
+}
+
+inline void Runtime::end_task(const RunTask &task, Ns t)
+{
     health.task_ran(task.watched, t);
     task.process->ran = t;
+}
+
+inline void Runtime::run_task(RunTask &task, Ns t)
+{
+    const Tick tick = begin_task(task, t);
+    run_steps(task, task.first_step, task.last_step, tick);
+    end_task(task, t);
 }
 
 inline void Runtime::end_turn(RunProcess *process, bool down, Ns t)
@@ -305,8 +340,8 @@ inline void Runtime::end_turn(RunProcess *process, bool down, Ns t)
 }
 
 /// The tasks that are due, in the order of equal times: a process has its turn with all of its own. after: the last one
-/// that has run; null: none.
-void Runtime::run_tasks(Ns t, const RunTask *after)
+/// that has run; null: none. Returns false if the instant is held before one of these modules.
+bool Runtime::run_tasks(Ns t, const RunTask *after, Modules before)
 {
     RunProcess *turn = after ? after->process : nullptr;
     bool down = false;
@@ -320,10 +355,14 @@ void Runtime::run_tasks(Ns t, const RunTask *after)
             }
         }
         if (!down && exec_due(&task.state, t)) {
+            if (!before.empty() && hold(task, before, t)) {
+                return false;
+            }
             run_task(task, t);
         }
     }
     end_turn(turn, down, t);
+    return true;
 }
 
 inline void Runtime::take_records(Ns t)
@@ -358,14 +397,16 @@ void Runtime::instant()
     const Ns t = next;
     running_->t.store(t, std::memory_order_relaxed);
     if (!plain_ || changes_ || modes_begin_) {
-        run_generally(t);
+        deliver(t);
+        run_tasks(t);
     } else if (run_plainly(t)) {
         return;
     }
     end_instant(t);
 }
 
-void Runtime::run_generally(Ns t)
+/// What comes to processes from outside, at the beginning of an instant.
+void Runtime::deliver(Ns t)
 {
     for (std::size_t i = 0; plays_ && i < processes_.size(); i++) {
         if (processes_[i].process->executive().plays()) {
@@ -376,7 +417,89 @@ void Runtime::run_generally(Ns t)
         wiring_.exchange(t);
     }
     wiring_.feed(t);
-    run_tasks(t);
+}
+
+/// Run the next instant up to the first of these modules; if none of them is due, the whole of it.
+void Runtime::instant_before(Modules modules)
+{
+    const Ns t = next;
+    running_->t.store(t, std::memory_order_relaxed);
+    deliver(t);
+    if (run_tasks(t, nullptr, modules)) {
+        end_instant(t);
+    }
+}
+
+/// The first step of a task that runs one of these modules; its end if none does.
+std::uint32_t Runtime::first_of(const RunTask &task, Modules modules) const
+{
+    const auto is_one = [&](const Step &step) { return std::ranges::find(modules, step.instance) != modules.end(); };
+    const auto steps = std::span(steps_).subspan(task.first_step, task.last_step - task.first_step);
+    return task.first_step + static_cast<std::uint32_t>(std::ranges::find_if(steps, is_one) - steps.begin());
+}
+
+/// Run a task that is due up to the first of these modules. Returns false, and does nothing, if it runs none.
+bool Runtime::hold(RunTask &task, Modules before, Ns t)
+{
+    const std::uint32_t step = first_of(task, before);
+    if (step == task.last_step) {
+        return false;
+    }
+    held_ = {now, 0, static_cast<std::int32_t>(&task - tasks_.data()), step};
+    if (step != task.first_step) {
+        const Tick tick = begin_task(task, t);
+        held_.dt = tick.dt;
+        run_steps(task, task.first_step, step, tick);
+    }
+    if (now < 0) {
+        set_begun(true);
+    }
+    now = t;
+    next = next_instant();
+    recorder_.take_early(t, [&](const Instance &instance) { return waits(instance, t); });
+    return true;
+}
+
+/// Whether an instance may change in the rest of the instant t, which is held.
+bool Runtime::waits(const Instance &instance, Ns t) const
+{
+    const auto role = roles_.find(&instance);
+    if (role == roles_.end()) {
+        return true; // an executive
+    }
+    for (auto i = static_cast<std::size_t>(held_.task); i < tasks_.size(); i++) {
+        const RunTask &task = tasks_[i];
+        const bool first = i == static_cast<std::size_t>(held_.task);
+        if (role->second.process != task.process->process || (!first && !exec_due(&task.state, t))) {
+            continue;
+        }
+        for (std::uint32_t step = first ? held_.step : task.first_step; step != task.last_step; step++) {
+            const auto parts = with_parts(*task.process->process, *steps_[step].instance);
+            if (std::ranges::find(parts, &instance) != parts.end()) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+/// The rest of an instant that is held.
+void Runtime::finish_instant()
+{
+    const Ns t = now;
+    const Held held = std::exchange(held_, {});
+    now = held.before;
+    running_->t.store(t, std::memory_order_relaxed);
+    wiring_.feed(t); // after a restore
+    RunTask &task = tasks_[static_cast<std::size_t>(held.task)];
+    if (held.step == task.first_step) {
+        run_task(task, t);
+    } else {
+        run_steps(task, held.step, task.last_step, {t, held.dt});
+        end_task(task, t);
+    }
+    run_tasks(t, &task);
+    end_instant(t);
 }
 
 void Runtime::end_instant(Ns t)
@@ -431,7 +554,7 @@ void Runtime::publish_modes(Ns t)
 
 // --- a run
 
-bool Runtime::run_until(Ns t, const RunControl &control)
+bool Runtime::run_until(Ns t, const RunControl &control, Modules before)
 {
     const Runs runs;
     running_ = &runs.now();
@@ -440,12 +563,28 @@ bool Runtime::run_until(Ns t, const RunControl &control)
         reached = time();
         return false;
     };
+    const Ns whole = before.empty() ? t : t - 1; // until then all instants run to their ends
     try {
-        while (next <= t) {
+        if (held_.task >= 0) {
+            finish_instant();
+            if (recorder_.take_stop()) {
+                return stopped();
+            }
+        }
+        while (next <= whole) {
             if (!pacing.admits(next, now)) {
                 return stopped();
             }
             instant();
+            if (recorder_.take_stop()) {
+                return stopped();
+            }
+        }
+        if (next <= t) {
+            instant_before(before);
+            if (held_.task >= 0) {
+                return true;
+            }
             if (recorder_.take_stop()) {
                 return stopped();
             }

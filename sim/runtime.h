@@ -65,6 +65,14 @@ struct RunTask {
     std::uint32_t watched = 0; ///< its number in Health
 };
 
+/// An instant that is held before an update, with the rest of it to run.
+struct Held {
+    Ns before = -1;         ///< the instant before it
+    Ns dt = 0;              ///< [ns] of the tick of the task
+    std::int32_t task = -1; ///< its number; -1: no instant is held
+    std::uint32_t step = 0; ///< the update; the first one of its task: the task has not begun
+};
+
 /// A module in no task: its parameters are published at the start, and after a change at its process' next instant.
 struct Configuration {
     Instance *instance;
@@ -84,10 +92,11 @@ public:
 
     Runtime(const Structure &structure, Roles roles, Recorder &recorder, Recorder &outputs);
 
-    void reset(Ns after = -1); ///< the first instant comes after this time
-    bool run_until(Ns t, const RunControl &control);
-    Ns time() const { return std::max(now, reached); } ///< see Simulation::time()
+    void reset(Ns after = -1);                                       ///< the first instant comes after this time
+    bool run_until(Ns t, const RunControl &control, Modules before); ///< see Simulation::run_until()
+    Ns time() const { return std::max(now, reached); }               ///< see Simulation::time()
     Ns shortest_period() const;
+    Ns next_of(Modules modules) const; ///< see Simulation::next_of()
 
     /// The check before a run until t: takes over the changed parameters, and checks that the models can
     /// go so far. Throws SetupError with all that cannot, RunError if the run has failed.
@@ -138,9 +147,15 @@ private:
     void add_instances(RunProcess &run);
     void take_parameters();
     void instant(); ///< run one
-    void run_tasks(Ns t, const RunTask *after = nullptr);
+    void instant_before(Modules modules);
+    void finish_instant();
+    bool hold(RunTask &task, Modules before, Ns t);
+    std::uint32_t first_of(const RunTask &task, Modules modules) const;
+    bool waits(const Instance &instance, Ns t) const;
+    Ns seen(const RunProcess &process) const;
+    bool run_tasks(Ns t, const RunTask *after = nullptr, Modules before = {});
     bool run_plainly(Ns t);
-    void run_generally(Ns t);
+    void deliver(Ns t);
     void end_instant(Ns t);
     void take_records(Ns t);
     void end_turn(RunProcess *process, bool down, Ns t);
@@ -156,6 +171,9 @@ private:
     bool is_down(RunProcess &process, Ns t);
     void begin_anew(RunProcess &process, std::uint32_t count, Ns t);
     void keep_parameters(RunProcess &process) const;
+    Tick begin_task(RunTask &task, Ns t);
+    void run_steps(const RunTask &task, std::uint32_t first, std::uint32_t last, Tick tick);
+    void end_task(const RunTask &task, Ns t);
     void run_task(RunTask &task, Ns t);
     void find_own_events(RunProcess &process);
     void run_own_events(RunProcess &process, Ns t);
@@ -177,7 +195,8 @@ private:
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool plain_ = false;   ///< while changes_ is false: nothing but tasks can be due
     bool has_events_ = false;
-    bool plays_ = false;         ///< some process flew elsewhere
+    bool plays_ = false; ///< some process flew elsewhere
+    Held held_;
     bool modes_begin_ = false;   ///< some process with modes has not run since it began
     Running *running_ = nullptr; ///< of the thread that runs
     std::string failure_;        ///< why the run cannot go on; "" if it can

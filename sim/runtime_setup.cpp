@@ -151,6 +151,7 @@ void Runtime::reset(Ns after)
     const Ns start = std::max<Ns>(after, 0);
     now = reached = after;
     failure_.clear();
+    held_ = {};
     pace = {};
     health.reset();
     changes_ = true; // the first instant checks it

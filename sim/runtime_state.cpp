@@ -38,8 +38,8 @@ void Runtime::take_parameters()
         parameters.refresh();
         changes_ = true;
         for (Configuration &module : configuration_) {
-            if (module.instance == parameters.instance && now < 0) {
-                publish(module, 0);
+            if (module.instance == parameters.instance && (now < 0 || held_.task >= 0)) {
+                publish(module, std::max<Ns>(now, 0)); // the rest of an instant that is held has the new ones
             } else if (module.instance == parameters.instance) {
                 module.changed = module.process->publishes = 1;
             }
@@ -124,6 +124,7 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
     value(now);
     value(reached);
     value(next);
+    value(held_);
     for (RunTask &task : tasks_) {
         value(task.state);
     }
@@ -150,7 +151,8 @@ void Runtime::restored()
     wiring_.feed_again();
     modes_begin_ = true;
     for (RunProcess &process : processes_) {
-        process.ran = -1;
+        const auto has_run = [&](const RunTask &task) { return task.process == &process && task.state.last == now; };
+        process.ran = held_.task >= 0 && std::ranges::any_of(tasks_, has_run) ? now : -1;
     }
     find_places();
     for (Parameters &parameters : parameters_) {
@@ -164,7 +166,7 @@ void Runtime::find_places()
     changes_ = true;
     for (RunProcess &process : processes_) {
         if (process.commands) {
-            process.commands->find_place(last_tick(*process.process, now));
+            process.commands->find_place(last_tick(*process.process, seen(process)));
         }
     }
     next = next_instant();

@@ -257,6 +257,11 @@ Ns Simulation::time() const
     return runtime_ ? runtime_->time() : -1;
 }
 
+Ns Simulation::next_of(Modules modules) const
+{
+    return runtime_->next_of(modules);
+}
+
 void Simulation::reach(Ns t)
 {
     if (next() <= t) {
@@ -292,7 +297,7 @@ void Simulation::ready_for(Ns t)
     runtime_->ready_for(t);
 }
 
-bool Simulation::run_until(Ns t, const RunControl &control)
+bool Simulation::run_until(Ns t, const RunControl &control, Modules before)
 {
     if (control.same_parameters && runtime_) {
         runtime_->ready_for(t, true);
@@ -302,7 +307,7 @@ bool Simulation::run_until(Ns t, const RunControl &control)
     if (recorder_.keeps()) {
         recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
     }
-    const bool whole = runtime_->run_until(t, control);
+    const bool whole = runtime_->run_until(t, control, before);
     if (recorder_.archiving()) {
         recorder_.save_archive(); // this program may now wait for a user, and be killed
     }

@@ -36,6 +36,9 @@ namespace fledge::sim {
 
 class Runtime;
 
+/// Modules of a simulation that tasks run.
+using Modules = std::span<const Instance *const>;
+
 /// How the caller controls a long run.
 struct RunControl {
     /// Simulated seconds per second of the wall clock; 0: as fast as possible.
@@ -115,7 +118,7 @@ public:
     /// first one after t on the grids of the tasks.
     void begin_after(Ns t);
 
-    Ns now() const;  ///< the last instant that has run; -1 before the first
+    Ns now() const;  ///< the last instant that has run, or is held; -1 before the first
     Ns next() const; ///< the next instant
     /// The time up to which all instants have run: the end of the last run, or the instant at which it was stopped. The
     /// state is that of now(), which comes before if no task runs at the end. -1 before the first run.
@@ -125,7 +128,11 @@ public:
 
     /// Run all instants up to and including t. Returns false if the control stopped it.
     /// The first call runs the instant 0. Throws as ready_for() does, before the first instant.
-    bool run_until(Ns t, const RunControl &control = {});
+    /// before: hold the instant t before the first of these modules that is due there; the next run begins with the
+    /// rest of it. Until then now() is t, and what the caller writes into their inputs and parameters counts at t.
+    bool run_until(Ns t, const RunControl &control = {}, Modules before = {});
+    /// When the first of these modules runs next: now(), if an instant is held there. -1: never.
+    Ns next_of(Modules modules) const;
     /// Run one instant.
     void step();
 

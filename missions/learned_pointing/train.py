@@ -51,7 +51,6 @@ def numbers(parameters):
 def trained(generations=1000, seed=1, report=None):
     """(163,) the weights after so many generations. report(generation, mean reward) is called after each."""
     simulation = fledge.load(HERE)
-    simulation.flight.control.weights.fill(0)       # those of the instant 0, before the first action
     env, random = environment(simulation), np.random.default_rng(seed)
     at = random.normal(0, 0.3, NEURONS * 9)
     mean, square = np.zeros_like(at), np.zeros_like(at)

@@ -74,6 +74,7 @@ public:
     void reset(Ns t) override
     {
         level_ = interface_.par.initial;
+        interface_.out = {};
         if (leak_) {
             leak_->reset(t);
         }

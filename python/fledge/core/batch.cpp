@@ -88,10 +88,11 @@ void bind_batch(py::module_ &m)
 {
     py::class_<BatchPlan>(m, "BatchPlan")
         .def(py::init([](std::size_t clones, sim::Ns every, unsigned threads, const sim::CampaignPlan *campaign,
-                         bool separate) {
-                 return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}, separate};
+                         bool separate, std::size_t delay) {
+                 return BatchPlan{clones,   every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{},
+                                  separate, delay};
              }),
-             "clones"_a, "every"_a, "threads"_a, "campaign"_a, "separate"_a)
+             "clones"_a, "every"_a, "threads"_a, "campaign"_a, "separate"_a, "delay"_a)
         .def(
             "act",
             [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
@@ -111,6 +112,7 @@ void bind_batch(py::module_ &m)
         .def("step", step_clones, "actions"_a,
              "The observations after the step; `actions` must have a row for each clone.")
         .def("observe", observe)
+        .def("is_late", &Batch::is_late, "observation"_a)
         .def("failure", &Batch::failure, "clone"_a)
         .def("clone", &Batch::clone, py::return_value_policy::reference_internal, "clone"_a)
         .def("copy", &Batch::copy, "clone"_a)

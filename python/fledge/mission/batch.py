@@ -41,6 +41,7 @@ class Block:
     """The columns of one field in the actions or the observations.
 
     path: of the field; columns: a slice; shape: of the field in one clone; unit, meaning: of the header
+    late: of an observation: its module runs behind the actions, so that it is of the instant before
     """
 
     path: str
@@ -48,6 +49,7 @@ class Block:
     shape: tuple[int, ...]
     unit: str
     meaning: str
+    late: bool = False
 
 
 class ByPath(dict):
@@ -60,12 +62,12 @@ class ByPath(dict):
 class Batch:
     """n clones of a simulation; made by Simulation.batch().
 
-    n: of the clones; every: the duration of a step [s]; actions, observations: their Blocks, by path;
-    action_names, observation_names: of each column, "flight.motor.command.u[0]"
+    n: of the clones; every: the duration of a step [s]; delay: of actions [periods of flight]; actions, observations:
+    their Blocks, by path; action_names, observation_names: of each column, "flight.motor.command.u[0]"
     """
 
     def __init__(self, simulation: Simulation, n: int, actions: Iterable[str], observations: Iterable[str], every: Time,
-                 seed: int, dispersions: Any, threads: int | None) -> None:
+                 seed: int, dispersions: Any, threads: int | None, delay: int = 0) -> None:
         import numpy as np
 
         period = time_ns(every, "batch: every")
@@ -73,20 +75,23 @@ class Batch:
         for value, what in ((n, "n"), (threads, "threads")):
             if not isinstance(value, (int, np.integer)) or value < 1:
                 raise SetupError(f"batch: {what} must be a whole number >= 1, found {value!r}")
+        delay = _seed(delay, "delay")
         dispersions = getattr(dispersions, "dispersions", dispersions)     # of a campaign
         # Functions of the user's: each clone gets its own, and so does what the batch was made of.
         self._separate = rebinding.has_functions(simulation)
         if self._separate:
             simulation = rebinding.separate(simulation, simulation.clone())
         plan = _core.BatchPlan(n, period, threads, dispersions._plan if dispersions is not None else None,
-                               self._separate)
-        self.n, self.every = int(n), period / 1e9
+                               self._separate, delay)
+        self.n, self.every, self.delay = int(n), period / 1e9, delay
         self.actions, self.action_names = _blocks(simulation, actions, plan.act, "actions")
         self.observations, self.observation_names = _blocks(simulation, observations, plan.observe, "observations")
         self._dispersions = dispersions
         self._drawn = list(dispersions.columns) if dispersions is not None else []
         self._simulation = simulation
         self._core = _core.Batch(simulation.kernel, plan)
+        for i, block in enumerate(self.observations.values()):
+            block.late = self._core.is_late(i)
         self._clones = [self._around(self._core.clone(i)) for i in range(n)] if self._separate else []
         self._seeds = np.full(n, _seed(seed), np.uint64)
         self._nothing = np.empty((n, 0))                # a step without actions takes microseconds
@@ -101,10 +106,12 @@ class Batch:
         runs: the index of the run for each of them, as in a campaign of that seed. Not given: clone i flies the runs
         i, i + n, i + 2 n, ..., and i again after a new seed
         snapshot: of Simulation.snapshot(), in place of time 0. It has its own parameters, so nothing is dispersed; the
-        random streams begin anew there.
+        random streams begin anew there. No action is on its way.
 
-        At time 0 a clone runs the instant 0, at which an input that is an action was never written. Parameters are
-        those of the simulation when the batch was made, and what is dispersed.
+        A clone then stands in the first instant in which an action can count: with tasks without an offset, at 0. From
+        a snapshot of a simulation whose instant is over, it flies on to there, less than a period of flight; a snapshot
+        of one of these clones is in one. Parameters are those of the simulation when the batch was made, and what is
+        dispersed.
         """
         import numpy as np
 
@@ -127,8 +134,13 @@ class Batch:
         that. An action in an input is a message that is made now, of quality GOOD; the fields that no action names stay
         as they are. One in an output is the same in each input that it feeds.
 
+        The step begins inside of the instant that was observed, before the first module of flight that has an action:
+        it counts there and then, as what a law in flight puts out, or `delay` periods of flight later. The rest of that
+        instant runs, and what follows, up to the same place `every` later.
+
         A clone that fails stands still, and its observations are NaN: `failed`, `failures`. Its actions do not count
-        until it is reset. After Ctrl-C, the next step() takes up this one: clones that had ended it wait.
+        until it is reset. After Ctrl-C, the next step() takes up this one: clones that had ended it wait, those that
+        had begun it keep the actions that they had.
         Raises SetupError before any clone moves if a number is not finite, or if the shape is another.
         """
         if actions is None and not self.actions:
@@ -180,7 +192,8 @@ class Batch:
         return {path: self._core.draws[:, i] for i, path in enumerate(self._drawn)}
 
     def simulation(self, clone: int) -> Simulation:
-        """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of."""
+        """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of. Where it
+        runs on, it first ends its instant."""
         self._check_clone(clone)
         return self._around(self._core.copy(clone))
 
@@ -211,7 +224,7 @@ class Batch:
         if self._core.time[clone] < 0:
             raise SetupError(f"batch: clone {clone} has not begun")
         alone = Batch(self._simulation, 1, self.actions, self.observations, self.every * s, 0,
-                      self._dispersions, 1)
+                      self._dispersions, 1, self.delay)
         alone.reset(seed=int(self.seeds[clone]), runs=int(self.runs[clone]))
         for row in rows:
             alone.step(row[None])
@@ -276,7 +289,8 @@ class Batch:
     def __repr__(self) -> str:
         lines = [f"{self.n} clones of {self._simulation.name}, steps of {self.every:g} s"]
         for title, blocks in (("action", self.actions), ("observation", self.observations)):
-            lines += [f"  {title:<12} {b.path}  {b.shape or ''} {b.unit}".rstrip() for b in blocks.values()]
+            lines += [f"  {title:<12} {b.path}  {b.shape or ''} {b.unit}".rstrip() +
+                      "  of the instant before" * b.late for b in blocks.values()]
         return "\n".join(lines)
 
 

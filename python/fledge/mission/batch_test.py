@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError
+from fledge import Orbit, SetupError
 from fledge import flight as fsw
-from fledge import prototype, world
+from fledge import objects, prototype, world
+from fledge.mission import neural
 from fledge.montecarlo import Campaign
-from fledge.units import N, m, minute, s
+from fledge.units import N, deg, kg, km, m, minute, ms, s
 
 ERROR = ["flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B"]
 TORQUE = "world.wheels.command.u"
@@ -44,6 +45,118 @@ def test_commands_by_hand_move_the_craft_as_the_wire_does_bit_for_bit(sim):
         np.testing.assert_array_equal(seen[0], [*log["error.sigma_BR"][k + 1], *log["error.omega_BR_B"][k + 1],
                                                 *log["state.omega_BN_B"][k + 1]])
     assert np.abs(seen[1, 6:] - seen[0, 6:]).max() > 1e-3, "the other clone had no torque"
+
+
+GAINS = np.array([[0.02, 0.001, 0.0, 0.35, 0.0, 0.0],
+                  [0.0, 0.02, 0.0, 0.0, 0.3, 0.01],
+                  [0.0, 0.0, 0.03, 0.0, 0.0, 0.3]])
+STATE = ["flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B"]
+LAW = "flight.control.torque.torque_B"
+
+
+def linear(rows):
+    """u = -K x, (n, 3), in the order of the sums of flight."""
+    u = np.zeros((len(rows), 3))
+    for j in range(6):
+        u = u + -GAINS[:, j] * rows[:, j, None]
+    return u
+
+
+class Linear(prototype.Module):
+    """The same law in flight."""
+    error = prototype.input(fsw.AttError, "what to remove")
+    torque = prototype.out(fsw.BodyTorque, "u = -K x")
+
+    def update(self, t, dt):
+        x = np.array([[*self.error.sigma_BR, *self.error.omega_BR_B]])
+        self.torque.torque_B = linear(x)[0]
+        self.publish(self.torque)
+
+
+def turn(control=None):
+    """A turn by this law; not given: in C, as a network without hidden layers."""
+    sim = fledge.Simulation("turn")
+    w, f = sim.world, sim.flight
+    if control is None:
+        control = fsw.NeuralFeedback(sigma_unit=1, omega_unit=1, torque_max=1)
+        neural.give(control, [(-GAINS, np.zeros(3))])
+    f.wheels = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=2e-3 * kg * m**2, u_max=0.05 * N * m)
+    f.guidance, f.tracking, f.control = fsw.InertialPointing(), fsw.TrackingError(), control
+    f.motor = fsw.WheelTorques()
+    w.wheels = world.ReactionWheels(axes_B=f.wheels.axes_B, J=f.wheels.J, u_max=0.05 * N * m)
+    w.craft = world.Spacecraft(I_B=[12, 10, 8] * kg * m**2, parts=[w.wheels], gravity=[world.EARTH],
+                               orbit=Orbit(world.EARTH, altitude=500 * km), sigma_BN=[0.5, -0.4, 0.3],
+                               omega_BN_B=[0.4, -0.8, 0.6] * deg / s)
+    w.nav = world.Navigation()
+    f.connect(f.guidance.reference >> f.tracking.reference, f.tracking.error >> f.control.error,
+              f.control.torque >> f.motor.torque, f.wheels.wheels >> f.motor.wheels)
+    w.connect(w.craft.state >> w.nav.truth, w.nav.attitude >> f.tracking.attitude, f.motor.command >> w.wheels.command)
+    f.task("gnc", every=0.5 * s, run=[f.guidance, f.tracking, f.control, f.motor])
+    w.task("dynamics", every=250 * ms, run=[w.craft, w.nav])
+    return sim
+
+
+@pytest.mark.parametrize("law", [lambda: None, Linear], ids=["network", "prototype"])
+def test_a_law_outside_flies_the_bits_of_the_law_inside(law):
+    inside = turn(law())
+    batch = inside.batch(2, [LAW], STATE, every=0.5 * s)
+    inside.reset()
+    inside.run(0 * s)
+    seen = batch.reset()
+
+    def memory(part):
+        return bytes(objects.memory(part))
+
+    flown = [batch.watched(i) for i in range(2)]
+    for k in range(240):
+        seen = batch.step(linear(seen))
+        for outside in flown:                   # the rest of the instant k, then what comes up to the law at k + 1
+            assert memory(outside.flight.motor) == memory(inside.flight.motor), k
+        inside.run(0.5 * s)
+        for outside in flown:
+            for part in ("flight.tracking", "flight.guidance", "world.craft", "world.wheels", "world.nav"):
+                process, name = part.split(".")
+                assert memory(getattr(getattr(outside, process), name)) == \
+                    memory(getattr(getattr(inside, process), name)), (k, part)
+            assert outside.time == inside.time
+    assert np.linalg.norm(seen[0, :3]) < 0.1 and batch.time[0] == 120.0
+
+
+def test_a_delay_of_whole_periods_is_that_of_a_law_that_waits():
+    class Late(Linear):
+        """The same law, whose output waits for so many of its updates."""
+        periods = prototype.par(int, "[-] required, in [1, 9]: how many")
+        waits = prototype.mem(float, "[N m] torques", shape=(10, 3))
+
+        def update(self, t, dt):
+            self.waits[1:] = np.array(self.waits[:-1])
+            self.waits[0] = linear(np.array([[*self.error.sigma_BR, *self.error.omega_BR_B]]))[0]
+            if t >= 0.5 * self.periods:
+                self.torque.torque_B = self.waits[self.periods]
+                self.publish(self.torque)
+
+    for periods in (1, 3):
+        inside = turn(Late(periods=periods))
+        batch = turn().batch(1, [LAW], [*STATE, "world.craft.state.omega_BN_B"], every=0.5 * s, delay=periods)
+        assert batch.delay == periods
+        seen = batch.reset()
+        inside.run(0 * s)
+        for _ in range(40):
+            seen = batch.step(linear(seen[:, :6]))
+            inside.run(0.5 * s)
+            np.testing.assert_array_equal(seen[0, :3], inside.flight.tracking.error.sigma_BR)
+            np.testing.assert_array_equal(seen[0, 6:], inside.world.craft.state.omega_BN_B)
+    with pytest.raises(SetupError, match="delay: expected a whole number"):
+        turn().batch(1, [LAW], STATE, every=1 * s, delay=0.5)
+
+
+def test_late_observations_are_named():
+    sim = turn()
+    batch = sim.batch(1, [LAW], [*STATE, "flight.motor.command.u", "flight.control.torque.torque_B"], every=0.5 * s)
+    assert [block.late for block in batch.observations.values()] == [False, False, True, False]
+    assert "flight.motor.command.u  (8,) N m  of the instant before" in repr(batch)
+    assert (batch.reset()[0, 6:14] == 0).all() and (batch.step([[0.01, 0, 0]])[0, 6:10] != 0).all()
+    assert not any(block.late for block in make(sim, 1).observations.values()), "the world's inputs need no such place"
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -239,11 +352,12 @@ def kicked(limit):
     return sim
 
 
-def test_events_in_python_act_on_their_own_clone():
+@pytest.mark.parametrize("action, torque", [(TORQUE, [0.2, 0.2, -0.2, -0.2, 0, 0, 0, 0]), (LAW, [0, 0.4, 0])])
+def test_events_in_python_act_on_their_own_clone(action, torque):
     sim = kicked(0.02)
-    batch = sim.batch(3, actions=[TORQUE], observations=PLACE, every=1 * s)
+    batch = sim.batch(3, actions=[action], observations=PLACE, every=1 * s)
     batch.reset()
-    actions = np.outer([0, 1, -1], [0.2, 0.2, -0.2, -0.2, 0, 0, 0, 0])
+    actions = np.outer([0, 1, -1], torque)
     rows = np.array([batch.step(actions) for _ in range(60)])
     when = [next((k for k, row in enumerate(rows) if row[i, 0] > 0), None) for i in range(3)]
     assert len(set(when)) == 3, "clones that turn otherwise meet their event at other times"
@@ -251,9 +365,33 @@ def test_events_in_python_act_on_their_own_clone():
     for i in range(3):
         copy = batch.simulation(i)
         assert copy.flight.control.K == sim.flight.control.K * (1 if when[i] is None else 3)
-        assert batch.repeat(i, np.broadcast_to(actions[i], (60, 8))).snapshot() == copy.snapshot()
+        assert batch.repeat(i, np.broadcast_to(actions[i], (60, len(torque)))).snapshot() == copy.snapshot()
     batch.reset(seed=0)
     np.testing.assert_array_equal([batch.step(actions) for _ in range(60)], rows)
+
+
+def test_a_copy_in_the_middle_of_an_instant_has_the_events_of_that_instant():
+    sim = fledge.load("nadir_spin")
+    wheels = sim.world.wheels
+
+    def knock():
+        wheels.friction = [1e-3] * 4
+
+    sim.world.at(2 * s, knock, name="knock")
+    batch = sim.batch(2, [LAW], PLACE, every=0.5 * s)
+    batch.reset()
+    for _ in range(4):
+        batch.step(np.zeros((2, 3)))
+    copy = batch.simulation(1)
+    assert copy.time == batch.time[1] == 2
+    assert copy.world.knock.fired_at is None and not copy.world.wheels.friction.any()
+    copy.run(0 * s)
+    assert copy.world.knock.fired_at == 2 and copy.world.wheels.friction[0] == 1e-3
+    copy.run(1 * s)
+    for _ in range(2):
+        seen = batch.step(np.zeros((2, 3)))
+    assert batch.watched(1).world.knock.fired_at == 2 and seen[1, 0] == 1e-3
+    np.testing.assert_array_equal(copy.world.craft.state.sigma_BN, batch.watched(1).world.craft.state.sigma_BN)
 
 
 def test_a_clone_with_python_has_the_bits_of_its_simulation_alone():

@@ -156,7 +156,7 @@ _EnvBase: Any = GYMNASIUM.Env if GYMNASIUM else _Plain
 class VectorEnv(_VectorBase):
     """n simulations that are stepped together.
 
-    actions, observations, every, seed, dispersions, threads: of Simulation.batch()
+    actions, observations, every, seed, dispersions, threads, delay: of Simulation.batch()
     reward(before, action, after): (n,) of a step, from path -> (n, ...) of its observations and actions
     terminated(after): (n,) whether an episode ends there, because of what happened; not given: none does. Or
     requirements of the mission by their ids, or formulas, a single one or several: an episode ends where any is
@@ -182,13 +182,13 @@ class VectorEnv(_VectorBase):
                  low: ArrayLike = -float("inf"), high: ArrayLike = float("inf"),
                  observation_low: ArrayLike = -float("inf"), observation_high: ArrayLike = float("inf"),
                  failed: float = 0.0, seed: int = 0, dispersions: Any = None, threads: int | None = None,
-                 autoreset: str = "SameStep", dtype: DTypeLike = float) -> None:
+                 delay: int = 0, autoreset: str = "SameStep", dtype: DTypeLike = float) -> None:
         import numpy as np
 
         if autoreset not in AUTORESET:
             raise SetupError(f"autoreset: expected {listed(AUTORESET)}; found {autoreset!r}")
         self.batch: Any = simulation.batch(n, actions, observations, every=every, seed=seed, dispersions=dispersions,
-                                           threads=threads)
+                                           threads=threads, delay=delay)
         self._limit = np.inf if limit is None else time_ns(limit, "limit") / 1e9
         if self._limit < self.batch.every:
             raise SetupError(f"limit must be at least a step, {self.batch.every:g} s; found {self._limit:g} s")

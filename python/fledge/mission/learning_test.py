@@ -134,15 +134,18 @@ def test_an_episode_that_ends_begins_anew_in_the_next_step(sim):
     np.testing.assert_array_equal(envs.step(zero)[0][0], last)
 
 
-def test_an_episode_ends_where_a_requirement_is_violated(sim):
+@pytest.mark.parametrize("action", [TORQUE, "flight.control.torque.torque_B"])
+def test_an_episode_ends_where_a_requirement_is_violated(action):
+    """Also where a step ends inside of the instant that violates it."""
     late = fledge.load("nadir_spin")
     error = signal(late, "flight.tracking.error.sigma_BR").norm()
-    envs = vector(late, terminated=always(implies(after(3 * s), error < 0.7)), autoreset="Disabled",
+    zero = np.zeros((3, 4 if action == TORQUE else 3))
+    envs = vector(late, actions=[action], terminated=always(implies(after(3 * s), error < 0.7)), autoreset="Disabled",
                   reward=lambda b, a, c: np.minimum(c["formula 1"], 1))
     envs.reset(seed=0)
     sizes = []
     for _ in range(8):
-        seen, gains, terminated, truncated, info = envs.step(np.zeros((3, 4)))
+        seen, gains, terminated, truncated, info = envs.step(zero)
         sizes.append(np.linalg.norm(seen[0, :3]))
         if terminated.any():
             break
@@ -150,7 +153,23 @@ def test_an_episode_ends_where_a_requirement_is_violated(sim):
     assert gains[0] == pytest.approx(0.7 - sizes[-1], abs=1e-12) and gains[0] < 0
     assert info["violated"][0].startswith("formula 1 violated, by ") and "at 3 s" in info["violated"][0]
     again, _ = envs.reset(seed=0)
-    assert np.isfinite(again).all() and not envs.step(np.zeros((3, 4)))[2].any()
+    assert np.isfinite(again).all() and not envs.step(zero)[2].any()
+
+
+def test_an_action_that_violates_a_requirement_ends_its_own_step(sim):
+    small = signal(sim, "flight.motor.command.u").max_abs() < 0.15
+    for delay in (0, 2):
+        envs = vector(sim, actions=["flight.control.torque.torque_B"], terminated=always(small), autoreset="Disabled",
+                      delay=delay, reward=lambda before, action, after: np.zeros(3))
+        envs.reset()
+        ends = []
+        for k in range(6):
+            actions = np.zeros((3, 3))
+            actions[1] = 5.0 * (k == 2)
+            ends.append(envs.step(actions)[2].tolist())
+            if any(ends[-1]):
+                break
+        assert ends == [[False] * 3] * (2 + delay) + [[False, True, False]]
 
 
 def test_margins_of_requirements_are_those_of_a_run_alone(sim):

@@ -30,6 +30,21 @@ def test_layers_come_back_from_module_and_file(sizes, tmp_path):
     assert same(neural.read(tmp_path / "w.csv"), given)
 
 
+@pytest.mark.parametrize("sizes", [(), (4,), (7, 5)])
+@pytest.mark.parametrize("activation", ["TANH", "RELU"])
+def test_nothing_else_of_the_module_is_overwritten(sizes, activation):
+    own = dict(sigma_unit=0.3, omega_unit=0.02, torque_max=0.08, hold=7.5)
+    module = fsw.NeuralFeedback(activation=activation, **own)
+    neural.give(module, network(*sizes))
+    assert {name: getattr(module, name) for name in own} == own
+    assert module.activation == fsw.NeuralActivation[activation]
+    with pytest.raises(SetupError):
+        neural.give(module, network(40))
+    assert module.hidden == len(sizes) and same(neural.layers(module), network(*sizes)), "a bad one changes nothing"
+    neural.give(module, network(*sizes), "TANH")
+    assert module.activation == fsw.NeuralActivation.TANH and {name: getattr(module, name) for name in own} == own
+
+
 @pytest.mark.parametrize("given, message", [
     ([], "expected 1 to 3 layers, found 0"),
     (network(4, 4, 4), "expected 1 to 3 layers, found 4"),

@@ -453,7 +453,7 @@ class Simulation:
         return other
 
     def batch(self, n: int, actions: Iterable[str] = (), observations: Iterable[str] = (), *, every: Time,
-              seed: int = 0, dispersions: Any = None, threads: int | None = None) -> Batch:
+              seed: int = 0, dispersions: Any = None, threads: int | None = None, delay: int = 0) -> Batch:
         """n clones that are stepped together, on all cores, from and to numpy arrays; see fledge.mission.batch.
 
         actions: paths of fields of inputs, outputs or parameters that step() writes, "flight.motor.command.u[:4]": of
@@ -462,6 +462,7 @@ class Simulation:
         every: the duration of a step, a time
         seed: of their runs; dispersions: what differs from run to run, of a Campaign or its `dispersions`
         threads: default: all cores
+        delay: how many periods of flight later than the output of a law in flight an action counts
 
         The batch takes the parameters as they are now; its clones begin at time 0, whatever the time is here.
         Python makes it fly on one thread: prototypes, functions of modules, and events. Each clone has functions of its
@@ -470,7 +471,7 @@ class Simulation:
         """
         from fledge.mission.batch import Batch
 
-        return Batch(self, n, actions, observations, every, seed, dispersions, threads)
+        return Batch(self, n, actions, observations, every, seed, dispersions, threads, delay)
 
     # --- records ---
 
