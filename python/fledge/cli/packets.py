@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from _ground import Packet
     from fledge.ground import Database
-    from fledge.ground.captures import Piece
+    from fledge.ground.captures import Piece, Unit
 
-    Show = Callable[[Piece, Packet | None], None]       # prints a packet
+    Show = Callable[[Piece, Packet | None, Unit | None, Packet | None], None]   # prints a packet, and the unit it ends
 
 
 def add(command: Callable) -> None:
@@ -45,14 +45,18 @@ def add(command: Callable) -> None:
     sub.add_argument("--randomized", action="store_true", help="frames, with their code, are randomised (131.0-B)")
     sub.add_argument("--insert", metavar="N", type=int, default=0, help="bytes of the insert zone of AOS frames")
     sub.add_argument("--control", action="store_true", help="AOS frames have an operational control field")
+    sub.add_argument("--secondary", metavar="N", type=int, default=0, help="bytes of the secondary header of packets "
+                     "that are parts of a longer unit of data, which has that of the first alone")
     kind = sub.add_mutually_exclusive_group()
     kind.add_argument("--csv", action="store_true", help="a line for each field")
     kind.add_argument("--json", action="store_true", help="a line for each packet")
 
 
 def packets(options: argparse.Namespace) -> int:
-    from fledge.ground.captures import Format, encapsulated, read
+    from fledge.ground.captures import Format, Joiner, encapsulated, read
 
+    if options.secondary < 0:
+        raise Failure(f"packets: --secondary is a number from 0 on, not {options.secondary}")
     how = Format(*(getattr(options, name) for name in Format._fields))
     for name, value in zip(how._fields, how):
         option = "--" + name.replace("_", "-")
@@ -70,6 +74,7 @@ def packets(options: argparse.Namespace) -> int:
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True
+    joiner, lacking = Joiner(options.secondary), set()      # lacking: places of packets with values missing
     for piece in read(options.file, how):
         if not piece.packet:
             good = good and not piece.problem
@@ -77,19 +82,40 @@ def packets(options: argparse.Namespace) -> int:
             print(f"fledge: {options.file}{where}: {piece.problem or piece.note}", file=sys.stderr)
             continue
         packet = database.decode(piece.packet, options.root) if database and not encapsulated(piece.packet) else None
-        good = good and not (piece.note or (packet and packet.reason))
-        show(piece, packet)
-    return 0 if good else 1
+        good = good and not piece.note
+        unit = joiner.take(piece)
+        whole = database.decode(unit.packet, options.root) if database and unit and unit.packet else None
+        if packet and packet.reason:
+            lacking.add((piece.time, piece.at))
+        if unit and whole and not whole.reason:      # the database describes units, and not their parts
+            lacking -= {(part.time, part.at) for part in unit.parts}
+        show(piece, packet, unit, whole)
+    if note := joiner.note():
+        print(f"fledge: {options.file}: {note}", file=sys.stderr)
+    return 0 if good and not lacking else 1
+
+
+PARTS = "middle", "first", "last"       # of a unit of data
+
+
+def _of_unit(unit: Unit, packet: Packet | None) -> dict[str, Any]:
+    """What is known of a unit of data before its fields."""
+    first = unit.parts[0]
+    about = _about(first, packet) | {"parts": len(unit.parts), "bytes": len(unit.packet)}
+    del about["part"]
+    return about | ({"reason": unit.problem} if unit.problem else {})
 
 
 def _about(piece: Piece, packet: Packet | None) -> dict[str, Any]:
     """What is known of a packet before its fields."""
-    from fledge.ground.captures import encapsulated, header
+    from fledge.ground.captures import WHOLE, encapsulated, header
 
     head = header(piece.packet)
     about = {"byte": piece.at, "time": piece.time, "kind": "command" if head and head.command else "telemetry"}
     if head:
         about |= {"application": head.application, "count": head.sequence}
+        if head.part != WHOLE:
+            about["part"] = PARTS[head.part]
     else:
         about |= {"kind": "encapsulation", "protocol": encapsulated(piece.packet)}
     about["bytes"] = len(piece.packet)
@@ -107,13 +133,22 @@ def _text(database: Database | None) -> Show:
     def line(text: str) -> None:
         print(printable(text, lines=False))     # a value does not look like another line
 
-    def show(piece: Piece, packet: Packet | None) -> None:
+    def show(piece: Piece, packet: Packet | None, unit: Unit | None, whole: Packet | None) -> None:
         about = _about(piece, packet)
         when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
         which = f"protocol {about['protocol']}" if "protocol" in about else \
-            f"application {about['application']}, count {about['count']}"
+            f"application {about['application']}, count {about['count']}" + (
+                f", {about['part']} part" if "part" in about else "")
         line(f"byte {piece.at}{when}: {about['kind']}, {which}, {about['bytes']} bytes"
              + (f", {packet.container or 'not decoded'}" if packet else ""))
+        fields(about, packet)
+        if unit:
+            about = _of_unit(unit, whole)
+            line(f"  = unit of {about['parts']} parts from byte {about['byte']} on, {about['bytes']} bytes"
+                 + (f", {whole.container or 'not decoded'}" if whole else ""))
+            fields(about, whole)
+
+    def fields(about: dict[str, Any], packet: Packet | None) -> None:
         if about.get("reason"):
             line(f"  ! {about['reason']}")
         width = min(max((len(name) for name, _, _ in packet.rows), default=0), 80) if packet else 0
@@ -132,10 +167,16 @@ def _csv(database: Database | None) -> Show:
 
     line("byte", "application", "count", "container", "field", "value", "raw", "kind", "reason")
 
-    def show(piece: Piece, packet: Packet | None) -> None:
-        about = _about(piece, packet)
+    def show(piece: Piece, packet: Packet | None, unit: Unit | None, whole: Packet | None) -> None:
+        rows(_about(piece, packet), packet)
+        if unit:
+            rows(_of_unit(unit, whole), whole)
+
+    def rows(about: dict[str, Any], packet: Packet | None) -> None:
         head = [about.get(key) for key in ("byte", "application", "count")]
-        kind = f"encapsulation {about['protocol']}" if "protocol" in about else about["kind"]
+        kind = f"encapsulation {about['protocol']}" if "protocol" in about else \
+            f"{about['kind']} {about['part']} part" if "part" in about else \
+            f"{about['kind']} unit of {about['parts']} parts" if "parts" in about else about["kind"]
         end = [kind, about.get("reason")]
         of = packet.container if packet else None
         for name, raw, value in packet.rows if packet else ():
@@ -156,9 +197,12 @@ def _in_json(value: Any) -> Any:
 
 
 def _json(database: Database | None) -> Show:
-    def show(piece: Piece, packet: Packet | None) -> None:
-        fields = {"values": packet.values, "raw": packet.raw} if packet else {}
-        text = json.dumps(_in_json(_about(piece, packet) | fields), default=_plain)
+    def values(packet: Packet | None) -> dict[str, Any]:
+        return {"values": packet.values, "raw": packet.raw} if packet else {}
+
+    def show(piece: Piece, packet: Packet | None, unit: Unit | None, whole: Packet | None) -> None:
+        joined = {"unit": _of_unit(unit, whole) | values(whole)} if unit else {}
+        text = json.dumps(_in_json(_about(piece, packet) | values(packet) | joined), default=_plain)
         print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves
 
     return show

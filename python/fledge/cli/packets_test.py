@@ -5,10 +5,12 @@ import csv
 import io
 import json
 import os
+import random
 import shutil
 import struct
 import subprocess
 from decimal import Decimal
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ import pytest
 from fledge.archive.archive_test import Maker
 from fledge.cli import main
 from fledge.errors import Failure
-from fledge.ground.captures import Format, encapsulated, header, pieces, read
+from fledge.ground.captures import Format, Joiner, Piece, encapsulated, header, pieces, read
 
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
 XTCE = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
@@ -65,6 +67,94 @@ def test_reading_goes_on_behind_damage():
     assert notes == ["what follows it is no packet: it may be damaged, too", *[""] * 8]
 
 
+def parts_of(data, sizes, count, application=5, step=1, header=b""):
+    """The packets of a unit of data, each with a secondary header if there is one."""
+    ends = list(accumulate(sizes, initial=0))
+    return [struct.pack(">3H", (0x800 if header else 0) | application, (
+        (i == 0) | 2 * (i == len(sizes) - 1)) << 14 | (count + step * i) % 0x4000, len(header) + sizes[i] - 1)
+        + header + data[ends[i]:ends[i + 1]] for i in range(len(sizes))]
+
+
+def joined(given, secondary=0):
+    joiner = Joiner(secondary)
+    units = [joiner.take(piece) for piece in given]
+    return [(unit.packet, [part.packet for part in unit.parts]) for unit in units if unit], joiner.note()
+
+
+@pytest.mark.parametrize("step", [0, 1])
+def test_units_are_joined_above_their_packets(step):
+    """Of three applications by turns, also with one count in each unit; a unit without one of its parts is none."""
+    draw = random.Random(step)
+    for case in range(200):
+        counts, queues, units = [draw.randrange(0x4000) for _ in range(3)], [[], [], []], []
+        for _ in range(12):
+            app, data = draw.randrange(3), draw.randbytes(draw.randrange(40, 90))
+            sizes = [10] * draw.randrange(1, 4)
+            sizes.append(len(data) - sum(sizes))
+            parts = parts_of(data, sizes, counts[app], app, step)
+            lost = len(parts)
+            if case % 2:    # the counts show which; without them only the end of a unit
+                lost = draw.randrange(3 * len(parts)) if step else lost - draw.randrange(2)
+            counts[app] += len(parts) if step else 1
+            queues[app] += parts[:lost] + parts[lost + 1:]
+            if lost >= len(parts):
+                whole = struct.pack(">2H", app, int.from_bytes(parts[0][2:4], "big") | 0xC000)
+                units.append((whole + struct.pack(">H", len(data) - 1) + data, parts))
+        file = b""
+        while any(queues):
+            queue = draw.choice([queue for queue in queues if queue])
+            file += queue.pop(0)
+        found, note = joined(pieces(file))
+        assert sorted(found) == sorted(units)
+        assert f"; {len(units)} units are whole, of {sum(len(parts) for _, parts in units)} parts" in note
+
+
+def test_a_unit_has_its_secondary_header_once_and_a_repeated_part_once():
+    parts = parts_of(b"abcdefghi", [3, 2, 4], 0x3FFF, header=b"12")
+    twice = [Piece(0, part) for part in parts for _ in range(2)]
+    unit = struct.pack(">3H", 0x805, 0xFFFF, 10)
+    assert joined(twice, 2) == ([(unit + b"12abcdefghi", parts)], "3 packets are parts of longer units of data; "
+                                "1 units are whole, of 3 parts")
+    (packet, _), = joined(twice)[0]
+    assert packet[6:] == b"12abc12de12fghi" and "--secondary N" in joined(twice)[1]
+    long = [Piece(0, part) for part in parts_of(bytes(70000), [65536, 4464], 0)]
+    joiner = Joiner()
+    joiner.take(long[0])
+    assert joiner.take(long[1]).problem == "it has 70006 bytes, more than the length of a packet can say: it is not " \
+        "decoded"
+
+
+def test_units_are_decoded_by_the_database(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    far, entry = "<Parameter name='far' parameterTypeRef='u16'/>", "<ParameterRefEntry parameterRef='bus'/>"
+    Path("s.xml").write_text(XTCE.replace("</ParameterSet>", far + "</ParameterSet>")
+                             .replace(entry, entry + entry.replace("bus", "far")))
+    parts = parts_of(b"\x14\x01\x02", [1, 1, 1], 7)
+    Path("all.bin").write_bytes(packet(6, b"\x04\0\x06") + b"".join(parts))
+    assert main(["packets", "all.bin"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[1:] == [
+        "byte 9: telemetry, application 5, count 7, first part, 7 bytes",
+        "byte 16: telemetry, application 5, count 8, middle part, 7 bytes",
+        "byte 23: telemetry, application 5, count 9, last part, 7 bytes",
+        "  = unit of 3 parts from byte 9 on, 9 bytes"]
+    assert err == "fledge: all.bin: 3 packets are parts of longer units of data; 1 units are whole, of 3 parts\n"
+    assert main(["packets", "all.bin", "--database", "s.xml", "--json"]) == 0       # what a part lacks, its unit has
+    unit = json.loads(capsys.readouterr().out.splitlines()[3])["unit"]
+    assert unit == {"byte": 9, "kind": "telemetry", "application": 5, "count": 7, "bytes": 9, "parts": 3,
+                    "container": "/S/Q", "reason": None,
+                    "values": {"id": 5, "count": 0xC007, "size": 2, "bus": 10.0, "far": 258},
+                    "raw": {"id": 5, "count": 0xC007, "size": 2, "bus": 20, "far": 258}}
+    assert main(["packets", "all.bin", "--database", "s.xml"]) == 0
+    assert capsys.readouterr().out.endswith("\n  = unit of 3 parts from byte 9 on, 9 bytes, /S/Q\n  id     5\n"
+                                            "  count  49159\n  size   2\n  bus    10.0 V  (raw 20)\n  far    258\n")
+    assert main(["packets", "all.bin", "--database", "s.xml", "--csv"]) == 0
+    assert capsys.readouterr().out.endswith("9,5,7,/S/Q,far,258,258,telemetry unit of 3 parts,\n")
+    Path("all.bin").write_bytes(b"".join(parts[1:]))
+    assert main(["packets", "all.bin", "--database", "s.xml"]) == 1
+    assert main(["packets", "all.bin", "--secondary", "-1"]) == 2
+
+
 def datagram(payload, version=4):
     udp = struct.pack(">4H", 1234, 10015, 8 + len(payload), 0) + payload
     if version == 6:
@@ -96,14 +186,15 @@ def by_tshark(path):
     """(time [ns], payload) of each UDP datagram, as Wireshark reads the file."""
     rows = subprocess.run(["tshark", "-r", path, "-T", "fields", "-e", "frame.time_epoch", "-e", "udp.payload"],
                           check=True, capture_output=True, text=True).stdout.split("\n")
-    return [(int(Decimal(time) * 10**9), bytes.fromhex(payload)) for time, payload in map(str.split, filter(None, rows))]
+    return [(int(Decimal(time) * 10**9), bytes.fromhex(payload))
+            for time, payload in map(str.split, filter(None, rows))]
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="not here: tshark")
 def test_captures_of_all_kinds_have_the_datagrams_that_wireshark_finds(tmp_path):
     ip = datagram(ALL[1])[18:-2]
-    kinds = {0: b"\2\0\0\0", 1: bytes(12) + b"\x08\0", 12: b"", 101: b"", 108: b"\0\0\0\2", 113: bytes(14) + b"\x08\0",
-             228: b"", 276: b"\x08\0" + bytes(18)}
+    kinds = {0: b"\2\0\0\0", 1: bytes(12) + b"\x08\0", 12: b"", 101: b"", 108: b"\0\0\0\2",
+             113: bytes(14) + b"\x08\0", 228: b"", 276: b"\x08\0" + bytes(18)}
     captures = [pcap([front + ip], link=link) for link, front in kinds.items()]
     captures += [pcapng([datagram(packet) for packet in ALL], order, offset, old)
                  for order, offset, old in (("<", 0, True), (">", 1000, False), (">", -90, True))]
@@ -112,7 +203,7 @@ def test_captures_of_all_kinds_have_the_datagrams_that_wireshark_finds(tmp_path)
         expected = by_tshark(tmp_path / "all.pcap")
         assert expected and [(piece.time, piece.packet) for piece in pieces(data)] == expected
     problem, = (piece.problem for piece in pieces(pcap([ip, ip], link=127)))
-    assert problem == "2 packets of a network of kind 127 (LINKTYPE), which is not read, are left out"
+    assert problem == "2 packets of a network of kind 127 (LINKTYPE), which is not read: they are left out"
 
 
 @pytest.mark.parametrize("order", "<>")

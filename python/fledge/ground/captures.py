@@ -18,6 +18,7 @@ from fledge.errors import Failure
 PROTOCOLS = ("idle", "LTP", "IPE", "CFDP", "BP", "protocol 5", "extended", "mission")   # in encapsulation packets
 PCAP = {b"\xd4\xc3\xb2\xa1": ("<", 10**3), b"\xa1\xb2\xc3\xd4": (">", 10**3), b"\x4d\x3c\xb2\xa1": ("<", 1),
         b"\xa1\xb2\x3c\x4d": (">", 1)}      # byte order, and nanoseconds of a fraction
+MIDDLE, FIRST, LAST, WHOLE = range(4)       # parts of a unit of data
 PCAPNG = b"\x0a\x0d\x0d\x0a"
 MCAP = b"\x89MCAP0\r\n"
 ETHERNET, USER = 1, range(147, 163)                                             # kinds of links
@@ -56,7 +57,7 @@ class Header(NamedTuple):
     command: bool
     secondary: bool
     application: int
-    part: int                   # 3: whole
+    part: int                   # of a unit of data: MIDDLE, FIRST, LAST or WHOLE
     sequence: int
     size: int                   # [bytes] of the whole packet
 
@@ -68,6 +69,81 @@ def header(packet: bytes, at: int = 0) -> Header | None:
     first, second, length = struct.unpack_from(">HHH", packet, at)
     return Header(bool(first >> 12 & 1), bool(first >> 11 & 1), first & 0x7FF, second >> 14, second & 0x3FFF,
                   length + 7)
+
+
+class Unit(NamedTuple):
+    """A unit of data that came in several packets."""
+
+    packet: bytes               # the first one, as if it were whole: with all the data
+    parts: list[Piece]          # its packets, in their order
+    problem: str = ""           # why there is no such packet
+
+
+class Joiner:
+    """Joins units of data of their parts, above the packets: those of an application may stand between those of
+    others, and have counts that follow one another, or one count for all parts of a unit. A packet that comes again
+    counts once.
+
+    secondary: [bytes] of a secondary header, which a unit has of its first part alone
+    """
+
+    def __init__(self, secondary: int = 0) -> None:
+        self._secondary = secondary
+        self._open: dict[bytes, list[Piece]] = {}       # units that go on, by the first two bytes
+        self._last: dict[bytes, bytes] = {}             # the last packet
+        self._parts = self._units = self._joined = self._headed = 0
+
+    def take(self, piece: Piece) -> Unit | None:
+        """The unit that ends with a packet; None: none does."""
+        head, key = header(piece.packet), piece.packet[:2]
+        if head is None:
+            return None
+        before = self._open.pop(key, [])
+        if head.part == WHOLE:
+            return None
+        counts = [found.sequence for part in before if (found := header(part.packet))]
+        again = piece.packet == self._last.get(key)
+        self._last[key] = piece.packet
+        stays = len(counts) > 1 and counts[0] == counts[-1]     # the count; then parts may be equal
+        if again and not stays:
+            if before:
+                self._open[key] = before
+            return None
+        self._parts += 1
+        if head.part == FIRST:
+            self._open[key] = [piece]
+            return None
+        same = counts and head.sequence == counts[-1] and (stays or len(counts) == 1)
+        if not same and (stays or not counts or head.sequence != (counts[-1] + 1) % 0x4000):
+            return None
+        before.append(piece)
+        if head.part == MIDDLE:
+            self._open[key] = before
+            return None
+        self._units += 1
+        self._joined += len(before)
+        return self._unit(before)
+
+    def note(self) -> str:
+        """What became of the parts; empty: there were none."""
+        if not self._parts:
+            return ""
+        return f"{self._parts} packets are parts of longer units of data; {self._units} units are whole, of " \
+            f"{self._joined} parts" + (
+                ", which have secondary headers: --secondary N leaves those behind a unit's first out" if self._headed
+                else "")
+
+    def _unit(self, parts: list[Piece]) -> Unit:
+        first = parts[0].packet
+        head = header(parts[1].packet)
+        self._headed += bool(head and head.secondary and not self._secondary)
+        skip = 6 + (self._secondary if head and head.secondary else 0)
+        data = first[6:] + b"".join(part.packet[skip:] for part in parts[1:])
+        if len(data) > 1 << 16:
+            return Unit(b"", parts, f"it has {len(data) + 6} bytes, more than the length of a packet can say: it is "
+                        "not decoded")
+        sequence = int.from_bytes(first[2:4], "big") | WHOLE << 14
+        return Unit(first[:2] + struct.pack(">HH", sequence, len(data) - 1) + data, parts)
 
 
 def encapsulated(packet: bytes) -> str | None:
@@ -218,7 +294,8 @@ def _datagrams(captured: Iterable[Captured], skip: int) -> Iterator[Piece]:
         else:
             yield from packets(payload, skip, at + place, time)
     for link, n in unknown.items():
-        yield Piece(0, b"", None, f"{n} packets of a network of kind {link} (LINKTYPE), which is not read, are left out")
+        yield Piece(0, b"", None, f"{n} packets of a network of kind {link} (LINKTYPE), which is not read: they are "
+                    "left out")
     if other:
         yield Piece(0, b"", None, f"{other} packets of the network are no whole UDP datagrams: they are left out")
 
