@@ -242,8 +242,8 @@ int cfdp_put(Cfdp *cfdp, const CfdpPut *put, CfdpId *id)
     t->size = (uint64_t)size;
     t->large = t->size > UINT32_MAX;
     t->crc = remote->crc;
-    t->entity_bytes = cfdp->set.entity_bytes;
-    t->sequence_bytes = cfdp->set.sequence_bytes;
+    t->entity_bytes = cfdp_bytes(t->id.source | t->peer, cfdp->set.entity_bytes);
+    t->sequence_bytes = cfdp_bytes(t->id.sequence, cfdp->set.sequence_bytes);
     t->class1 = put->class1;
     t->closure = put->class1 != 0u && put->closure != 0u;
     t->priority = put->priority;

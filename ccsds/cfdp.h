@@ -224,10 +224,10 @@ typedef struct CfdpSetup {
     uint32_t ranges_n;
     CfdpPast *past;
     uint32_t past_n;
-    uint8_t *work;   ///< for a part of a file
-    uint32_t work_n; ///< [bytes] of it, at least 1
-    uint8_t entity_bytes;
-    uint8_t sequence_bytes;
+    uint8_t *work;          ///< for a part of a file
+    uint32_t work_n;        ///< [bytes] of it, at least 1
+    uint8_t entity_bytes;   ///< 1 to 8, of ids in what is put here; a larger id has as many as it needs
+    uint8_t sequence_bytes; ///< the same of sequence numbers
 } CfdpSetup;
 
 /** What changes, beside the transactions. */

@@ -548,6 +548,75 @@ TEST(CfdpGuards, a_file_that_comes_takes_the_place_of_a_silent_one_if_it_may)
     }
 }
 
+/// Numbers that need more bytes than the setup gives them get as many: none is cut, and both ends agree.
+TEST(CfdpGuards, numbers_of_any_size_are_whole)
+{
+    const std::uint64_t sizes[][2] = {{3, 1},
+                                      {0xFFFF, 0xFFFFFFFF},
+                                      {0x10000, 0x100000000},
+                                      {0xFFFFFFFFFFFFFF, 0xFFFFFFFFFFFFFF},
+                                      {UINT64_MAX - 1, UINT64_MAX - 7}};
+    const std::size_t widths[][2] = {{2, 4}, {2, 4}, {3, 5}, {7, 7}, {8, 8}};
+    for (std::size_t i = 0; i < std::size(sizes); i++) {
+        SCOPED_TRACE(i);
+        const auto [entity, sequence] = sizes[i];
+        for (const bool own : {false, true}) { // which of the ids is large
+            Link link(1);
+            link.ground.entity = link.craft.remote.entity = own ? entity : 1;
+            link.craft.entity = link.ground.remote.entity = own ? 2 : entity;
+            link.ground.begin(sequence);
+            link.craft.begin(sequence);
+            link.file(3000);
+            const CfdpId id = link.ground.put("source", "target");
+            EXPECT_EQ(id.sequence, sequence);
+            Bytes pdu(CFDP_ROOM);
+            pdu.resize(cfdp_next(&link.ground.cfdp, nullptr, pdu.data(), pdu.size()));
+            ASSERT_GT(pdu.size(), 28u);
+            const std::size_t ids = (pdu[3] >> 4 & 7u) + 1u, numbers = (pdu[3] & 7u) + 1u;
+            EXPECT_EQ(ids, widths[i][0]);
+            EXPECT_EQ(numbers, widths[i][1]);
+            const auto number = [&](std::size_t at, std::size_t n) {
+                std::uint64_t value = 0;
+                for (; n != 0; n--) {
+                    value = value * 256 + pdu[at++];
+                }
+                return value;
+            };
+            EXPECT_EQ(number(4, ids), link.ground.entity);
+            EXPECT_EQ(number(4 + ids, numbers), sequence);
+            EXPECT_EQ(number(4 + ids + numbers, ids), link.craft.entity);
+            cfdp_take(&link.craft.cfdp, pdu.data(), pdu.size());
+            link.finish();
+            link.expect_whole();
+        }
+    }
+}
+
+/// PDUs of a file that is not large name offsets up to 2^32 - 1: data behind them is a wrong size, and not cut.
+TEST(CfdpGuards, data_behind_what_its_pdus_can_name_is_a_wrong_size)
+{
+    for (const std::uint8_t large : {std::uint8_t{0}, std::uint8_t{1}}) {
+        Link link(1);
+        const Bytes two(2, 1);
+        CfdpPdu pdu{};
+        pdu.kind = CFDP_FILE_DATA;
+        pdu.large = large;
+        pdu.source = link.ground.entity;
+        pdu.destination = link.craft.entity;
+        pdu.sequence = 9;
+        pdu.entity_bytes = pdu.sequence_bytes = 2;
+        pdu.data = two.data();
+        pdu.n = 2;
+        pdu.offset = large ? UINT64_C(1) << 63 : UINT32_MAX - 1;
+        Bytes bytes(100);
+        bytes.resize(cfdp_pdu_write(&pdu, bytes.data(), bytes.size()));
+        cfdp_take(&link.craft.cfdp, bytes.data(), bytes.size());
+        ASSERT_TRUE(link.craft.events.size() != 0);
+        EXPECT_EQ(link.craft.events.front().what, CFDP_EVENT_FAULT);
+        EXPECT_EQ(link.craft.events.front().condition, CFDP_SIZE_ERROR);
+    }
+}
+
 TEST(CfdpGuards, an_entity_that_records_no_past)
 {
     Link link;

@@ -133,6 +133,15 @@ static inline uint64_t cfdp_get(const uint8_t *p, size_t n)
     return value;
 }
 
+/** [bytes] for a number: `least`, from 1 to 8, or as many more as it needs. */
+static inline uint8_t cfdp_bytes(uint64_t value, uint8_t least)
+{
+    while (least < 8u && value >> (8u * least) != 0u) {
+        least++;
+    }
+    return least;
+}
+
 static inline void cfdp_put_number(uint8_t *p, size_t n, uint64_t value)
 {
     for (size_t i = n; i-- > 0; value >>= 8) {

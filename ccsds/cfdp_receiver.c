@@ -180,7 +180,8 @@ static int fill_range(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote, 
 
 static void take_data(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote, const CfdpPdu *pdu)
 {
-    const uint64_t limit = t->eof != 0u || (t->metadata != 0u && t->size != 0u) ? t->size : UINT64_MAX >> 1;
+    const uint64_t most = t->large != 0u ? UINT64_MAX >> 1 : UINT32_MAX; /* that its PDUs can name */
+    const uint64_t limit = t->eof != 0u || (t->metadata != 0u && t->size != 0u) ? t->size : most;
     if (t->state != (uint8_t)CFDP_RECEIVING || pdu->n == 0) {
         return;
     }

@@ -240,7 +240,7 @@ static uint32_t telemetry(const CommandContext *context, void *module, uint8_t *
 }
 
 /* [%] of its file that a transaction has sent. */
-static uint32_t percent_of(Files *m, uint32_t sequence)
+static uint32_t percent_of(Files *m, uint64_t sequence)
 {
     for (uint32_t i = 0u; i < FILES_TRANSACTIONS; i++) {
         const CfdpTransaction *t = &protocol_of(m)->transactions[i];
@@ -348,10 +348,8 @@ static CommandReason send(Entity *e, const CommandContext *context, int class1, 
     CfdpId id = {0, 0};
     const int result = job == m->mem.jobs + FILES_TRANSACTIONS ? CFDP_FULL : cfdp_put(&e->cfdp, &put, &id);
     if (result >= 0) {
-        *job = (FilesJob){.transaction = (uint32_t)id.sequence,
-                          .command = context->sequence,
-                          .origin = context->state->from,
-                          .used = 1u};
+        *job = (FilesJob){
+            .transaction = id.sequence, .command = context->sequence, .origin = context->state->from, .used = 1u};
         report->executed = COMMAND_STARTED;
         report->detail = (uint16_t)id.sequence;
     }

@@ -44,7 +44,7 @@ typedef enum FilesEventId {
 
 /** A command whose transaction goes on. */
 typedef struct FilesJob {
-    uint32_t transaction; ///< [-] its sequence number
+    uint64_t transaction; ///< [-] its sequence number
     uint32_t percent;     ///< [-] that was reported
     uint16_t command;     ///< [-] sequence of the command
     uint16_t origin;      ///< [-] `from` of its reports
@@ -52,6 +52,7 @@ typedef struct FilesJob {
     uint16_t ended;       ///< [-] 1: the transaction has ended
     uint32_t condition;   ///< [-] CfdpCondition, by which it has
     uint32_t good;        ///< [-] 1: all of it was sent, and in class 2 delivered
+    uint32_t spare;
 } FilesJob;
 
 /** Files by CFDP (ccsds/cfdp.h) in classes 1 and 2, both ways, and tables of parameters as files.

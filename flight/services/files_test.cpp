@@ -513,6 +513,26 @@ TEST_F(FilesTest, several_commands_end_at_once_each_with_its_own_report)
     EXPECT_EQ(reported(40).back()[0], COMMAND_UNDER_WAY);
 }
 
+TEST_F(FilesTest, commands_are_reported_where_numbers_of_transactions_need_more_than_32_bits)
+{
+    t_ = INT64_C(300'000'000) * s; // the first number is 16 times the seconds, and 1
+    const int64_t first = INT64_C(4'800'000'001);
+    run(1 * s);
+    put_file(store(), "long", any_bytes(2, 20'000));
+    for (int i = 0; i < 10; i++) { // more than there are places
+        send(command(COMMAND_FILE_SEND, 2, "long", static_cast<uint16_t>(40 + i)));
+        run(20 * s);
+        const Rows rows = reported(40 + i);
+        EXPECT_EQ(rows.front(), (std::vector<int>{COMMAND_ACCEPTED, COMMAND_OK, 0}));
+        EXPECT_EQ(rows[1], (std::vector<int>{COMMAND_STARTED, COMMAND_OK, static_cast<int>((first + i) % 65536)}));
+        EXPECT_EQ(rows[2][0], COMMAND_UNDER_WAY);
+        EXPECT_EQ(rows.back(), (std::vector<int>{COMMAND_DONE, COMMAND_OK, 0}));
+    }
+    EXPECT_EQ(get_file(ground_.store(), "long"), any_bytes(2, 20'000));
+    EXPECT_EQ(events_.back().id, FILES_SENT);
+    EXPECT_EQ(events_.back().arguments[1], static_cast<double>(first + 9));
+}
+
 TEST_F(FilesTest, a_file_that_the_ground_has_in_part_has_failed)
 {
     run(1 * s);

@@ -298,7 +298,11 @@ class Packets:
         return self._named(Code.FILE_SEND, 1 if unacknowledged else 2, f"{name}>{to}" if to else name, 2)
 
     def control_file(self, action: FileAction, transaction: int, own: bool = True) -> bytes:
-        """Suspend, resume or cancel a transaction. own: one that flight began, else the ground."""
+        """Suspend, resume or cancel a transaction. own: one that flight began, else the ground. Raises SetupError from
+        2^32 on: a command names none of those, but a Transfer suspends, resumes and cancels itself."""
+        if not 0 <= transaction < 2**32:
+            raise SetupError(f"control_file: a command names a transaction below 2^32, not {transaction}; suspend, "
+                             "resume or cancel it by its Transfer")
         return self._command(Code.FILE_CONTROL, action, bool(own), transaction)
 
     def remove_file(self, name: str) -> bytes:

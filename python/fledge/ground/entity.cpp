@@ -145,14 +145,18 @@ public:
         message.type = static_cast<std::uint8_t>(type);
         message.entity = about.first;
         message.sequence = about.second;
-        message.entity_bytes = entity_bytes;
-        message.sequence_bytes = sequence_bytes;
+        message.entity_bytes = cfdp_bytes(about.first, entity_bytes);
+        message.sequence_bytes = cfdp_bytes(about.second, sequence_bytes);
         message.first = text(first);
         message.second = text(second);
         message.value = static_cast<std::uint8_t>(value);
         std::array<char, 600> bytes{};
         const std::size_t n =
             cfdp_message_write(&message, reinterpret_cast<std::uint8_t *>(bytes.data()), bytes.size());
+        if (n == 0) {
+            throw std::length_error("a message of CFDP has 255 bytes at most; the names are too long: " + first + " " +
+                                    second);
+        }
         return {bytes.data(), n};
     }
 
@@ -243,6 +247,10 @@ private:
 
     static CfdpText text(const std::string &value)
     {
+        if (value.size() > UINT8_MAX) {
+            throw std::length_error("a text of CFDP has 255 bytes at most, not " + std::to_string(value.size()) + ": " +
+                                    value);
+        }
         return {reinterpret_cast<const std::uint8_t *>(value.data()), static_cast<std::uint8_t>(value.size())};
     }
 

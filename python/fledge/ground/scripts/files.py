@@ -171,15 +171,13 @@ class Files:
         if not local.absolute().parent.is_dir():
             raise SetupError(f"{local}: there is no folder {local.absolute().parent}")
         transfer = Transfer(self, f"fetch {name}", self._place(local.name), local, True, progress)
-        self.entity.expect(transfer.place)
-        options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, transfer.place)
+        options = self._request(transfer, Message.PROXY_PUT, (self.own, 0), name)
         return self._begin(transfer, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
 
     def listing(self, name: str) -> Transfer:
         """Ask for the names in a directory on board; names() has them when it has ended."""
         transfer = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
-        self.entity.expect(transfer.place)
-        return self._begin(transfer, "", "", self.entity.message(Message.LIST, first=name, second=transfer.place))
+        return self._begin(transfer, "", "", self._request(transfer, Message.LIST, (0, 0), name))
 
     def names(self, transfer: Transfer) -> list[str]:
         """What a listing has brought."""
@@ -203,6 +201,15 @@ class Files:
         if isinstance(transaction, int):
             raise SetupError(f"files: {REFUSALS[transaction]}")
         return transaction
+
+    def _request(self, transfer: Transfer, message: Message, about: tuple[int, int], name: str) -> bytes:
+        """A message that asks for a file of a name; the file is expected."""
+        try:
+            options: bytes = self.entity.message(message, about, name, transfer.place)
+        except ValueError as wrong:
+            raise SetupError(f"{transfer.title}: {wrong}") from None
+        self.entity.expect(transfer.place)
+        return options
 
     def ask(self, message: Message, about: tuple[int, int]) -> None:
         if about != (0, 0):

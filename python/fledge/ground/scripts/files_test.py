@@ -25,6 +25,20 @@ from fledge.units import minute, s
 STEP = 10_000_000
 
 
+def test_numbers_and_names_that_need_more_room_are_not_cut():
+    """The ids in a message, by the layout of 727.0-B-5, 6.2.4: lengths less 1 of both, then each."""
+    for source, number, lengths in [(1, 1, (2, 4)), (0x10000, 2**32, (3, 5)), (2**64 - 1, 2**64 - 1, (8, 8))]:
+        message = _ground.Entity.message(0x30, (source, number))
+        ids, numbers = lengths
+        assert message[2:] == b"cfdp\x30" + bytes([(ids - 1) << 4 | numbers - 1]) + source.to_bytes(ids, "big") \
+            + number.to_bytes(numbers, "big")
+        assert _ground.Entity.read_message(message[2:]) == (0x30, (source, number), 0)
+    with pytest.raises(ValueError, match="a text of CFDP has 255 bytes at most, not 300: aaa"):
+        _ground.Entity.message(0x10, first="a" * 300)
+    with pytest.raises(ValueError, match="a message of CFDP has 255 bytes at most"):
+        _ground.Entity.message(0x10, first="a" * 200, second="b" * 100)
+
+
 class Board(Link):
     """A craft that knows files alone: a PDU each way at each 10 ms."""
 
@@ -145,6 +159,8 @@ def test_what_fails_says_why(connected, tmp_path):
                 (lambda: craft.put(tmp_path / "none"), "there is no such file"),
                 (lambda: craft.put(plan, to="n" * 200), "a name has at most 127 bytes"),
                 (lambda: craft.fetch("a", to=tmp_path / "none/a"), "there is no folder"),
+                (lambda: craft.fetch("a" * 300, to=tmp_path / "x"), "a text of CFDP has 255 bytes at most"),
+                (lambda: craft.directory("a" * 250), "a message of CFDP has 255 bytes at most"),
                 (lambda: Files(craft, rate=0), "the rate is more than 0"),
                 (lambda: Files(craft, folder=tmp_path / "none"), "there is no folder")]:
             with pytest.raises(SetupError, match=says):
