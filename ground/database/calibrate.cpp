@@ -9,36 +9,83 @@ namespace fledge::ground {
 
 namespace {
 
+using N = const Number &;
+
 /// A function of up to two values: x1 lies below x2 on the stack; a function of a single value has it in x2.
 struct Function {
     const char *name;
     int takes;
-    double (*of)(double x1, double x2); ///< nullptr: it moves values
+    double (*of_reals)(double x1, double x2) = nullptr;
+    Number (*of)(N x1, N x2) = nullptr; ///< instead of of_reals; neither: it moves values
 };
 
-/// Operations on the bits of whole numbers; other numbers, or those beyond 64 bits, have no value.
-template <class Bits> double by_bits(double x1, double x2, Bits bits)
+/// The whole number whose bits are operated on; nothing: it has more than 64 bits.
+std::optional<Wide> bits_in(N x)
 {
-    constexpr double limit = 9223372036854775808.0;
-    if (!(std::abs(x1) < limit && std::abs(x2) < limit)) {
-        return std::nan("");
-    }
-    return static_cast<double>(bits(static_cast<std::int64_t>(x1), static_cast<std::int64_t>(x2)));
+    constexpr double limit = 18446744073709551616.0;
+    return x.is_whole() || std::abs(x.real()) < limit ? (x.is_whole() ? x : Number(std::trunc(x.real()))).nearest()
+                                                      : std::nullopt;
 }
 
-double shifted(double x1, double x2, bool left)
+/// Operations on the bits of whole numbers, which are those of two's complement without an end.
+template <class Bits> Number by_bits(N x1, N x2, Bits bits)
 {
-    return std::abs(x2) < 64 ? std::floor(std::ldexp(std::trunc(x1), static_cast<int>(left ? x2 : -x2))) : std::nan("");
+    const auto a = bits_in(x1), b = bits_in(x2);
+    return a && b ? Number(bits(*a, *b)) : Number(std::nan(""));
+}
+
+Number shifted(N x1, N x2, bool left)
+{
+    const double by = std::trunc(left ? x2.real() : -x2.real());
+    if (!(std::abs(by) < 64)) {
+        return std::nan("");
+    }
+    const auto whole = bits_in(x1);
+    if (!whole) {
+        return std::floor(std::ldexp(std::trunc(x1.real()), static_cast<int>(by)));
+    }
+    return by >= 0 ? Number(*whole) * Number(Wide(1) << static_cast<int>(by)) : *whole >> static_cast<int>(-by);
+}
+
+/// A quotient, rounded to a whole number if `round` says so: down, or up if it is divided by a negative number.
+Number divided(N a, N b, bool round)
+{
+    if (a.is_whole() && b.is_whole() && b != 0) {
+        const Wide rest = a.whole() % b.whole(), quotient = a.whole() / b.whole();
+        if (rest == 0 || round) {
+            return quotient - (rest < 0 ? b.whole() > 0 ? 1 : -1 : 0);
+        }
+    }
+    const double quotient = a.real() / b.real();
+    return !round ? quotient : b < 0 ? std::ceil(quotient) : std::floor(quotient);
+}
+
+Number power(N base, N exponent)
+{
+    if (base.is_whole() && exponent.is_whole() && exponent >= 0 && exponent < 128) {
+        Number product = 1;
+        for (Wide i = 0; i < exponent.whole() && product.is_whole(); i++) {
+            product = product * base;
+        }
+        if (product.is_whole()) {
+            return product;
+        }
+    }
+    return std::pow(base.real(), exponent.real());
 }
 
 constexpr Function functions[] = {
-    {"+", 2, [](double a, double b) { return a + b; }},
-    {"-", 2, [](double a, double b) { return a - b; }},
-    {"*", 2, [](double a, double b) { return a * b; }},
-    {"/", 2, [](double a, double b) { return a / b; }},
-    {"%", 2, [](double a, double b) { return std::fmod(a, b); }},
-    {"^", 2, [](double a, double b) { return std::pow(a, b); }},
-    {"y^x", 2, [](double a, double b) { return std::pow(b, a); }},
+    {"+", 2, nullptr, [](N a, N b) { return a + b; }},
+    {"-", 2, nullptr, [](N a, N b) { return a - b; }},
+    {"*", 2, nullptr, [](N a, N b) { return a * b; }},
+    {"/", 2, nullptr, [](N a, N b) { return divided(a, b, false); }},
+    {"%", 2, nullptr,
+     [](N a, N b) {
+         return a.is_whole() && b.is_whole() && b != 0 ? Number(a.whole() % b.whole())
+                                                       : Number(std::fmod(a.real(), b.real()));
+     }},
+    {"^", 2, nullptr, power},
+    {"y^x", 2, nullptr, [](N a, N b) { return power(b, a); }},
     {"ln", 1, [](double, double x) { return std::log(x); }},
     {"log", 1, [](double, double x) { return std::log10(x); }},
     {"e^x", 1, [](double, double x) { return std::exp(x); }},
@@ -57,30 +104,30 @@ constexpr Function functions[] = {
     {"atanh", 1, [](double, double x) { return std::atanh(x); }},
     {"acosh", 1, [](double, double x) { return std::acosh(x); }},
     {"asinh", 1, [](double, double x) { return std::asinh(x); }},
-    {"<<", 2, [](double a, double b) { return shifted(a, b, true); }},
-    {">>", 2, [](double a, double b) { return shifted(a, b, false); }},
-    {"&", 2, [](double a, double b) { return by_bits(a, b, [](auto x, auto y) { return x & y; }); }},
-    {"|", 2, [](double a, double b) { return by_bits(a, b, [](auto x, auto y) { return x | y; }); }},
-    {"xor", 2, [](double a, double b) { return by_bits(a, b, [](auto x, auto y) { return x ^ y; }); }},
-    {"~", 1, [](double, double x) { return by_bits(0, x, [](auto, auto y) { return ~y; }); }},
-    {"&&", 2, [](double a, double b) { return a != 0 && b != 0 ? 1. : 0.; }},
-    {"||", 2, [](double a, double b) { return a != 0 || b != 0 ? 1. : 0.; }},
-    {"!", 1, [](double, double x) { return x == 0 ? 1. : 0.; }},
-    {"abs", 1, [](double, double x) { return std::abs(x); }},
-    {"div", 2, [](double a, double b) { return b < 0 ? std::ceil(a / b) : std::floor(a / b); }},
-    {"int", 1, [](double, double x) { return std::trunc(x); }},
-    {">", 2, [](double a, double b) { return a > b ? 1. : 0.; }},
-    {">=", 2, [](double a, double b) { return a >= b ? 1. : 0.; }},
-    {"<", 2, [](double a, double b) { return a < b ? 1. : 0.; }},
-    {"<=", 2, [](double a, double b) { return a <= b ? 1. : 0.; }},
-    {"==", 2, [](double a, double b) { return a == b ? 1. : 0.; }},
-    {"!=", 2, [](double a, double b) { return a != b ? 1. : 0.; }},
-    {"min", 2, [](double a, double b) { return std::min(a, b); }},
-    {"max", 2, [](double a, double b) { return std::max(a, b); }},
-    {"swap", 2, nullptr},
-    {"drop", 1, nullptr},
-    {"dup", 1, nullptr},
-    {"over", 2, nullptr},
+    {"<<", 2, nullptr, [](N a, N b) { return shifted(a, b, true); }},
+    {">>", 2, nullptr, [](N a, N b) { return shifted(a, b, false); }},
+    {"&", 2, nullptr, [](N a, N b) { return by_bits(a, b, [](auto x, auto y) { return x & y; }); }},
+    {"|", 2, nullptr, [](N a, N b) { return by_bits(a, b, [](auto x, auto y) { return x | y; }); }},
+    {"xor", 2, nullptr, [](N a, N b) { return by_bits(a, b, [](auto x, auto y) { return x ^ y; }); }},
+    {"~", 1, nullptr, [](N, N x) { return by_bits(0, x, [](auto, auto y) { return ~y; }); }},
+    {"&&", 2, nullptr, [](N a, N b) { return Number(a != 0 && b != 0); }},
+    {"||", 2, nullptr, [](N a, N b) { return Number(a != 0 || b != 0); }},
+    {"!", 1, nullptr, [](N, N x) { return Number(x == 0); }},
+    {"abs", 1, nullptr, [](N, N x) { return x.is_whole() ? (x < 0 ? Number(0) - x : x) : Number(std::abs(x.real())); }},
+    {"div", 2, nullptr, [](N a, N b) { return divided(a, b, true); }},
+    {"int", 1, nullptr, [](N, N x) { return x.is_whole() ? x : Number(std::trunc(x.real())); }},
+    {">", 2, nullptr, [](N a, N b) { return Number(a > b); }},
+    {">=", 2, nullptr, [](N a, N b) { return Number(a >= b); }},
+    {"<", 2, nullptr, [](N a, N b) { return Number(a < b); }},
+    {"<=", 2, nullptr, [](N a, N b) { return Number(a <= b); }},
+    {"==", 2, nullptr, [](N a, N b) { return Number(a == b); }},
+    {"!=", 2, nullptr, [](N a, N b) { return Number(a != b); }},
+    {"min", 2, nullptr, [](N a, N b) { return std::min(a, b); }},
+    {"max", 2, nullptr, [](N a, N b) { return std::max(a, b); }},
+    {"swap", 2},
+    {"drop", 1},
+    {"dup", 1},
+    {"over", 2},
 };
 constexpr std::uint8_t swap = std::size(functions) - 4, drop = swap + 1, dup = swap + 2, over = swap + 3;
 
@@ -111,9 +158,9 @@ std::optional<double> spline(const Calibrator &calibrator, double x)
     return y;
 }
 
-std::optional<double> calculated(const Calibrator &calibrator, double x, const Lookup &lookup)
+Number calculated(const Calibrator &calibrator, N x, const Lookup &lookup)
 {
-    std::array<double, math_depth> stack; // the reader has checked its depth
+    std::array<Number, math_depth> stack; // the reader has checked its depth
     std::size_t n = 0;
     for (const MathStep &step : calibrator.steps) {
         switch (step.kind) {
@@ -122,7 +169,7 @@ std::optional<double> calculated(const Calibrator &calibrator, double x, const L
         case MathStep::Kind::value: {
             const auto found = lookup(step.value);
             if (!found) {
-                return std::nullopt;
+                return std::nan("");
             }
             stack[n++] = *found;
             break;
@@ -137,10 +184,10 @@ std::optional<double> calculated(const Calibrator &calibrator, double x, const L
                 n++;
             } else {
                 const Function &function = functions[step.function];
-                const double below = function.takes == 2 ? stack[n - 2] : 0;
+                const Number above = stack[n - 1], below = function.takes == 2 ? stack[n - 2] : 0;
                 n -= static_cast<std::size_t>(function.takes);
-                stack[n] = function.of(below, stack[n + static_cast<std::size_t>(function.takes) - 1]);
-                n++;
+                stack[n++] =
+                    function.of != nullptr ? function.of(below, above) : function.of_reals(below.real(), above.real());
             }
         }
     }
@@ -167,24 +214,29 @@ int math_gives(std::uint8_t function)
     return function == drop ? 0 : function == swap || function == dup ? 2 : function == over ? 3 : 1;
 }
 
-std::optional<double> calibrated(const Calibrator &calibrator, double x, const Lookup &lookup)
+std::optional<Number> calibrated(const Calibrator &calibrator, const Number &x, const Lookup &lookup)
 {
-    std::optional<double> y;
+    const auto &terms = calibrator.coefficients;
+    std::optional<Number> y;
     switch (calibrator.kind) {
     case Calibrator::Kind::none: return x;
     case Calibrator::Kind::polynomial:
-        if (!calibrator.coefficients.empty()) {
-            y = polynomial(calibrator.coefficients, x);
+        if (terms.empty()) {
+            break;
+        }
+        y = exactly(terms.back());
+        for (std::size_t i = terms.size() - 1; i-- > 0;) { // as `polynomial` if a number is not whole
+            y = *y * x + exactly(terms[i]);
         }
         break;
-    case Calibrator::Kind::spline: y = spline(calibrator, x); break;
+    case Calibrator::Kind::spline: y = spline(calibrator, x.real()); break;
     case Calibrator::Kind::math:
         if (!calibrator.steps.empty()) {
             y = calculated(calibrator, x, lookup);
         }
         break;
     }
-    return y && !std::isnan(*y) ? y : std::nullopt;
+    return y && *y == *y ? y : std::nullopt;
 }
 
 } // namespace fledge::ground

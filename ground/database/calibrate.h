@@ -17,11 +17,11 @@ int math_takes(std::uint8_t function);
 int math_gives(std::uint8_t function);
 
 /// The value of a reference, if there is one.
-using Lookup = std::function<std::optional<double>(const Reference &)>;
+using Lookup = std::function<std::optional<Number>(const Reference &)>;
 
 /// The calibrated x. Nothing: x is outside of a spline that does not extrapolate, the result is no number, or a value
-/// is missing.
-std::optional<double> calibrated(const Calibrator &calibrator, double x, const Lookup &lookup);
+/// is missing. Calculations and polynomials of whole numbers are exact up to 127 bits.
+std::optional<Number> calibrated(const Calibrator &calibrator, const Number &x, const Lookup &lookup);
 
 /// c0 + c1 x + c2 x^2 + ..., by Horner's rule, of at least one coefficient.
 inline double polynomial(const std::vector<double> &coefficients, double x)

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/database/command_decoder.h"
 
-#include "ground/database/xtce.h"
-
 #include <algorithm>
 
 namespace fledge::ground {
@@ -225,15 +223,7 @@ private:
         result.kind = Condition::Kind::compare;
         result.left.of = Reference::Of::parameter;
         result.left.parameter = parameter;
-        result.literal = literal_of(text);
-        if (type.sort == Sort::real && encoding.kind == Encoding::Kind::real && result.literal.real) {
-            std::uint64_t rounded = 0;
-            const auto bits = bits_of(encoding, *result.literal.real);
-            if (!bits || !number_of(encoding, *bits, rounded)) {
-                return;
-            }
-            result.literal.real = std::bit_cast<double>(rounded);
-        }
+        result.literal = Literal(text);
         result.text = built_.database.parameters[parameter].name + " == " + text;
         parts.push_back(std::move(result));
     }

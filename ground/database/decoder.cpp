@@ -486,22 +486,6 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
 
 // --- reasons
 
-std::string Decoder::shown(const Operand &operand) const
-{
-    switch (operand.kind) {
-    case Kind::text: return std::string(operand.text);
-    case Kind::label:
-        return operand.word != no_id ? operand.type->enumerators[operand.word].label
-                                     : std::to_string(static_cast<std::int64_t>(operand.raw));
-    case Kind::boolean: return operand.word ? operand.type->one_label : operand.type->zero_label;
-    case Kind::natural: return std::to_string(operand.word);
-    case Kind::integer:
-    case Kind::time: return std::to_string(static_cast<std::int64_t>(operand.word));
-    case Kind::real: return std::to_string(bit_cast<double>(operand.word));
-    default: return "bytes";
-    }
-}
-
 /// The comparisons of a condition that do not hold, with the actual values; at: place of the first value in the packet.
 std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at)
 {
@@ -527,10 +511,10 @@ std::string Decoder::failing(const Condition &condition, std::optional<std::size
     return all;
 }
 
-std::optional<double> Decoder::real(const Reference &reference)
+std::optional<Number> Decoder::number(const Reference &reference)
 {
     const auto found = find(reference, true);
-    return found ? real_of(found->kind, found->word) : std::nullopt;
+    return found ? number_of(*found) : std::nullopt;
 }
 
 std::string Decoder::words(const Reference &reference)

@@ -11,7 +11,7 @@
 #pragma once
 
 #include "ground/database/calibrate.h"
-#include "ground/database/numbers.h"
+#include "ground/database/operand.h"
 
 #include <memory>
 #include <optional>
@@ -103,7 +103,7 @@ public:
     bool applies(const Condition &condition) { return holds(condition, true); }
 
     /// The newest value of a reference as a number, if it is one, and as text.
-    std::optional<double> real(const Reference &reference);
+    std::optional<Number> number(const Reference &reference);
     std::string words(const Reference &reference);
 
     /// Copy the values of earlier packets from another decoder of the same database.
@@ -116,7 +116,6 @@ private:
     struct Walk;
     struct Labels;
     struct Held;
-    struct Operand;
     enum class Outcome : std::uint8_t { matched, unmatched, broken };
 
     void hold_references();
@@ -156,18 +155,15 @@ private:
     bool refers(const Type &type) const;
     Status convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
     std::optional<Status> convert_text(const Type &type, Kind &kind, std::uint64_t &raw, std::uint64_t &value) const;
-    Status convert_time(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
+    Status convert_time(const Type &type, const Number &number, std::uint64_t &value);
     std::optional<Operand> find(const Reference &reference, bool earlier);
     bool leads(const Reference &reference, std::span<const PathNode> nodes, std::uint32_t node) const;
     bool holds(const Condition &condition, bool earlier);
-    bool compare(Operator op, const Operand &left, const Literal &literal) const;
-    bool compare(Operator op, const Operand &left, const Operand &right) const;
-    std::string shown(const Operand &operand) const;
     std::string_view text_of(std::uint64_t word) const;
     std::optional<std::int64_t> number(const Quantity &quantity);
     std::optional<std::int64_t> size_at(const Quantity &quantity, std::size_t at);
     const Labels &labels(Id type) const { return *labels_[type]; }
-    std::uint64_t label(const Type &type, std::int64_t raw) const;
+    std::uint64_t label(const Type &type, const Number &raw) const;
     void hold(const Condition &condition);
     void hold(const Quantity &quantity);
     void hold(const Reference &reference);

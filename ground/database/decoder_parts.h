@@ -18,22 +18,6 @@ inline std::uint64_t word(double x)
     return std::bit_cast<std::uint64_t>(x);
 }
 
-inline Wide wide(const Literal &literal)
-{
-    return literal.text.find('-') != std::string::npos ? Wide(*literal.integer)
-                                                       : Wide(static_cast<std::uint64_t>(*literal.integer));
-}
-
-inline bool is_whole(Kind kind)
-{
-    return kind == Kind::natural || kind == Kind::integer || kind == Kind::boolean || kind == Kind::time;
-}
-
-inline Wide wide(Kind kind, std::uint64_t word)
-{
-    return kind == Kind::natural ? Wide(word) : Wide(static_cast<std::int64_t>(word));
-}
-
 /// The enumerators of a type: a table from the lowest value on if it is short, and all in their order.
 struct Decoder::Labels {
     std::int64_t low = 0;
@@ -49,15 +33,6 @@ struct Decoder::Held {
     std::uint64_t raw = 0, value = 0;
     Status status = Status::good;
     std::string text; ///< of a text or binary value
-};
-
-struct Decoder::Operand {
-    Kind kind;
-    std::uint64_t word;
-    const Type *type;
-    std::uint64_t raw = 0; ///< of a label
-    std::string_view text{};
-    std::optional<std::size_t> at{}; ///< [bits] in this packet
 };
 
 struct Decoder::Walk {

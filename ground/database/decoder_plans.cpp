@@ -45,7 +45,7 @@ const Decoder::Plan &Decoder::plan_of(Id container)
 /// The field and the raw number that a restriction requires, if it is such a comparison.
 std::optional<std::pair<std::size_t, std::uint64_t>> Decoder::key(const Plan &plan, const Condition &condition) const
 {
-    if (condition.kind != Condition::Kind::compare || condition.op != Operator::equal || !condition.literal.integer ||
+    if (condition.kind != Condition::Kind::compare || condition.op != Operator::equal || !condition.literal.number ||
         condition.right.of != Reference::Of::nothing || condition.left.of != Reference::Of::parameter) {
         return std::nullopt;
     }
@@ -53,9 +53,9 @@ std::optional<std::pair<std::size_t, std::uint64_t>> Decoder::key(const Plan &pl
         const Field &field = plan.fields[i];
         if (field.parameter == condition.left.parameter && leads(condition.left, plan.nodes, field.node)) {
             const bool raw = field.raw == Kind::natural && (!condition.left.calibrated || field.value == Kind::natural);
-            return raw && wide(condition.literal) >= 0
-                       ? std::optional(std::pair(i, static_cast<std::uint64_t>(*condition.literal.integer)))
-                       : std::nullopt;
+            const auto word = raw ? word_of(Kind::natural, *condition.literal.number) : std::nullopt;
+            return word && condition.literal.number == Number(*word) ? std::optional(std::pair(i, *word))
+                                                                     : std::nullopt;
         }
     }
     return std::nullopt;
@@ -294,12 +294,13 @@ bool Decoder::holds_planned(const Plan &plan, const Condition &condition) const
                     return std::nullopt;
                 }
                 if (!reference.calibrated) {
-                    return Operand{field.raw, raw, &type, raw};
+                    return Operand{field.raw, raw, &type};
                 }
                 // `convert` changes nothing here: a planned type refers to no other value.
                 const Status status = const_cast<Decoder *>(this)->convert(type, field.raw, raw, value);
-                return status == Status::uncalibrated ? std::nullopt
-                                                      : std::optional(Operand{field.value, value, &type, raw});
+                return status == Status::uncalibrated
+                           ? std::nullopt
+                           : std::optional(Operand{field.value, value, &type, field.raw, raw});
             }
         }
         return std::nullopt;

@@ -83,7 +83,7 @@ bool Decoder::leads(const Reference &reference, std::span<const PathNode> nodes,
     return node == 0;
 }
 
-std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool earlier)
+std::optional<Operand> Decoder::find(const Reference &reference, bool earlier)
 {
     const auto operand = [&](const Field &field, std::uint64_t raw, std::uint64_t value, Status status,
                              std::string_view text) -> std::optional<Operand> {
@@ -91,7 +91,11 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
         if (status == Status::malformed || (calibrated && status == Status::uncalibrated)) {
             return std::nullopt;
         }
-        return Operand{calibrated ? field.value : field.raw, calibrated ? value : raw, &db_.types[field.type], raw,
+        return Operand{calibrated ? field.value : field.raw,
+                       calibrated ? value : raw,
+                       &db_.types[field.type],
+                       field.raw,
+                       raw,
                        text};
     };
     const bool named = reference.of == Reference::Of::argument; // or a member of the same aggregate
@@ -129,20 +133,8 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
     if (!initial || !reference.steps.empty()) {
         return std::nullopt;
     }
-    for (std::uint32_t i = 0; i < type.enumerators.size(); i++) {
-        if (type.enumerators[i].label == *initial) {
-            return Operand{Kind::label, i, &type, static_cast<std::uint64_t>(type.enumerators[i].low)};
-        }
-    }
-    if (type.sort == Sort::boolean) {
-        return Operand{Kind::boolean, *initial == type.one_label || *initial == "true" || *initial == "1", &type};
-    }
-    char *end = nullptr;
-    const double number = std::strtod(initial->c_str(), &end);
-    if (type.sort != Sort::text && end != initial->c_str() && *end == '\0') {
-        return Operand{Kind::real, word(number), &type};
-    }
-    return Operand{Kind::text, 0, &type, 0, *initial};
+    const Operand value = constant(type, *initial);
+    return reference.calibrated || value.kind != Kind::label ? value : Operand{value.raw_kind, value.raw, &type};
 }
 
 std::string_view Decoder::text_of(std::uint64_t slice) const
@@ -164,14 +156,11 @@ std::optional<std::int64_t> Decoder::number(const Quantity &quantity)
         return quantity.fixed;
     }
     const auto found = find(quantity.from, true);
-    auto value = found ? real_of(found->kind, found->word) : std::nullopt;
-    if (found && found->kind == Kind::label) {
-        value = static_cast<double>(static_cast<std::int64_t>(found->raw));
-    }
-    if (!value || !(std::abs(*value * quantity.slope + quantity.intercept) < 1e15)) {
+    const auto value = found ? number_of(*found) : std::nullopt;
+    if (!value || !(std::abs(value->real() * quantity.slope + quantity.intercept) < 1e15)) {
         return std::nullopt;
     }
-    return nearest(*value * quantity.slope + quantity.intercept);
+    return nearest(value->real() * quantity.slope + quantity.intercept);
 }
 
 /// The size [bits] of a value that begins at a bit.
@@ -183,71 +172,6 @@ std::optional<std::int64_t> Decoder::size_at(const Quantity &quantity, std::size
 }
 
 // --- conditions
-
-namespace {
-
-template <class Value> bool ordered(Operator op, const Value &a, const Value &b)
-{
-    switch (op) {
-    case Operator::equal: return a == b;
-    case Operator::unequal: return a != b;
-    case Operator::less: return a < b;
-    case Operator::at_most: return a <= b;
-    case Operator::more: return a > b;
-    case Operator::at_least: return a >= b;
-    }
-    return false;
-}
-
-} // namespace
-
-bool Decoder::compare(Operator op, const Operand &left, const Literal &literal) const
-{
-    const Type &type = *left.type;
-    if (left.kind == Kind::text) {
-        return ordered(op, left.text, std::string_view(literal.text));
-    }
-    if (left.kind == Kind::label) {
-        const bool labelled = left.word != no_id;
-        const bool known = std::any_of(type.enumerators.begin(), type.enumerators.end(),
-                                       [&](const Enumerator &enumerator) { return enumerator.label == literal.text; });
-        if (known || !literal.integer) {
-            return ordered(op, std::string_view(labelled ? type.enumerators[left.word].label.c_str() : ""),
-                           std::string_view(literal.text));
-        }
-        return ordered(op, Wide(static_cast<std::int64_t>(left.raw)), wide(literal));
-    }
-    if (left.kind == Kind::boolean && !literal.integer) {
-        const bool is_true = literal.text == type.one_label || literal.text == "true" || literal.text == "True";
-        const bool zero = literal.text == type.zero_label || literal.text == "false" || literal.text == "False";
-        return (is_true || zero) && ordered(op, left.word != 0, is_true);
-    }
-    if (is_whole(left.kind) && literal.integer) {
-        return ordered(op, wide(left.kind, left.word), wide(literal));
-    }
-    const auto value = real_of(left.kind, left.word);
-    return value && literal.real && ordered(op, *value, *literal.real);
-}
-
-bool Decoder::compare(Operator op, const Operand &left, const Operand &right) const
-{
-    if (left.kind == Kind::text || right.kind == Kind::text || left.kind == Kind::label || right.kind == Kind::label) {
-        const auto text = [](const Operand &operand) -> std::string_view {
-            if (operand.kind != Kind::label) {
-                return operand.text;
-            }
-            return operand.word == no_id ? std::string_view()
-                                         : std::string_view(operand.type->enumerators[operand.word].label);
-        };
-        return (left.kind == Kind::text || left.kind == Kind::label) &&
-               (right.kind == Kind::text || right.kind == Kind::label) && ordered(op, text(left), text(right));
-    }
-    if (is_whole(left.kind) && is_whole(right.kind)) {
-        return ordered(op, wide(left.kind, left.word), wide(right.kind, right.word));
-    }
-    const auto a = real_of(left.kind, left.word), b = real_of(right.kind, right.word);
-    return a && b && ordered(op, *a, *b);
-}
 
 bool Decoder::holds(const Condition &condition, bool earlier)
 {
@@ -283,7 +207,10 @@ Kind value_kind(const Type &type)
         return Kind::none;
     }
     switch (type.sort) {
-    case Sort::integer: return calibrates || raw == Kind::real || raw == Kind::text ? Kind::integer : raw;
+    case Sort::integer:
+        return !calibrates && raw != Kind::real && raw != Kind::text                      ? raw
+               : !type.is_signed && (type.encoding.bits == 64 || type.encoding.bits == 0) ? Kind::natural
+                                                                                          : Kind::integer;
     case Sort::real: return Kind::real;
     case Sort::enumerated: return Kind::label;
     case Sort::boolean: return Kind::boolean;
@@ -301,11 +228,13 @@ bool Decoder::refers(const Type &type) const
            type.offset_from.of != Reference::Of::nothing;
 }
 
-std::uint64_t Decoder::label(const Type &type, std::int64_t raw) const
+std::uint64_t Decoder::label(const Type &type, const Number &number) const
 {
-    if (type.enumerators.empty()) {
+    const auto word = word_of(Kind::integer, number);
+    if (type.enumerators.empty() || !word) {
         return no_id;
     }
+    const auto raw = static_cast<std::int64_t>(*word);
     const Labels &known = labels(static_cast<Id>(&type - db_.types.data()));
     if (!known.table.empty()) {
         const auto place = static_cast<std::uint64_t>(raw) - static_cast<std::uint64_t>(known.low);
@@ -323,16 +252,23 @@ std::uint64_t Decoder::label(const Type &type, std::int64_t raw) const
 std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::uint64_t &raw,
                                             std::uint64_t &value) const
 {
-    const std::string text(text_of(raw));
-    char *end = nullptr;
-    errno = 0;
+    const std::string_view text = text_of(raw);
+    const auto number = number_in(text);
     switch (type.sort) {
-    case Sort::integer:
-        value = static_cast<std::uint64_t>(std::strtoll(text.c_str(), &end, 10));
-        return end != text.c_str() && *end == '\0' && errno == 0 ? Status::good : Status::malformed;
+    case Sort::integer: {
+        const auto whole = number && number->is_whole() ? word_of(value_kind(type), *number) : std::nullopt;
+        value = whole.value_or(0);
+        return whole ? Status::good : Status::malformed;
+    }
     case Sort::real:
     case Sort::absolute_time:
-    case Sort::relative_time: kind = Kind::real, raw = word(std::strtod(text.c_str(), &end)); break;
+    case Sort::relative_time:
+        if (number) {
+            kind = Kind::real, raw = word(number->real());
+            return std::nullopt;
+        }
+        value = word(std::nan(""));
+        return Status::malformed;
     case Sort::enumerated:
         for (value = 0; value < type.enumerators.size(); value++) {
             if (type.enumerators[value].label == text) {
@@ -346,42 +282,24 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
         return value || text == type.zero_label ? Status::good : Status::malformed;
     default: value = raw; return Status::good;
     }
-    if (end == text.c_str() || *end != '\0') {
-        value = word(std::nan(""));
-        return Status::malformed;
-    }
-    return std::nullopt;
 }
 
 /// Convert a time since the epoch or since another value.
-Status Decoder::convert_time(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
+Status Decoder::convert_time(const Type &type, const Number &number, std::uint64_t &value)
 {
-    std::int64_t before = 0;
+    Number before = 0;
     if (type.offset_from.of != Reference::Of::nothing) {
         const auto found = find(type.offset_from, true);
-        const auto seconds = found ? real_of(found->kind, found->word) : std::nullopt;
+        const auto seconds = found ? number_of(*found) : std::nullopt;
         if (!seconds) {
             return Status::uncalibrated;
         }
-        before = found->kind == Kind::time ? static_cast<std::int64_t>(found->word) : nearest(*seconds * 1e9);
+        before = found->kind == Kind::time ? static_cast<std::int64_t>(found->word) : nearest(seconds->real() * 1e9);
     }
-    Wide sum = before; // exact for whole nanoseconds
-    constexpr double exact = 9007199254740992.0;
-    if (kind != Kind::real && type.scale == std::trunc(type.scale) && type.offset == std::trunc(type.offset) &&
-        std::abs(type.scale) < exact && std::abs(type.offset) < exact) {
-        sum += wide(kind, raw) * static_cast<std::int64_t>(type.scale) + static_cast<std::int64_t>(type.offset);
-    } else {
-        const double ns = *real_of(kind, raw) * type.scale + type.offset;
-        if (!(std::abs(ns) < 9e18)) {
-            return Status::uncalibrated;
-        }
-        sum += nearest(ns);
-    }
-    if (sum != static_cast<std::int64_t>(sum)) {
-        return Status::uncalibrated;
-    }
-    value = static_cast<std::uint64_t>(sum);
-    return Status::good;
+    const auto since = (number * exactly(type.scale) + exactly(type.offset)).nearest(); // exact for whole nanoseconds
+    const auto sum = since ? word_of(Kind::integer, before + *since) : std::nullopt;
+    value = sum.value_or(0);
+    return sum ? Status::good : Status::uncalibrated;
 }
 
 Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
@@ -404,29 +322,30 @@ Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uin
         value = raw;
         return Status::good;
     }
+    Number number = *number_of(kind, raw);
     if (calibrator != nullptr) {
-        const auto result = calibrated(*calibrator, *real_of(kind, raw), [&](const Reference &reference) {
-            const auto found = find(reference, true);
-            return found ? real_of(found->kind, found->word) : std::nullopt;
-        });
+        if (type.sort == Sort::real && calibrator->kind == Calibrator::Kind::polynomial) {
+            number = number.real(); // as in the loops of plans
+        }
+        const auto result =
+            calibrated(*calibrator, number, [&](const Reference &reference) { return this->number(reference); });
         if (!result) {
             value = type.sort == Sort::real ? word(std::nan("")) : type.sort == Sort::enumerated ? no_id : 0;
             return Status::uncalibrated;
         }
-        kind = Kind::real;
-        raw = word(*result);
+        number = *result;
     }
     switch (type.sort) {
-    case Sort::integer:
-        value = kind == Kind::real ? static_cast<std::uint64_t>(nearest(bit_cast<double>(raw))) : raw;
-        break;
-    case Sort::real: value = word(*real_of(kind, raw)); break;
-    case Sort::boolean: value = kind == Kind::real ? bit_cast<double>(raw) != 0 : raw != 0; break;
-    case Sort::enumerated:
-        value = label(type, kind == Kind::real ? nearest(bit_cast<double>(raw)) : static_cast<std::int64_t>(raw));
-        return value == no_id ? Status::unlabelled : Status::good;
+    case Sort::integer: {
+        const auto whole = word_of(value_kind(type), number);
+        value = whole.value_or(0);
+        return whole ? Status::good : Status::uncalibrated;
+    }
+    case Sort::real: value = word(number.real()); break;
+    case Sort::boolean: value = number != 0; break;
+    case Sort::enumerated: value = label(type, number); return value == no_id ? Status::unlabelled : Status::good;
     case Sort::absolute_time:
-    case Sort::relative_time: return convert_time(type, kind, raw, value);
+    case Sort::relative_time: return convert_time(type, number, value);
     default: value = raw;
     }
     return Status::good;

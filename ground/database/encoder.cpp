@@ -2,10 +2,11 @@
 #include "ground/database/encoder.h"
 
 #include "ground/database/calibrate.h"
+#include "ground/database/operand.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
+#include <deque>
 #include <vector>
 
 namespace fledge::ground {
@@ -15,27 +16,6 @@ namespace {
 using Sort = Type::Sort;
 
 constexpr std::size_t most_bits = 8 * 65542; // of a packet
-
-std::string shown(double x)
-{
-    char text[32];
-    return {text, std::to_chars(text, text + sizeof text, x).ptr};
-}
-
-template <class Number> std::optional<Number> parsed(std::string_view text, int base = 10)
-{
-    Number value{};
-    std::from_chars_result done{};
-    if constexpr (std::is_integral_v<Number>) {
-        const bool hex = text.starts_with("0x");
-        text.remove_prefix(hex ? 2 : 0);
-        done = std::from_chars(text.data(), text.data() + text.size(), value, hex ? 16 : base);
-    } else {
-        done = std::from_chars(text.data(), text.data() + text.size(), value);
-    }
-    return done.ec == std::errc() && done.ptr == text.data() + text.size() && !text.empty() ? std::optional(value)
-                                                                                            : std::nullopt;
-}
 
 class Encoder {
 public:
@@ -249,12 +229,29 @@ private:
             fixed != restrictions_.end()) {
             return &fixed->second;
         }
-        if (initial || type.sort == Sort::aggregate) {
-            Given result = initial ? text(*initial) : Given();
-            result.kind = initial ? result.kind : Given::Kind::members;
-            return &initials_.insert_or_assign(&parameter - db_.parameters.data(), result).first->second;
+        if (type.sort == Sort::aggregate && !initial) {
+            return &members_;
         }
-        return nullptr;
+        return initial ? constant(*initial) : nullptr;
+    }
+
+    /// A text of the database as a value.
+    const Given *constant(const std::string &written)
+    {
+        return &constants_.try_emplace(&written, text(written)).first->second;
+    }
+
+    /// The given, fixed or initial value of a member; nullptr: it has none.
+    const Given *member_of(const Given &given, const Member &member,
+                           const std::pair<Id, std::vector<std::uint32_t>> &place)
+    {
+        const auto own = std::find(given.names.begin(), given.names.end(), member.name);
+        const auto fixed = restrictions_.find(place);
+        const auto &initial = member.initial ? member.initial : db_.types[member.type].initial;
+        return own != given.names.end() ? &given.list[static_cast<std::size_t>(own - given.names.begin())]
+               : fixed != restrictions_.end() && place.first != no_id ? &fixed->second
+               : initial                                              ? constant(*initial)
+                                                                      : nullptr;
     }
 
     void put(std::size_t &at, std::size_t bits, std::uint64_t value)
@@ -286,10 +283,14 @@ private:
                 name + (type.encoding.algorithm.empty()
                             ? " has no encoding"
                             : " is encoded by the algorithm " + type.encoding.algorithm + ", which is not computed"));
-        } else if (type.encoding.kind == Encoding::Kind::text || type.encoding.kind == Encoding::Kind::binary) {
-            bytes_of(type, given, name, at);
         } else {
-            number(type, given, name, at);
+            Known &known = known_.emplace_back();
+            make(known, type, given, name);
+            if (type.encoding.kind == Encoding::Kind::text || type.encoding.kind == Encoding::Kind::binary) {
+                put_bytes(type, known.content, name, at);
+            } else {
+                put(at, type.encoding.bits, known.bits);
+            }
         }
     }
 
@@ -302,20 +303,13 @@ private:
         for (std::size_t i = 0; i < type.members.size(); i++) {
             const Member &member = type.members[i];
             const std::string path = name + "." + member.name;
-            const auto own = std::find(given.names.begin(), given.names.end(), member.name);
-            taken += own != given.names.end();
+            taken += std::find(given.names.begin(), given.names.end(), member.name) != given.names.end();
             steps_.push_back(static_cast<std::uint32_t>(i));
-            const auto fixed = restrictions_.find({parameter_, steps_});
-            const auto &initial = member.initial ? member.initial : db_.types[member.type].initial;
-            if (own != given.names.end()) {
-                value(member.type, given.list[static_cast<std::size_t>(own - given.names.begin())], path, at, nullptr);
-            } else if (fixed != restrictions_.end() && parameter_ != no_id) {
-                value(member.type, fixed->second, path, at, nullptr);
-            } else if (initial) {
-                value(member.type, text(*initial), path, at, nullptr);
-            } else {
+            const Given *const own = member_of(given, member, {parameter_, steps_});
+            if (own == nullptr) {
                 throw Refusal(command_.path + " needs " + path);
             }
+            value(member.type, *own, path, at, nullptr);
             steps_.pop_back();
         }
         if (taken != given.names.size()) {
@@ -342,83 +336,75 @@ private:
         }
     }
 
-    struct Number {
-        std::optional<Wide> whole; ///< exact, if it is a whole number
-        double real;
+    /// A value that the packet has, in units and raw, as conditions, sizes and calibrators see it.
+    struct Known {
+        std::string name, text;
+        std::vector<std::uint8_t> content; ///< of text and binary
+        std::uint64_t bits = 0;            ///< of others
+        Operand value{}, raw{};            ///< raw: of no kind while the value is made
     };
 
     static std::optional<Number> plain(const Given &given)
     {
         switch (given.kind) {
-        case Given::Kind::integer: return Number{given.integer, static_cast<double>(given.integer)};
-        case Given::Kind::real: return Number{std::nullopt, given.real};
-        case Given::Kind::text:
-            if (const auto whole = parsed<std::int64_t>(given.text)) {
-                return Number{*whole, static_cast<double>(*whole)};
-            }
-            if (const auto large = parsed<std::uint64_t>(given.text)) {
-                return Number{*large, static_cast<double>(*large)};
-            }
-            if (const auto real = parsed<double>(given.text)) {
-                return Number{std::nullopt, *real};
-            }
-            return std::nullopt;
+        case Given::Kind::integer: return given.integer;
+        case Given::Kind::real: return given.real;
+        case Given::Kind::text: return number_in(given.text);
         default: return std::nullopt;
         }
     }
 
+    /// The number of a value in units: of a label its raw number, of a time [ns].
     Number number_of(const Type &type, const Given &given, const std::string &name) const
     {
-        const auto number = plain(given);
+        const bool is_text = given.kind == Given::Kind::text;
+        const bool is_time = type.sort == Sort::absolute_time || type.sort == Sort::relative_time;
+        auto number = plain(given);
+        if (number && type.sort != Sort::real && !is_time) {
+            number = number->is_whole() ? number : exactly(number->real());
+        }
         if (type.sort == Sort::enumerated) {
             std::string all;
             std::vector<std::int64_t> endings; // of labels that end with the text, as FIELD_WMM with WMM
             for (const Enumerator &enumerator : type.enumerators) {
-                if (given.kind == Given::Kind::text ? enumerator.label == given.text
-                                                    : number && number->whole && *number->whole >= enumerator.low &&
-                                                          *number->whole <= enumerator.high) {
-                    return given.kind == Given::Kind::text ? Number{enumerator.low, static_cast<double>(enumerator.low)}
-                                                           : *number;
+                if (is_text && enumerator.label == given.text) {
+                    return enumerator.low;
                 }
-                if (given.kind == Given::Kind::text && enumerator.label.ends_with("_" + given.text)) {
+                if (is_text && enumerator.label.ends_with("_" + given.text)) {
                     endings.push_back(enumerator.low);
                 }
                 all += (all.empty() ? "" : ", ") + enumerator.label;
             }
             if (endings.size() == 1) {
-                return Number{endings.front(), static_cast<double>(endings.front())};
+                return endings.front();
             }
-            if (!number || given.kind != Given::Kind::text) { // restrictions may have a label's raw value as text
-                throw Refusal(name + " must be one of " + all);
-            }
-            Given raw;
-            raw.integer = number->whole.value_or(0);
-            return number_of(type, raw, name);
+            return number && number->is_whole() && operand_of(type, *number).word != no_id
+                       ? *number
+                       : throw Refusal(name + " must be one of " + all);
         }
-        if (type.sort == Sort::boolean && given.kind == Given::Kind::text) {
-            const bool is_true =
-                given.text == type.one_label || given.text == "true" || given.text == "True" || given.text == "1";
-            if (!is_true && given.text != type.zero_label && given.text != "false" && given.text != "False" &&
-                given.text != "0") {
+        if (type.sort == Sort::boolean) {
+            const auto is_true = is_text ? truth(type, given.text) : std::nullopt;
+            if (is_text && !is_true) {
                 throw Refusal(name + " must be " + type.zero_label + " or " + type.one_label + "; found " + given.text);
             }
-            return {is_true, is_true ? 1. : 0.};
+            if (!is_text && number && *number != 0 && *number != 1) {
+                throw Refusal(name + " must be 0 or 1; found " + text_of(*number));
+            }
+            number = is_true ? std::optional<Number>(*is_true) : number;
         }
-        if (type.sort == Sort::boolean && number && (!number->whole || (*number->whole != 0 && *number->whole != 1))) {
-            throw Refusal(name + " must be 0 or 1; found " + shown(number->real));
+        if (const auto ns = is_text && is_time ? time_in(type, given.text) : std::nullopt) {
+            number = *ns;
         }
-        if (!number || (number->real != number->real && type.encoding.kind != Encoding::Kind::real)) {
+        if (!number || (*number != *number && type.encoding.kind != Encoding::Kind::real)) {
             throw Refusal(name + " must be a number");
         }
-        if (type.sort == Sort::integer && !number->whole) {
-            if (number->real != std::trunc(number->real)) {
-                throw Refusal(name + " must be a whole number; found " + shown(number->real));
-            }
+        if (type.sort == Sort::integer && !number->is_whole()) {
+            throw Refusal(name + " must be a whole number; found " + text_of(*number));
         }
         return *number;
     }
 
-    void in_range(const Type &type, const std::string &name, double x, bool calibrated) const
+    void in_range(const Type &type, const std::string &name, const Number &x, bool calibrated) const
     {
         bool any = false, holds = false;
         std::string ranges;
@@ -427,89 +413,116 @@ private:
                 any = true;
                 holds = holds || range.holds(x);
                 ranges += (ranges.empty() ? "" : " or ") + std::string(range.low_open ? "above " : "from ") +
-                          shown(range.low) + (range.high_open ? " to below " : " to ") + shown(range.high);
+                          text_of(range.low) + (range.high_open ? " to below " : " to ") + text_of(range.high);
             }
         }
         if (any && !holds) {
-            throw Refusal(name + " must be " + ranges + (calibrated ? "" : " as a raw number") + "; found " + shown(x));
+            throw Refusal(name + " must be " + ranges + (calibrated ? "" : " as a raw number") + "; found " +
+                          text_of(x));
         }
     }
 
-    void number(const Type &type, const Given &given, const std::string &name, std::size_t &at)
+    /// The raw number of a number in units.
+    Number raw_of(const Type &type, const Number &number, const std::string &name)
     {
-        const Encoding &encoding = type.encoding;
-        Number raw = number_of(type, given, name);
-        known_.emplace_back(name.substr(name.rfind('.') + 1), raw.real);
-        in_range(type, name, raw.real, true);
-        const Calibrator *calibrator = &encoding.calibrator;
-        for (const auto &[condition, other] : encoding.contexts) {
+        if (type.sort == Sort::absolute_time || type.sort == Sort::relative_time) {
+            if (type.offset_from.of != Reference::Of::nothing) {
+                throw Refusal(name + " is relative to another time: that is not encoded");
+            }
+            const Number excess = number - exactly(type.offset), scale = exactly(type.scale);
+            return excess.is_whole() && scale.is_whole() && scale != 0 && excess.whole() % scale.whole() == 0
+                       ? Number(excess.whole() / scale.whole())
+                       : excess.real() / type.scale;
+        }
+        const Calibrator *calibrator = &type.encoding.calibrator;
+        for (const auto &[condition, other] : type.encoding.contexts) {
             if (holds(condition)) {
                 calibrator = &other;
                 break;
             }
         }
-        if (type.sort == Sort::absolute_time || type.sort == Sort::relative_time) {
-            if (type.offset_from.of != Reference::Of::nothing) {
-                throw Refusal(name + " is relative to another time: that is not encoded");
-            }
-            raw = {std::nullopt, (raw.real - type.offset) / type.scale};
-            if (const auto whole = plain(given)->whole; whole && type.scale == std::trunc(type.scale) &&
-                                                        std::abs(type.scale) < 1e15 && std::abs(type.offset) < 1e15 &&
-                                                        type.offset == std::trunc(type.offset)) {
-                const Wide excess = *whole - static_cast<Wide>(type.offset), by = static_cast<Wide>(type.scale);
-                if (excess % by == 0) { // else a fraction, rounded below
-                    raw.whole = excess / by;
-                }
-            }
-        } else if (calibrator->kind != Calibrator::Kind::none) {
-            const auto result =
-                calibrated(*calibrator, raw.real, [&](const Reference &reference) { return real_of(reference); });
-            if (!result) {
-                throw Refusal(name + " has no raw number for " + shown(raw.real));
-            }
-            raw = {std::nullopt, *result};
-        }
-        in_range(type, name, raw.real, false);
-        const auto bits = raw.whole && encoding.kind == Encoding::Kind::integer ? bits_of(encoding, *raw.whole)
-                                                                                : bits_of(encoding, raw.real);
-        if (!bits) {
-            throw Refusal(name + " has " + std::to_string(encoding.bits) + " bits, too few for " + shown(raw.real));
-        }
-        put(at, encoding.bits, *bits);
+        const auto raw = calibrated(*calibrator, number, [&](const Reference &reference) {
+            const Operand *const found = find(reference);
+            return found != nullptr ? ground::number_of(*found) : std::nullopt;
+        });
+        return raw ? *raw : throw Refusal(name + " has no raw number for " + text_of(number));
     }
 
-    void bytes_of(const Type &type, const Given &given, const std::string &name, std::size_t &at)
+    /// Make a value's bits or bytes, and what conditions may compare.
+    void make(Known &known, const Type &type, const Given &given, const std::string &name)
+    {
+        known.name = name;
+        const Encoding &encoding = type.encoding;
+        const bool is_number = encoding.kind == Encoding::Kind::integer || encoding.kind == Encoding::Kind::real;
+        if (!is_number && (type.sort == Sort::text || type.sort == Sort::binary)) {
+            make_bytes(known, type, given);
+            return;
+        }
+        const Number number = number_of(type, given, name);
+        known.value = operand_of(type, number);
+        in_range(type, name, number, true);
+        const Number raw = is_number || type.sort == Sort::real || known.value.kind == Kind::time
+                               ? raw_of(type, number, name)
+                               : number;
+        in_range(type, name, raw, false);
+        if (!is_number) {
+            known.text = known.value.kind == Kind::label || known.value.kind == Kind::boolean ? shown(known.value)
+                                                                                              : text_of(raw);
+            known.content = characters_of(type, known.text, name);
+            known.raw = {.kind = Kind::text, .word = 0, .type = &type, .text = known.text};
+            return;
+        }
+        const auto bits = bits_of(encoding, raw);
+        if (!bits) {
+            throw Refusal(name + " has " + std::to_string(encoding.bits) + " bits, too few for " + text_of(raw));
+        }
+        known.bits = *bits;
+        known.raw = {raw_kind(encoding), 0, &type};
+        ground::number_of(encoding, *bits, known.raw.word);
+        if (raw == number && known.value.kind <= Kind::real) {
+            known.value = known.raw; // as the encoding rounds it
+        }
+        known.value.raw_kind = known.raw.kind;
+        known.value.raw = known.raw.word;
+    }
+
+    static Charset charset_of(const Type &type)
+    {
+        return type.encoding.kind == Encoding::Kind::text ? type.encoding.charset : Charset::utf8;
+    }
+
+    static std::vector<std::uint8_t> characters_of(const Type &type, const std::string &text, const std::string &name)
+    {
+        const auto result = characters(charset_of(type), text);
+        return result ? *result : throw Refusal(name + " must be text of its character set; found " + text);
+    }
+
+    /// The bytes of a type of text or binary.
+    static void make_bytes(Known &known, const Type &type, const Given &given)
+    {
+        known.content = given.bytes;
+        if (given.kind == Given::Kind::text && type.sort == Sort::binary) {
+            const auto bytes = given.text.size() % 2 == 0 ? bytes_in(given.text) : std::nullopt;
+            if (!bytes) {
+                throw Refusal(known.name + " must be bytes, or text of two hexadecimal digits for each");
+            }
+            known.content.assign(bytes->begin(), bytes->end());
+        } else if (given.kind == Given::Kind::text) {
+            known.content = characters_of(type, given.text, known.name);
+        } else if (given.kind != Given::Kind::bytes) {
+            throw Refusal(known.name + " must be text or bytes");
+        }
+        const bool is_text = type.sort == Sort::text;
+        known.text =
+            is_text ? utf8(charset_of(type), known.content) : std::string(known.content.begin(), known.content.end());
+        known.value =
+            known.raw = {.kind = is_text ? Kind::text : Kind::binary, .word = 0, .type = &type, .text = known.text};
+    }
+
+    void put_bytes(const Type &type, std::vector<std::uint8_t> content, const std::string &name, std::size_t &at)
     {
         const Encoding &encoding = type.encoding;
         const bool is_text = encoding.kind == Encoding::Kind::text;
-        std::vector<std::uint8_t> content = given.bytes;
-        if (given.kind == Given::Kind::text && type.sort == Sort::binary) {
-            for (std::size_t i = 0; i < given.text.size(); i += 2) {
-                const auto byte = parsed<std::uint8_t>(std::string_view(given.text).substr(i, 2), 16);
-                if (!byte || given.text.size() % 2 != 0) {
-                    throw Refusal(name + " must be bytes, or text of two hexadecimal digits for each");
-                }
-                content.push_back(*byte);
-            }
-        } else if (given.kind == Given::Kind::text || given.kind == Given::Kind::integer ||
-                   given.kind == Given::Kind::real) {
-            if (type.sort != Sort::text) { // numbers as text
-                number_of(type, given, name);
-            }
-            const std::string digits = given.kind == Given::Kind::text ? given.text
-                                       : given.kind == Given::Kind::integer
-                                           ? std::to_string(static_cast<std::int64_t>(given.integer))
-                                           : shown(given.real);
-            const auto result = type.sort == Sort::text && given.kind != Given::Kind::text
-                                    ? std::nullopt
-                                    : characters(is_text ? encoding.charset : Charset::utf8, digits);
-            if (!result) {
-                throw Refusal(name + " must be text of its character set; found " + digits);
-            }
-            content = *result;
-        } else if (given.kind != Given::Kind::bytes) {
-            throw Refusal(name + " must be text or bytes");
-        }
         const std::size_t n = 8 * content.size();
         std::optional<std::size_t> room;
         if (encoding.sized) {
@@ -567,37 +580,60 @@ private:
 
     // --- references and conditions
 
-    const Given *find(const Reference &reference)
+    /// A member or an element of a parameter, and its type.
+    std::pair<const Given *, Id> part_of(const Reference &reference)
     {
-        if (reference.of == Reference::Of::argument) {
-            const auto argument = values_.find(reference.name);
-            return argument != values_.end() ? &argument->second : nullptr;
-        }
         const Parameter &parameter = db_.parameters[reference.parameter];
-        const auto given = given_.find(parameter.name);
-        const Given *at = given != given_.end() ? &given->second : known_value(parameter);
-        for (const std::uint32_t step : reference.steps) {
-            if (at != nullptr && at->kind == Given::Kind::list && step < at->list.size()) {
-                at = &at->list[step];
-                continue;
-            }
-            at = nullptr;
+        const auto own = given_.find(parameter.name);
+        if (own != given_.end()) {
+            used_.push_back(parameter.name);
         }
-        return at;
+        const Given *at = own != given_.end() ? &own->second : known_value(parameter);
+        Id type = parameter.type;
+        std::vector<std::uint32_t> steps;
+        for (const std::uint32_t step : reference.steps) {
+            const Type &outer = db_.types[type];
+            steps.push_back(step);
+            if (at != nullptr && outer.sort == Sort::aggregate) {
+                at = member_of(*at, outer.members[step], {reference.parameter, steps});
+            } else {
+                at = at != nullptr && at->kind == Given::Kind::list && step < at->list.size() ? &at->list[step]
+                                                                                              : nullptr;
+            }
+            type = outer.sort == Sort::aggregate ? outer.members[step].type : outer.element;
+        }
+        return {at, type};
     }
 
-    std::optional<double> real_of(const Reference &reference)
+    /// A value that the command has, also if its entry follows; nullptr: it has none. An argument's name means the
+    /// nearest argument or member before, then an argument that follows.
+    const Operand *find(const Reference &reference)
     {
+        const auto seen = [&](const Known &known) {
+            const Operand &operand = reference.calibrated ? known.value : known.raw;
+            return operand.kind != Kind::none ? &operand : nullptr;
+        };
+        std::pair<const Given *, Id> found{nullptr, no_id};
         if (reference.of == Reference::Of::argument) {
-            for (std::size_t i = known_.size(); i-- > 0;) { // the nearest member or argument first
-                if (known_[i].first == reference.name) {
-                    return known_[i].second;
+            for (std::size_t i = known_.size(); i-- > 0;) {
+                if (known_[i].name == reference.name || known_[i].name.ends_with("." + reference.name)) {
+                    return seen(known_[i]);
                 }
             }
+            if (const auto argument = values_.find(reference.name); argument != values_.end()) {
+                found = {&argument->second, types_.at(reference.name)};
+            }
+        } else {
+            found = part_of(reference);
         }
-        const Given *const given = find(reference);
-        const auto number = given != nullptr ? plain(*given) : std::nullopt;
-        return number ? std::optional(number->real) : std::nullopt;
+        if (found.first == nullptr || db_.types[found.second].sort >= Sort::aggregate) {
+            return nullptr;
+        }
+        const auto [known, fresh] = ahead_.try_emplace(found.first);
+        if (fresh) {
+            make(known->second, db_.types[found.second], *found.first, reference.name);
+        }
+        return seen(known->second);
     }
 
     std::int64_t number(const Quantity &quantity)
@@ -613,8 +649,9 @@ private:
         if (quantity.is_fixed()) {
             return quantity.fixed;
         }
-        const auto found = real_of(quantity.from);
-        return found ? nearest(*found * quantity.slope + quantity.intercept)
+        const Operand *const operand = find(quantity.from);
+        const auto found = operand != nullptr ? ground::number_of(*operand) : std::nullopt;
+        return found ? nearest(found->real() * quantity.slope + quantity.intercept)
                      : throw Refusal(command_.path + " needs a number for " + quantity.from.name);
     }
 
@@ -627,23 +664,19 @@ private:
         case Condition::Kind::any: return std::any_of(condition.parts.begin(), condition.parts.end(), part_holds);
         case Condition::Kind::compare: break;
         }
-        const Given *const left = find(condition.left);
-        const Given literal = text(condition.literal.text);
-        const Given *const right = condition.right.of == Reference::Of::nothing ? &literal : find(condition.right);
-        if (left == nullptr || right == nullptr) {
-            return false;
-        }
-        const auto a = plain(*left), b = plain(*right);
-        const int order = a && b ? (a->real > b->real) - (a->real < b->real) : left->text.compare(right->text);
-        switch (condition.op) {
-        case Operator::equal: return order == 0;
-        case Operator::unequal: return order != 0;
-        case Operator::less: return order < 0;
-        case Operator::at_most: return order <= 0;
-        case Operator::more: return order > 0;
-        case Operator::at_least: return order >= 0;
-        }
-        return false;
+        const Operand &left = needed(condition.left, condition);
+        return condition.right.of == Reference::Of::nothing
+                   ? compare(condition.op, left, condition.literal)
+                   : compare(condition.op, left, needed(condition.right, condition));
+    }
+
+    const Operand &needed(const Reference &reference, const Condition &condition)
+    {
+        const Operand *const found = find(reference);
+        return found != nullptr
+                   ? *found
+                   : throw Refusal(command_.path + " needs " + reference.name +
+                                   ", whose value decides about an entry or a calibrator: " + condition.text);
     }
 
     const Database &db_;
@@ -652,10 +685,12 @@ private:
     std::map<std::string, Given> values_;
     std::map<std::string, Id> types_;
     std::map<std::pair<Id, std::vector<std::uint32_t>>, Given> restrictions_;
-    std::map<std::ptrdiff_t, Given> initials_;
+    std::map<const std::string *, Given> constants_; ///< texts of the database
     std::vector<std::string> used_;
-    std::vector<std::pair<std::string, double>> known_; ///< numbers that were written, in their order
-    std::vector<std::uint32_t> steps_;                  ///< into the parameter that is being written
+    const Given members_{Given::Kind::members, {}, {}, {}, {}, {}, {}}; ///< none: they may have initial values
+    std::deque<Known> known_;                                           ///< values that were written, in their order
+    std::map<const Given *, Known> ahead_;                              ///< values to which others refer
+    std::vector<std::uint32_t> steps_;                                  ///< into the parameter that is being written
     Id parameter_ = no_id;
     std::size_t entries_ = 0;
 };

@@ -3,11 +3,10 @@
 // fills it (xtce.h); decoder and encoder work by it. Items refer to others by their place in a list.
 #pragma once
 
-#include <cstdint>
+#include "ground/database/number.h"
+
 #include <limits>
-#include <optional>
 #include <stdexcept>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -53,8 +52,10 @@ struct Reference {
 /// A constant of a comparison, as it is written, and as a number if it is one.
 struct Literal {
     std::string text;
-    std::optional<std::int64_t> integer;
-    std::optional<double> real;
+    std::optional<Number> number;
+
+    Literal() = default;
+    explicit Literal(std::string written) : text(std::move(written)), number(number_in(text)) {}
 };
 
 enum class Operator : std::uint8_t { equal, unequal, less, at_most, more, at_least };
@@ -85,7 +86,7 @@ struct Quantity {
 struct MathStep {
     enum class Kind : std::uint8_t { number, this_value, value, function };
     Kind kind = Kind::number;
-    double number = 0;
+    Number number;
     Reference value;
     std::uint8_t function = 0; ///< place in math_functions
 };
@@ -149,11 +150,11 @@ struct Encoding {
 };
 
 struct Range {
-    double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+    Number low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
     bool low_open = false, high_open = false;
     bool calibrated = true; ///< the calibrated value is compared
 
-    bool holds(double x) const { return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high); }
+    bool holds(const Number &x) const { return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high); }
 };
 
 enum class Concern : std::uint8_t { normal, watch, warning, distress, critical, severe };
@@ -261,7 +262,7 @@ struct Verifier {
     Condition condition;
     Id container = no_id; ///< a packet of it verifies the command
     Reference changes;    ///< the parameter that must change by `change`
-    double change = 0;
+    Number change;
     Reference returns;             ///< the parameter that then has details; of nothing: none
     std::optional<double> percent; ///< how much is executed then
     std::string algorithm;         ///< which only its author's program has

@@ -103,6 +103,56 @@ std::optional<std::uint64_t> mil1750a_of(double x, unsigned n)
     return n == 32 ? f << 8 | e : f >> 16 << 24 | e << 16 | (f & 0xFFFF);
 }
 
+std::optional<std::uint64_t> whole_bits(const Encoding &encoding, Wide number)
+{
+    const unsigned n = encoding.bits;
+    const Wide half_range = Wide(1) << (n - 1);
+    std::uint64_t bits = static_cast<std::uint64_t>(number) & mask(n);
+    bool holds = false;
+    switch (encoding.form) {
+    case NumberForm::plain: holds = number >= 0 && number < 2 * half_range; break;
+    case NumberForm::twos_complement: holds = number >= -half_range && number < half_range; break;
+    case NumberForm::ones_complement:
+    case NumberForm::sign_magnitude:
+        holds = number > -half_range && number < half_range;
+        if (number < 0) {
+            bits = encoding.form == NumberForm::ones_complement ? ~static_cast<std::uint64_t>(-number) & mask(n)
+                                                                : static_cast<std::uint64_t>(half_range - number);
+        }
+        break;
+    case NumberForm::bcd:
+    case NumberForm::packed_bcd: {
+        const unsigned step = encoding.form == NumberForm::bcd ? 8 : 4;
+        bits = 0;
+        Wide left = number;
+        for (unsigned i = 0; i < n; i += step, left /= 10) {
+            bits |= static_cast<std::uint64_t>(left % 10) << i;
+        }
+        holds = number >= 0 && left == 0;
+        break;
+    }
+    default: break;
+    }
+    return holds ? std::optional(bits) : std::nullopt;
+}
+
+std::optional<std::uint64_t> real_bits(const Encoding &encoding, double number)
+{
+    if (encoding.form == NumberForm::mil1750a) {
+        return mil1750a_of(number, encoding.bits);
+    }
+    if (encoding.bits == 64) {
+        return std::bit_cast<std::uint64_t>(number);
+    }
+    if (encoding.bits == 16) {
+        return half_of(number);
+    }
+    const auto single = static_cast<float>(number);
+    return !std::isinf(single) || std::isinf(number)
+               ? std::optional<std::uint64_t>(std::bit_cast<std::uint32_t>(single))
+               : std::nullopt;
+}
+
 // The characters of Windows-1252 from 0x80 to 0x9F; 0: none.
 constexpr std::uint16_t windows[32] = {0x20AC, 0,      0x201A, 0x0192, 0x201E, 0x2026, 0x2020, 0x2021,
                                        0x02C6, 0x2030, 0x0160, 0x2039, 0x0152, 0,      0x017D, 0,
@@ -208,57 +258,13 @@ bool number_of(const Encoding &encoding, std::uint64_t bits, std::uint64_t &numb
     return true;
 }
 
-std::optional<std::uint64_t> bits_of(const Encoding &encoding, Wide number)
-{
-    const unsigned n = encoding.bits;
-    const Wide half_range = Wide(1) << (n - 1);
-    std::uint64_t bits = static_cast<std::uint64_t>(number) & mask(n);
-    bool holds = false;
-    switch (encoding.form) {
-    case NumberForm::plain: holds = number >= 0 && number < 2 * half_range; break;
-    case NumberForm::twos_complement: holds = number >= -half_range && number < half_range; break;
-    case NumberForm::ones_complement:
-    case NumberForm::sign_magnitude:
-        holds = number > -half_range && number < half_range;
-        if (number < 0) {
-            bits = encoding.form == NumberForm::ones_complement ? ~static_cast<std::uint64_t>(-number) & mask(n)
-                                                                : static_cast<std::uint64_t>(half_range - number);
-        }
-        break;
-    case NumberForm::bcd:
-    case NumberForm::packed_bcd: {
-        const unsigned step = encoding.form == NumberForm::bcd ? 8 : 4;
-        bits = 0;
-        Wide left = number;
-        for (unsigned i = 0; i < n; i += step, left /= 10) {
-            bits |= static_cast<std::uint64_t>(left % 10) << i;
-        }
-        holds = number >= 0 && left == 0;
-        break;
-    }
-    case NumberForm::ieee754:
-    case NumberForm::mil1750a: return bits_of(encoding, static_cast<double>(number));
-    }
-    return holds ? std::optional(reordered(encoding, bits, true)) : std::nullopt;
-}
-
-std::optional<std::uint64_t> bits_of(const Encoding &encoding, double number)
+std::optional<std::uint64_t> bits_of(const Encoding &encoding, const Number &number)
 {
     std::optional<std::uint64_t> bits;
-    if (encoding.form == NumberForm::mil1750a) {
-        bits = mil1750a_of(number, encoding.bits);
-    } else if (encoding.form != NumberForm::ieee754) {
-        constexpr double limit = 18446744073709551616.0;
-        return std::abs(number) < limit ? bits_of(encoding, static_cast<Wide>(std::round(number))) : std::nullopt;
-    } else if (encoding.bits == 16) {
-        bits = half_of(number);
-    } else if (encoding.bits == 32) {
-        const auto single = static_cast<float>(number);
-        if (!std::isinf(single) || std::isinf(number)) {
-            bits = std::bit_cast<std::uint32_t>(single);
-        }
-    } else {
-        bits = std::bit_cast<std::uint64_t>(number);
+    if (encoding.form >= NumberForm::ieee754) {
+        bits = real_bits(encoding, number.real());
+    } else if (const auto whole = number.nearest()) {
+        bits = whole_bits(encoding, *whole);
     }
     return bits ? std::optional(reordered(encoding, *bits, true)) : std::nullopt;
 }

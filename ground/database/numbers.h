@@ -11,8 +11,6 @@
 
 namespace fledge::ground {
 
-__extension__ using Wide = __int128;
-
 /// The meaning of a value's 64 bits.
 enum class Kind : std::uint8_t {
     none,
@@ -68,15 +66,36 @@ inline std::optional<double> real_of(Kind kind, std::uint64_t word)
     }
 }
 
+/// The same as a number, which is exact if it is whole.
+inline std::optional<Number> number_of(Kind kind, std::uint64_t word)
+{
+    if (kind == Kind::natural || kind == Kind::boolean) {
+        return word;
+    }
+    if (kind == Kind::integer) {
+        return static_cast<std::int64_t>(word);
+    }
+    const auto real = real_of(kind, word);
+    return real ? std::optional<Number>(*real) : std::nullopt;
+}
+
+/// The 64 bits of a whole number of a kind, natural or integer. Nothing: they cannot hold it.
+inline std::optional<std::uint64_t> word_of(Kind kind, const Number &number)
+{
+    const auto whole = number.nearest();
+    const bool holds = whole && (kind == Kind::natural ? *whole == static_cast<std::uint64_t>(*whole)
+                                                       : *whole == static_cast<std::int64_t>(*whole));
+    return holds ? std::optional(static_cast<std::uint64_t>(*whole)) : std::nullopt;
+}
+
 /// The kind of a number as it lies in a packet.
 Kind raw_kind(const Encoding &encoding);
 
 /// A number from its bits, in the 64 bits of raw_kind. False: a BCD digit is beyond 9.
 bool number_of(const Encoding &encoding, std::uint64_t bits, std::uint64_t &number);
 
-/// The bits of a whole or real number. Nothing: the encoding cannot hold it.
-std::optional<std::uint64_t> bits_of(const Encoding &encoding, Wide number);
-std::optional<std::uint64_t> bits_of(const Encoding &encoding, double number);
+/// The bits of a number, which is rounded if the encoding is whole. Nothing: the encoding cannot hold it.
+std::optional<std::uint64_t> bits_of(const Encoding &encoding, const Number &number);
 
 /// Text from a character set to UTF-8, and back. Invalid bytes become U+FFFD; nothing: the set lacks a character.
 std::string utf8(Charset charset, std::span<const std::uint8_t> bytes);

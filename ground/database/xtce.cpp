@@ -104,16 +104,6 @@ private:
 
 } // namespace
 
-Literal literal_of(const std::string &text)
-{
-    const std::string inner = xtce::trimmed(text);
-    Literal result{text, xtce::number<std::int64_t>(inner), xtce::number<double>(inner)};
-    if (const auto large = xtce::number<std::uint64_t>(inner); large && !result.integer) {
-        result.integer = static_cast<std::int64_t>(*large); // its 64 bits
-    }
-    return result;
-}
-
 Database read_xtce(const std::vector<XtceFile> &files, bool lenient)
 {
     Reader reader;

@@ -37,7 +37,4 @@ Database read_xtce(const std::vector<XtceFile> &files, bool lenient = false);
 /// Read a text; its name is for messages.
 Database read_xtce_text(std::string text, const std::string &name, bool lenient = false);
 
-/// A constant of a comparison.
-Literal literal_of(const std::string &text);
-
 } // namespace fledge::ground

@@ -26,10 +26,19 @@ std::regex compiled(const Type &type, const std::string &pattern)
 }
 
 /// The number that is compared with a range.
-std::optional<double> number_of(const Limits::Sample &sample, bool calibrated)
+std::optional<Number> number_of(const Limits::Sample &sample, bool calibrated)
 {
-    return calibrated && sample.kind != Kind::label ? real_of(sample.kind, sample.value)
-                                                    : real_of(sample.raw_kind, sample.raw);
+    return calibrated && sample.kind != Kind::label ? number_of(sample.kind, sample.value)
+                                                    : number_of(sample.raw_kind, sample.raw);
+}
+
+/// The end of a range in doubles: a number whose double is not beyond it is within the range. From 2^53 on a double
+/// stands for several whole numbers.
+double inner(const Number &end, bool open, double inwards)
+{
+    const double x = end.real();
+    const bool exact = end == x && (std::abs(x) < 0x1p53 || std::isinf(x));
+    return exact && !open ? x : std::nextafter(x, inwards);
 }
 
 } // namespace
@@ -69,8 +78,8 @@ Limits::Limits(const Bands &bands, std::uint32_t persistence) : low_(infinite), 
     Check result{nullptr, std::max(persistence, 1U), false, {}, {}, {}, Concern::normal};
     for (const auto &[level, band] : bands) {
         if (!(band.first <= band.second)) {
-            throw Refusal("a band of limits is from the lower to the higher number; found " +
-                          std::to_string(band.first) + " to " + std::to_string(band.second));
+            throw Refusal("a band of limits is from the lower to the higher number; found " + text_of(band.first) +
+                          " to " + text_of(band.second));
         }
         result.limits.push_back({level, Range{band.first, band.second}, false});
     }
@@ -93,8 +102,8 @@ void Limits::finish()
         low_ = -infinite, high_ = infinite;
         for (const Alarm::Limits &limit : checks_[0].limits) {
             const Range &range = limit.range;
-            low_ = std::max(low_, range.low_open ? std::nextafter(range.low, infinite) : range.low);
-            high_ = std::min(high_, range.high_open ? std::nextafter(range.high, -infinite) : range.high);
+            low_ = std::max(low_, inner(range.low, range.low_open, infinite));
+            high_ = std::min(high_, inner(range.high, range.high_open, -infinite));
         }
     }
 }

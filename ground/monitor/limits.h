@@ -15,7 +15,7 @@ namespace fledge::ground {
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// low and high by the level.
-using Bands = std::map<Concern, std::pair<double, double>>;
+using Bands = std::map<Concern, std::pair<Number, Number>>;
 
 class Limits {
 public:

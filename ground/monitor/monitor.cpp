@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/monitor/monitor.h"
 
-#include "ground/database/xtce.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -47,7 +45,7 @@ struct Monitor::Expected {
     const Verifier *verifier;
     Condition condition;
     std::vector<Id> parameters; ///< of the condition or the change
-    std::optional<double> before;
+    std::optional<Number> before;
 
     /// Replace arguments in the condition by the values of the command that was sent.
     void compile(Condition &comparison, const std::map<std::string, std::string> &arguments)
@@ -67,7 +65,7 @@ struct Monitor::Expected {
             }
         }
         if (comparison.right.of == Reference::Of::argument) {
-            comparison.literal = literal_of(arguments.at(comparison.right.name));
+            comparison.literal = Literal(arguments.at(comparison.right.name));
             comparison.right = {};
         }
     }
@@ -114,7 +112,8 @@ void Monitor::arm(std::uint32_t slot)
     const Slot &place = slots_.all()[slot];
     const bool bytes =
         is_bytes(place.kind) || (place.type != no_id && is_bytes(raw_kind(db_.types[place.type].encoding)));
-    live.low = uneasy || bytes || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low();
+    const bool labels = place.kind == Kind::label && !all; // limits judge their raw numbers
+    live.low = uneasy || bytes || labels || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low();
     live.high = all ? infinite : limits->high();
 }
 
@@ -152,7 +151,7 @@ std::uint32_t Monitor::expect(Id command, std::size_t verifier, const std::map<s
     const std::lock_guard taking(taking_);
     if (result.verifier->changes.of != Reference::Of::nothing) {
         result.parameters.push_back(result.verifier->changes.parameter);
-        result.before = decoder_.real(result.verifier->changes);
+        result.before = decoder_.number(result.verifier->changes);
     }
     expected_.emplace(++expectations_, std::move(result));
     return expectations_;
@@ -181,9 +180,9 @@ void Monitor::verify(const Decoded &packet, std::int64_t t, std::vector<Note> &n
             continue;
         }
         if (verifier.changes.of != Reference::Of::nothing) {
-            const auto now = decoder_.real(verifier.changes);
+            const auto now = decoder_.number(verifier.changes);
             expected.before = expected.before ? expected.before : now;
-            const double change = now ? *now - *expected.before : 0;
+            const Number change = now ? *now - *expected.before : 0;
             if (verifier.change > 0 ? !(change >= verifier.change) : !(change <= verifier.change && change != 0)) {
                 continue;
             }

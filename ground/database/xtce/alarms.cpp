@@ -19,12 +19,16 @@ Concern concern(Node node, View name)
 
 Range range(Node node)
 {
-    const double infinite = std::numeric_limits<double>::infinity();
+    const auto end = [&](const char *name, Number &to) {
+        if (const auto found = node.attribute(name)) {
+            to = any_number(node, found.value());
+        }
+    };
     Range result;
     result.low_open = !!node.attribute("minExclusive");
     result.high_open = !!node.attribute("maxExclusive");
-    result.low = real_or(node, result.low_open ? "minExclusive" : "minInclusive", -infinite);
-    result.high = real_or(node, result.high_open ? "maxExclusive" : "maxInclusive", infinite);
+    end(result.low_open ? "minExclusive" : "minInclusive", result.low);
+    end(result.high_open ? "maxExclusive" : "maxInclusive", result.high);
     result.calibrated = is_true(node, "rangeAppliesToCalibrated", is_true(node, "validRangeAppliesToCalibrated", true));
     return result;
 }

@@ -73,7 +73,7 @@ Verifier CommandReader::verifier(Node node)
             result.container = declared_.container(child, needed(child, "containerRef"));
         } else if (name == "ParameterValueChange") {
             result.changes = values_.reference(element(child, "ParameterRef"));
-            result.change = real(child, needed(element(child, "Change"), "value"));
+            result.change = any_number(child, needed(element(child, "Change"), "value"));
         } else if (name == "CheckWindow") {
             window(result, child);
         } else if (name == "ReturnParmRef") {

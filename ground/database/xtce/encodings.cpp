@@ -118,7 +118,7 @@ void EncodingReader::math(Calibrator &result, Node node)
         MathStep step;
         int takes = 0, gives = 1;
         if (name == "ValueOperand") {
-            step.number = real(child, child.text().get());
+            step.number = any_number(child, child.text().get());
         } else if (name == "ThisParameterOperand") {
             step.kind = MathStep::Kind::this_value;
         } else if (name == "ParameterInstanceRefOperand") {

@@ -101,7 +101,7 @@ Condition ValueReader::comparison(Node node) const
     result.op = comparison_operator(node, op);
     const auto value = node.attribute("value");
     result.literal =
-        literal_of(value ? value.value() : refuse_as<const char *>(node, "<Comparison> needs the attribute value"));
+        Literal(value ? value.value() : refuse_as<const char *>(node, "<Comparison> needs the attribute value"));
     result.text = result.left.name + " " + op + " " + result.literal.text;
     return result;
 }
@@ -118,7 +118,7 @@ Condition ValueReader::two_values(Node node) const
             result.op = comparison_operator(child, child.text().get());
             result.text = trimmed(child.text().get());
         } else if (tag(child) == "Value" && place == 1) {
-            result.literal = literal_of(child.text().get());
+            result.literal = Literal(child.text().get());
             place++;
         } else {
             refuse_element(child);

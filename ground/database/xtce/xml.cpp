@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/database/xtce/xml.h"
 
+#include <charconv>
+
 namespace fledge::ground::xtce {
 
 namespace {
@@ -140,16 +142,23 @@ std::optional<std::string> initial(Node node)
     return found ? std::optional<std::string>(found.value()) : std::nullopt;
 }
 
+Number any_number(Node node, View text)
+{
+    const auto value = number_in(text);
+    return value ? *value : refuse_as<Number>(node, "'" + std::string(text) + "' is no number");
+}
+
 std::int64_t whole(Node node, View text)
 {
-    const auto value = number<std::int64_t>(trimmed(text));
-    return value ? *value : refuse_as<std::int64_t>(node, "'" + std::string(text) + "' is no whole number");
+    const auto value = number_in(text);
+    return value && value->is_whole() && value->whole() == static_cast<std::int64_t>(value->whole())
+               ? static_cast<std::int64_t>(value->whole())
+               : refuse_as<std::int64_t>(node, "'" + std::string(text) + "' is no whole number");
 }
 
 double real(Node node, View text)
 {
-    const auto value = number<double>(trimmed(text));
-    return value ? *value : refuse_as<double>(node, "'" + std::string(text) + "' is no number");
+    return any_number(node, text).real();
 }
 
 double real_or(Node node, const char *attribute, double otherwise)

@@ -7,7 +7,6 @@
 #include <pugixml.hpp>
 
 #include <algorithm>
-#include <charconv>
 #include <initializer_list>
 #include <memory>
 #include <optional>
@@ -65,20 +64,10 @@ inline bool one_of(View name, std::initializer_list<View> names)
 
 std::string trimmed(View text);
 
-template <class Number> std::optional<Number> number(View text)
-{
-    if (text.starts_with('+')) {
-        text.remove_prefix(1);
-    }
-    Number value{};
-    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-    return fault == std::errc() && end == text.data() + text.size() && !text.empty() ? std::optional(value)
-                                                                                     : std::nullopt;
-}
-
 std::string needed(Node node, const char *attribute);
 bool is_true(Node node, const char *attribute, bool otherwise);
 std::optional<std::string> initial(Node node);
+Number any_number(Node node, View text);
 std::int64_t whole(Node node, View text);
 double real(Node node, View text);
 double real_or(Node node, const char *attribute, double otherwise);

@@ -35,11 +35,6 @@ const char *kind_of(const Type &type)
     }
 }
 
-py::object bound(double x)
-{
-    return x - x == 0 ? py::object(py::float_(x)) : py::object(py::none());
-}
-
 template <class Text> py::object text_or_none(const Text &text)
 {
     return text ? py::object(py::str(*text)) : py::object(py::none());
@@ -53,8 +48,8 @@ py::dict argument_form(const Database &db, const Argument &argument)
     result["type"] = kind_of(type);
     result["unit"] = type.units.empty() ? std::string() : type.units.front();
     const Range range = type.valid.size() == 1 ? type.valid.front() : Range();
-    result["low"] = bound(range.low);
-    result["high"] = bound(range.high);
+    result["low"] = end_of(range.low);
+    result["high"] = end_of(range.high);
     result["low_open"] = range.low_open;
     result["high_open"] = range.high_open;
     py::list labels;
@@ -94,12 +89,11 @@ bool compares_arguments(const Condition &condition)
 
 py::dict verifier_form(const Database &db, const Verifier &verifier)
 {
-    std::string text =
-        verifier.container != no_id ? shown_name(db.containers[verifier.container])
-        : verifier.changes.of != Reference::Of::nothing
-            ? "a change of " + verifier.changes.name + " by " + py::str(py::float_(verifier.change)).cast<std::string>()
-        : verifier.condition.kind != Condition::Kind::always ? in_words(verifier.condition)
-                                                             : verifier.algorithm;
+    std::string text = verifier.container != no_id ? shown_name(db.containers[verifier.container])
+                       : verifier.changes.of != Reference::Of::nothing
+                           ? "a change of " + verifier.changes.name + " by " + text_of(verifier.change)
+                       : verifier.condition.kind != Condition::Kind::always ? in_words(verifier.condition)
+                                                                            : verifier.algorithm;
     py::dict result;
     result["stage"] = verifier.stage;
     result["text"] = text;

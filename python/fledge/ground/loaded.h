@@ -60,6 +60,9 @@ inline py::bytes bytes_of(std::span<const std::uint8_t> octets)
 /// The object of a word of this kind; bytes: of a text or a binary value; raw: of a label that no enumerator has.
 Value object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw);
 
+/// The object of the end of a range; None: it is open.
+py::object end_of(const Number &end);
+
 /// {"warning": [low, high]}, None: open. Throws Refusal.
 Bands bands_of(const LimitDict &given);
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 namespace fledge::ground {
 
@@ -31,12 +32,11 @@ template <class Number> std::vector<Number> numbers(const py::bytes &bytes, cons
 
 LimitDict dict_of(const Bands &bands)
 {
-    const auto end = [](double x) { return std::isinf(x) ? py::object(py::none()) : py::object(py::float_(x)); };
     py::dict result;
     for (const auto &[level, band] : bands) {
         py::list ends;
-        ends.append(end(band.first));
-        ends.append(end(band.second));
+        ends.append(end_of(band.first));
+        ends.append(end_of(band.second));
         result[levels[static_cast<std::size_t>(level)]] = ends;
     }
     return result;
@@ -254,8 +254,21 @@ private:
 
 } // namespace
 
+py::object end_of(const Number &end)
+{
+    if (std::isinf(end.real())) {
+        return py::none();
+    }
+    if (const auto whole = end.is_whole() ? word_of(Kind::integer, end) : std::nullopt) {
+        return py::int_(static_cast<std::int64_t>(*whole));
+    }
+    const auto natural = end.is_whole() ? word_of(Kind::natural, end) : std::nullopt;
+    return natural ? py::object(py::int_(*natural)) : py::object(py::float_(end.real()));
+}
+
 Bands bands_of(const LimitDict &given)
 {
+    using End = std::variant<std::int64_t, std::uint64_t, double>; // the first that takes the number
     Bands result;
     for (const auto &[key, value] : given) {
         const auto name = key.cast<std::string>();
@@ -263,9 +276,11 @@ Bands bands_of(const LimitDict &given)
         if (found == std::end(levels)) {
             throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
         }
-        const auto ends = value.cast<std::array<std::optional<double>, 2>>();
-        result[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
-                                                                    ends[1].value_or(infinite)};
+        const auto ends = value.cast<std::array<std::optional<End>, 2>>();
+        const auto end = [](const std::optional<End> &bound, double otherwise) {
+            return bound ? std::visit([](auto number) { return Number(number); }, *bound) : Number(otherwise);
+        };
+        result[static_cast<Concern>(found - std::begin(levels))] = {end(ends[0], -infinite), end(ends[1], infinite)};
     }
     return result;
 }

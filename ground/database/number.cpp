@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/database/number.h"
+
+#include <charconv>
+#include <cmath>
+
+namespace fledge::ground {
+
+namespace {
+
+constexpr double most = 0x1p126;
+
+template <class Value> bool parse(std::string_view text, Value &value, int base)
+{
+    std::from_chars_result done{};
+    if constexpr (std::is_integral_v<Value>) {
+        done = std::from_chars(text.data(), text.data() + text.size(), value, base);
+    } else {
+        done = std::from_chars(text.data(), text.data() + text.size(), value);
+    }
+    return done.ec == std::errc() && done.ptr == text.data() + text.size() && !text.empty();
+}
+
+} // namespace
+
+std::optional<Wide> Number::nearest() const
+{
+    return is_whole_                ? std::optional(whole_)
+           : std::abs(real_) < most ? std::optional(static_cast<Wide>(std::round(real_)))
+                                    : std::nullopt;
+}
+
+std::partial_ordering Number::operator<=>(const Number &other) const
+{
+    if (is_whole_ && other.is_whole_) {
+        return whole_ <=> other.whole_;
+    }
+    if (!is_whole_ && !other.is_whole_) {
+        return real_ <=> other.real_;
+    }
+    if (!is_whole_) {
+        return 0 <=> (other <=> *this);
+    }
+    const double x = other.real_, below = std::floor(x);
+    if (!(std::abs(x) < most)) {
+        return 0 <=> x; // beyond all whole numbers, or NaN
+    }
+    const auto order = whole_ <=> static_cast<Wide>(below);
+    return order == 0 && below < x ? std::partial_ordering::less : std::partial_ordering(order);
+}
+
+Number Number::operator+(const Number &other) const
+{
+    Wide sum = 0;
+    return is_whole_ && other.is_whole_ && !__builtin_add_overflow(whole_, other.whole_, &sum)
+               ? Number(sum)
+               : Number(real() + other.real());
+}
+
+Number Number::operator-(const Number &other) const
+{
+    Wide difference = 0;
+    return is_whole_ && other.is_whole_ && !__builtin_sub_overflow(whole_, other.whole_, &difference)
+               ? Number(difference)
+               : Number(real() - other.real());
+}
+
+Number Number::operator*(const Number &other) const
+{
+    Wide product = 0;
+    return is_whole_ && other.is_whole_ && !__builtin_mul_overflow(whole_, other.whole_, &product)
+               ? Number(product)
+               : Number(real() * other.real());
+}
+
+Number exactly(double x)
+{
+    return x == std::trunc(x) && std::abs(x) < 0x1p63 ? Number(static_cast<std::int64_t>(x)) : Number(x);
+}
+
+std::optional<Number> number_in(std::string_view text)
+{
+    const auto first = text.find_first_not_of(" \t\r\n");
+    text = first == std::string_view::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") + 1 - first);
+    std::string_view digits = text;
+    const bool negative = digits.starts_with('-');
+    if (negative || digits.starts_with('+')) {
+        digits.remove_prefix(1);
+    }
+    int base = 10;
+    if (digits.size() > 2 && digits[0] == '0') {
+        const char letter = static_cast<char>(digits[1] | 0x20);
+        base = letter == 'x' ? 16 : letter == 'o' ? 8 : letter == 'b' ? 2 : 10;
+        digits.remove_prefix(base == 10 ? 0 : 2);
+    }
+    std::uint64_t size = 0;
+    if (parse(digits, size, base) && (!negative || size <= std::uint64_t(1) << 63)) {
+        return negative ? Number(-Wide(size)) : Number(size);
+    }
+    double real = 0;
+    return base == 10 && !digits.starts_with('-') && parse(digits, real, base)
+               ? std::optional(Number(negative ? -real : real))
+               : std::nullopt;
+}
+
+std::string text_of(const Number &number)
+{
+    if (!number.is_whole() || number.whole() < -(Wide(1) << 63) || number.whole() >= Wide(1) << 64) {
+        char text[32];
+        return {text, std::to_chars(text, text + sizeof text, number.real()).ptr};
+    }
+    return number.whole() < 0 ? std::to_string(static_cast<std::int64_t>(number.whole()))
+                              : std::to_string(static_cast<std::uint64_t>(number.whole()));
+}
+
+} // namespace fledge::ground

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/database/operand.h"
+
+#include "ground/database/xtce/xml.h"
+
+#include <chrono>
+
+namespace fledge::ground {
+
+namespace {
+
+constexpr std::int64_t second = 1'000'000'000;
+
+bool ordered(Operator op, std::partial_ordering order)
+{
+    switch (op) {
+    case Operator::equal: return order == 0;
+    case Operator::unequal: return order != 0;
+    case Operator::less: return order < 0;
+    case Operator::at_most: return order <= 0;
+    case Operator::more: return order > 0;
+    case Operator::at_least: return order >= 0;
+    }
+    return false;
+}
+
+/// Bytes as a number: without the zeros in front.
+std::partial_ordering order_of_bytes(std::string_view a, std::string_view b)
+{
+    a.remove_prefix(std::min(a.find_first_not_of('\0'), a.size()));
+    b.remove_prefix(std::min(b.find_first_not_of('\0'), b.size()));
+    return a.size() != b.size() ? a.size() <=> b.size() : a <=> b;
+}
+
+std::string_view name_of(const Operand &operand)
+{
+    return operand.kind == Kind::text ? operand.text
+           : operand.word != no_id    ? std::string_view(operand.type->enumerators[operand.word].label)
+                                      : std::string_view();
+}
+
+/// [ns] of a date as 2026-11-30T12:00:00.5Z since 1970-01-01, each day of 86,400 s.
+std::optional<Wide> date_in(std::string_view text)
+{
+    int year = 0, month = 0, day = 0, hour = 0, minute = 0, n = 0;
+    const std::string whole = xtce::trimmed(text);
+    if (std::sscanf(whole.c_str(), "%4d-%2d-%2dT%2d:%2d:%n", &year, &month, &day, &hour, &minute, &n) != 5 || n != 17) {
+        return std::nullopt;
+    }
+    std::string_view seconds = std::string_view(whole).substr(17);
+    seconds.remove_suffix(seconds.ends_with('Z') ? 1 : 0);
+    if (seconds.size() < 2 || seconds.find_first_not_of("0123456789.") != std::string_view::npos ||
+        (seconds.size() > 2 && seconds[2] != '.') || seconds.size() > 12) {
+        return std::nullopt;
+    }
+    std::string digits(seconds.substr(0, 2));
+    digits += seconds.size() > 3 ? seconds.substr(3) : "";
+    digits.resize(11, '0');
+    const auto ns = number_in(digits);
+    const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+                                           std::chrono::day(static_cast<unsigned>(day))};
+    if (!ns || !ns->is_whole() || !date.ok() || hour > 23 || minute > 59 || ns->whole() >= 61 * Wide(second)) {
+        return std::nullopt;
+    }
+    const std::int64_t days = std::chrono::sys_days(date).time_since_epoch().count();
+    return ((Wide(days) * 24 + hour) * 60 + minute) * 60 * second + ns->whole();
+}
+
+} // namespace
+
+std::optional<std::string> bytes_in(const std::string &text)
+{
+    std::string digits = xtce::trimmed(text);
+    digits.erase(0, digits.starts_with("0x") || digits.starts_with("0X") ? 2 : 0);
+    try {
+        const auto bytes = xtce::hexadecimal({}, digits);
+        return std::string(bytes.begin(), bytes.end());
+    } catch (const Refusal &) {
+        return std::nullopt;
+    }
+}
+
+std::optional<Number> number_of(const Operand &operand)
+{
+    if (operand.kind != Kind::label) {
+        return number_of(operand.kind, operand.word);
+    }
+    const auto raw = number_of(operand.raw_kind, operand.raw);
+    return raw || operand.word == no_id ? raw : Number(operand.type->enumerators[operand.word].low);
+}
+
+std::string shown(const Operand &operand)
+{
+    if (operand.kind == Kind::text || (operand.kind == Kind::label && operand.word != no_id)) {
+        return std::string(name_of(operand));
+    }
+    if (operand.kind == Kind::boolean) {
+        return operand.word ? operand.type->one_label : operand.type->zero_label;
+    }
+    if (operand.kind == Kind::time) {
+        return std::to_string(static_cast<std::int64_t>(operand.word));
+    }
+    const auto number = number_of(operand);
+    return number ? text_of(*number) : "bytes";
+}
+
+std::optional<bool> truth(const Type &type, std::string_view text)
+{
+    const bool is_one = text == type.one_label, is_zero = text == type.zero_label;
+    if (is_one || is_zero) {
+        return is_one;
+    }
+    const bool is_true = text == "true" || text == "True" || text == "1";
+    return is_true || text == "false" || text == "False" || text == "0" ? std::optional(is_true) : std::nullopt;
+}
+
+std::optional<std::int64_t> time_in(const Type &type, std::string_view text)
+{
+    const std::string whole = xtce::trimmed(text);
+    std::optional<Wide> ns;
+    if (type.sort == Type::Sort::relative_time) {
+        const bool negative = whole.starts_with("-P");
+        try {
+            ns = nearest(xtce::seconds({}, std::string_view(whole).substr(negative ? 1 : 0)) * second);
+            ns = negative ? -*ns : *ns;
+        } catch (const Refusal &) {
+            return std::nullopt;
+        }
+    } else {
+        const bool unix = type.epoch.empty() || type.epoch == "UNIX" || type.epoch == "POSIX";
+        const auto epoch = unix ? std::optional<Wide>(0) : date_in(type.epoch), date = date_in(whole);
+        ns = epoch && date ? std::optional(*date - *epoch) : std::nullopt;
+    }
+    return ns && *ns == static_cast<std::int64_t>(*ns) ? std::optional(static_cast<std::int64_t>(*ns)) : std::nullopt;
+}
+
+Operand operand_of(const Type &type, const Number &number)
+{
+    const auto whole = word_of(Kind::integer, number);
+    switch (type.sort) {
+    case Type::Sort::enumerated: {
+        const auto found =
+            std::find_if(type.enumerators.begin(), type.enumerators.end(), [&](const Enumerator &enumerator) {
+                return number >= enumerator.low && number <= enumerator.high;
+            });
+        const auto place = static_cast<std::uint64_t>(found - type.enumerators.begin());
+        return {Kind::label, found != type.enumerators.end() ? place : no_id, &type, Kind::integer, whole.value_or(0)};
+    }
+    case Type::Sort::boolean: return {Kind::boolean, number != 0, &type};
+    case Type::Sort::absolute_time:
+    case Type::Sort::relative_time: return {Kind::time, whole.value_or(0), &type};
+    default:
+        return number.is_whole() && whole ? Operand{Kind::integer, *whole, &type}
+               : number.is_whole() && word_of(Kind::natural, number)
+                   ? Operand{Kind::natural, *word_of(Kind::natural, number), &type}
+                   : Operand{Kind::real, std::bit_cast<std::uint64_t>(number.real()), &type};
+    }
+}
+
+Operand constant(const Type &type, std::string_view text)
+{
+    auto number = number_in(text);
+    switch (type.sort) {
+    case Type::Sort::integer:
+    case Type::Sort::real: break;
+    case Type::Sort::enumerated:
+        for (const Enumerator &enumerator : type.enumerators) {
+            number = enumerator.label == text ? Number(enumerator.low) : number;
+        }
+        break;
+    case Type::Sort::boolean:
+        if (const auto is_true = truth(type, text)) {
+            number = *is_true;
+        }
+        break;
+    case Type::Sort::absolute_time:
+    case Type::Sort::relative_time:
+        number = number ? std::optional(*number * second) : number;
+        if (const auto ns = time_in(type, text)) {
+            number = *ns;
+        }
+        break;
+    default: number.reset();
+    }
+    return number ? operand_of(type, *number) : Operand{.kind = Kind::text, .word = 0, .type = &type, .text = text};
+}
+
+bool compare(Operator op, const Operand &left, const Literal &literal)
+{
+    const Type &type = *left.type;
+    const auto &number = literal.number;
+    switch (left.kind) {
+    case Kind::none: return false;
+    case Kind::natural:
+    case Kind::integer: return number && ordered(op, *number_of(left) <=> *number);
+    case Kind::real: // the constant, too, is a number of this encoding
+        if (const Encoding &own = type.encoding; number && own.kind == Encoding::Kind::real &&
+                                                 own.calibrator.kind == Calibrator::Kind::none &&
+                                                 own.contexts.empty()) {
+            std::uint64_t word = 0;
+            if (const auto bits = bits_of(own, *number); bits && number_of(own, *bits, word)) {
+                return ordered(op, *number_of(left) <=> Number(std::bit_cast<double>(word)));
+            }
+        }
+        return number && ordered(op, *number_of(left) <=> *number);
+    case Kind::label: {
+        const bool known = std::any_of(type.enumerators.begin(), type.enumerators.end(),
+                                       [&](const Enumerator &enumerator) { return enumerator.label == literal.text; });
+        const auto raw = number_of(left);
+        return known || !number ? ordered(op, name_of(left) <=> std::string_view(literal.text))
+                                : raw && ordered(op, *raw <=> *number);
+    }
+    case Kind::boolean: {
+        const auto is_true = truth(type, literal.text);
+        const auto right = is_true ? std::optional<Number>(*is_true) : number;
+        return right && ordered(op, Number(left.word) <=> *right);
+    }
+    case Kind::text: return ordered(op, left.text <=> std::string_view(literal.text));
+    case Kind::binary: {
+        const auto bytes = bytes_in(literal.text);
+        return bytes && ordered(op, order_of_bytes(left.text, *bytes));
+    }
+    case Kind::time: {
+        const auto ns = time_in(type, literal.text);
+        const auto right = ns ? std::optional<Number>(*ns) : number ? std::optional(*number * second) : number;
+        return right && ordered(op, Number(static_cast<std::int64_t>(left.word)) <=> *right);
+    }
+    }
+    return false;
+}
+
+bool compare(Operator op, const Operand &left, const Operand &right)
+{
+    const auto is = [&](Kind kind) { return (left.kind == kind) + (right.kind == kind); };
+    if (is(Kind::text) + is(Kind::label) == 2) {
+        return ordered(op, name_of(left) <=> name_of(right));
+    }
+    if (is(Kind::binary) == 2) {
+        return ordered(op, order_of_bytes(left.text, right.text));
+    }
+    if (right.kind == Kind::text) {
+        return compare(op, left, Literal(std::string(right.text)));
+    }
+    if (left.kind == Kind::text) {
+        constexpr Operator turned[] = {Operator::equal,    Operator::unequal, Operator::more,
+                                       Operator::at_least, Operator::less,    Operator::at_most};
+        return compare(turned[static_cast<int>(op)], right, Literal(std::string(left.text)));
+    }
+    if (is(Kind::time) == 2) {
+        return ordered(op, static_cast<std::int64_t>(left.word) <=> static_cast<std::int64_t>(right.word));
+    }
+    const auto a = number_of(left), b = number_of(right);
+    return a && b && ordered(op, *a <=> *b);
+}
+
+} // namespace fledge::ground
