@@ -36,7 +36,7 @@ const TimeSystem &time_system()
 /// An instant of these years, and flight's time of it.
 struct Instant {
     Epoch epoch;
-    EphemerisTime utc;
+    UtcTime utc;
 
     Instant(Random &random, double first, double last)
     {
@@ -46,7 +46,7 @@ struct Instant {
     }
 };
 
-template <class Module> Module updated(UpdateOf<Module> update, const EphemerisTime &time)
+template <class Module> Module updated(UpdateOf<Module> update, const UtcTime &time)
 {
     Module m{};
     m.in.time = time;

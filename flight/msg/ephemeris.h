@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Ephemerides on board, and their time. */
+/* Ephemerides on board, and the times that they and theories count. */
 #ifndef FLIGHT_MSG_EPHEMERIS_H
 #define FLIGHT_MSG_EPHEMERIS_H
 
@@ -9,12 +9,18 @@
 #define EPHEMERIS_TERMS 16
 #define EPHEMERIS_SEGMENTS 8
 
-/** The time that ephemerides count, such as TDB since an epoch. What flight knows of the Earth, the Sun and the Moon by
- *  theories counts UTC since 2000-01-01T12:00:00, 86,400 s a day. */
+/** TDB since the epoch of the ephemerides, which count it. UTC is more than a minute behind it. */
 typedef struct EphemerisTime {
     Head head;
     int64_t time; ///< [ns] now
 } EphemerisTime;
+
+/** UTC since 2000-01-01T12:00:00, 86,400 s a day. What flight knows of the Earth, the Sun and the Moon by theories
+ *  counts it. */
+typedef struct UtcTime {
+    Head head;
+    int64_t time; ///< [ns] now
+} UtcTime;
 
 /** The position of a body over a span of time: the sum of c_k T_k(x), with x from -1 at its start to 1 at its end. */
 typedef struct EphemerisBlock {

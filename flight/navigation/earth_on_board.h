@@ -14,7 +14,7 @@
  *  Source: Vallado, section 3.7. */
 typedef struct EarthOnBoard {
     struct {
-        EphemerisTime time; ///< UTC since 2000-01-01T12:00:00
+        UtcTime time;
     } in;
     struct {
         PlanetAttitude earth;

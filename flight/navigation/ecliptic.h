@@ -28,7 +28,7 @@ static inline double ecliptic_centuries(double days, int k)
 }
 
 /** The body at places[1], with the central differences of the three as velocity and acceleration. */
-static inline void ecliptic_put(BodyState *body, EphemerisTime time, Tick t, const Vec3 *places)
+static inline void ecliptic_put(BodyState *body, UtcTime time, Tick t, const Vec3 *places)
 {
     const double h = ECLIPTIC_STEP;
     const Vec3 ahead = vec_sub(places[2], places[1]), behind = vec_sub(places[1], places[0]);

@@ -24,8 +24,8 @@ typedef enum FieldModel {
  *  Sources: IAGA, IGRF-14; World Magnetic Model 2025; Montenbruck and Gill, section 3.2, for sums without angles. */
 typedef struct FieldOnBoard {
     struct {
-        NavOrbit orbit;       ///< relative to the Earth's centre
-        EphemerisTime time;   ///< UTC since 2000-01-01T12:00:00
+        NavOrbit orbit; ///< relative to the Earth's centre
+        UtcTime time;
         PlanetAttitude earth; ///< how the Earth is turned
     } in;
     struct {

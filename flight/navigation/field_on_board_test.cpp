@@ -13,7 +13,7 @@ namespace field_on_board_test {
 
 constexpr double a = 6371.2e3, deg = pi / 180;
 
-EphemerisTime at_year(double year)
+UtcTime at_year(double year)
 {
     return {good(), std::llround((9131.5 + (year - 2025) * 365.25) * 86400e9)};
 }

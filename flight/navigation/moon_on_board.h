@@ -15,7 +15,7 @@
  *  Source: Meeus, chapter 47. */
 typedef struct MoonOnBoard {
     struct {
-        EphemerisTime time; ///< UTC since 2000-01-01T12:00:00
+        UtcTime time;
     } in;
     struct {
         BodyState moon; ///< relative to the Earth's centre

@@ -15,7 +15,7 @@
  *  Source: Hoots and Roehrich, Spacetrack Report 3; Vallado and others, AIAA 2006-6753. */
 typedef struct OrbitOnBoard {
     struct {
-        EphemerisTime time; ///< UTC since 2000-01-01T12:00:00
+        UtcTime time;
     } in;
     struct {
         NavOrbit orbit;

@@ -15,7 +15,7 @@
  *  Sources: Meeus, chapter 25; VSOP87 (Bretagnon and Francou 1988) for the perturbations. */
 typedef struct SunOnBoard {
     struct {
-        EphemerisTime time; ///< UTC since 2000-01-01T12:00:00
+        UtcTime time;
     } in;
     struct {
         BodyState sun; ///< relative to the Earth's centre

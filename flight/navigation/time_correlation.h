@@ -5,8 +5,8 @@
 #include "flight/msg/avionics.h"
 #include "flight/msg/ephemeris.h"
 
-/** The ephemerides' time by the clock on board: time = time_0 + (1 + drift) (clock - clock_0), as the ground determined
- *  it last. The ground sends the three parameters together. */
+/** The ephemerides' time, TDB, by the clock on board: time = time_0 + (1 + drift) (clock - clock_0), as the ground
+ *  determined it last. The ground sends the three parameters together. UtcCorrelation gives UTC. */
 typedef struct TimeCorrelation {
     struct {
         VehicleTimeState vehicle; ///< optional: the vehicle's clock; without it, flight's time is the clock

@@ -41,7 +41,7 @@ IMAGES  = POINTS + loads("camera")
 def knowledge(f):
     """Where the CubeSat is: by GPS, filtered; without it for long, by the elements that the ground sends. How the Earth
     is turned, where Sun and Moon are, the shadow and the field there, and the next pass over the station."""
-    f.clock    = fsw.TimeCorrelation(time_0=EPOCH)
+    f.clock    = fsw.UtcCorrelation(time_0=EPOCH)
     f.earth    = fsw.EarthOnBoard()
     f.sun_at   = fsw.SunOnBoard()
     f.moon_at  = fsw.MoonOnBoard()

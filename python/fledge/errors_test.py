@@ -210,6 +210,14 @@ def test_wires(sim):
     f, w = sim.flight, sim.world
     says("flight.control.torque >> flight.control.error: the output is BodyTorque, the input takes AttError; "
          "flight.control takes BodyTorque at external", lambda: f.control.torque >> f.control.error)
+    f.tdb, f.utc, f.sun_at, f.moon = \
+        fsw.TimeCorrelation(), fsw.UtcCorrelation(), fsw.SunOnBoard(), fsw.ChebyshevEphemeris()
+    utc = "UtcTime (UTC since 2000-01-01T12:00:00, 86,400 s a day)"
+    tdb = "EphemerisTime (TDB since the epoch of the ephemerides, which count it)"
+    says(f"flight.tdb.time >> flight.sun_at.time: the output is {tdb}, the input takes {utc}",
+         lambda: f.tdb.time >> f.sun_at.time)
+    says(f"flight.utc.time >> flight.moon.time: the output is {utc}, the input takes {tdb}",
+         lambda: f.utc.time >> f.moon.time)
     says("flight.control.error >> flight.control.error: flight.control.error is no output; flight.control has the "
          "outputs torque", lambda: f.control.error >> f.control.error)
     says("flight.control.error >> flight.tracking.error: a wire leads from an output to an input: write "

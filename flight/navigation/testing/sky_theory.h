@@ -18,7 +18,7 @@ struct SkyRow {
     Vector3d v;  ///< [m/s]
 };
 
-inline EphemerisTime utc(double days)
+inline UtcTime utc(double days)
 {
     return {good(), std::llround(days * 86400e9)};
 }

@@ -152,10 +152,17 @@ def wire(source: _core.Message | Choice, target: Any) -> Wire:
         assert root is not None
         fitting = [f.name for f in _core.struct(root).fields
                    if f.group == "in" and f.struct.name == theirs.name]
-        raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
+        alike = _fields(theirs) == _fields(ours)        # then it is their meanings that differ
+        given, taken = (f"{struct.name} ({struct.doc.partition('. ')[0].removesuffix('.')})" if alike else struct.name
+                        for struct in (theirs, ours))
+        raise SetupError(f"{start}: the output is {given}, the input takes {taken}"
                          + (f"; {_core.path(root)} takes {theirs.name} at {', '.join(fitting)}"
                             if fitting else ""))
     return Wire(source, [target])
+
+
+def _fields(struct: _core.Struct) -> list[tuple[Any, ...]]:
+    return [(f.name, f.type, f.shape, f.unit) for f in struct.fields]
 
 
 def _groups(*ports: _core.Message) -> list[str | None]:

@@ -213,7 +213,8 @@ InertialPointing InertialSpin KeepOut MagneticPointing MomentumDump MoonOnBoard 
 OrbitBeacon OrbitFilter OrbitOnBoard OrbitPropagator PanelCommandChoice PowerManager PropulsionManager Quest RateServo
 RodCommandChoice RodConfig RodTorques RodWindow SeenTarget SlewProfile StarSelect StarTrackerAttitude SunDirection
 SunLine SunOnBoard SunPyramids SunSafe TachometerSpeeds ThrusterConfig ThrusterFiring ThrusterTimesChoice
-ThrusterValvesChoice TimeCorrelation TrackingError Triad TwoBodyPointing VectorFilter VehicleTime VelocityPointing
+ThrusterValvesChoice TimeCorrelation TrackingError Triad TwoBodyPointing UtcCorrelation VectorFilter VehicleTime
+VelocityPointing
 WheelBalance WheelCommandChoice WheelConfig WheelDriveChoice WheelDriveCounts WheelMonitor WheelTorques
 flight/math/elementary flight/math/vec ccsds/space_packet ccsds/sync ccsds/tc_frame ccsds/tm_frame
 flight/exec/exec""".split()

@@ -111,7 +111,7 @@ def test_from_mean_elements_the_world_begins_at_flights_position():
     sky = world.Sky("2026-03-20T12:00:00.25", center=world.EARTH)
     sim = Simulation("both")
     f = sim.flight
-    f.clock, f.orbit = fsw.TimeCorrelation(time_0=(9575 * 86400 + 0.25) * s), fsw.OrbitOnBoard(**elements)
+    f.clock, f.orbit = fsw.UtcCorrelation(time_0=(9575 * 86400 + 0.25) * s), fsw.OrbitOnBoard(**elements)
     f.connect(f.clock.time >> f.orbit.time)
     f.task("all", every=1 * hour, run=[f.clock, f.orbit])
     for hours in (0, 1):
