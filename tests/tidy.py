@@ -20,8 +20,8 @@ from tests.tree import ROOT, files
 
 FOLDER = ROOT / "build/tidy"
 MOST = 30   # sources in a file: with more, a processor would have no work at the end
-# Sources for other systems, copies, tests and fuzzers, which no build for this machine compiles.
-ELSEWHERE = {"testing", "templates", "examples", "guest", "cortex_m7", "leon3", "leon3_rtems", "micropython",
+# Sources for other systems and of proofs, copies, tests and fuzzers, which no build for this machine compiles.
+ELSEWHERE = {"testing", "templates", "examples", "guest", "cortex_m7", "leon3", "leon3_rtems", "micropython", "prove",
              "riscv64"}
 Unit = tuple[list[str], list[Path]]     # (flags, sources)
 
@@ -29,7 +29,7 @@ Unit = tuple[list[str], list[Path]]     # (flags, sources)
 def sources() -> list[Path]:
     """The product's; those of generated tables and of other machines are not among them."""
     return [path for path in files() if path.suffix in {".c", ".cpp"} and not ELSEWHERE & set(path.parts)
-            and not path.stem.endswith(("_test", "_fuzz"))]
+            and not path.stem.endswith(("_test", "_fuzz", "_proof"))]
 
 
 def flags(command: str) -> list[str]:
