@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a field's bytes to Python's values.
 #include "core/element.h"
+#include "core/errors.h"
+#include "core/numbers.h"
 #include "core/script.h"
 #include "core/value.h"
 
@@ -115,6 +117,58 @@ int numpy_type(FledgeType type)
     return types[type]; // no struct comes here
 }
 
+/// An element of an array as a number of Python's: numpy's integers wrap, and its floats divide by 0.
+PyObject *plain(PyObject *value)
+{
+    if (!value || !PyArray_CheckScalar(value)) {
+        return value;
+    }
+    PyObject *number = PyFloat_Check(value) ? PyFloat_FromDouble(PyFloat_AS_DOUBLE(value))
+                                            : PyObject_CallMethod(value, "item", nullptr);
+    Py_DECREF(value);
+    return number;
+}
+
+/// a[i] = value, where an array of integers takes what a field of its type takes; numpy cuts other numbers.
+int store_at(PyObject *self, PyObject *index, PyObject *value)
+{
+    const int type = PyArray_TYPE(reinterpret_cast<PyArrayObject *>(self));
+    if (value && PyTypeNum_ISINTEGER(type) && is_plain_number(value)) {
+        const AssignNumber number = number_of(value);
+        std::uint64_t aside;
+        int of = FLEDGE_I8;
+        while (numpy_type(static_cast<FledgeType>(of)) != type) {
+            of++;
+        }
+        if (PyErr_Occurred() || !assign_number(static_cast<FledgeType>(of), &aside, number)) {
+            PyErr_Format(setup_error(), "expected a whole number that an element of %d bits holds; found %R",
+                         8 * static_cast<int>(element_size(static_cast<FledgeType>(of))), value);
+            return -1;
+        }
+    }
+    return PyArray_Type.tp_as_mapping->mp_ass_subscript(self, index, value);
+}
+
+/// The class of the arrays that functions of flight in Python see, whose elements are those of a target.
+PyTypeObject *flying_array()
+{
+    static PyObject *made = [] {
+        static const auto at = [](PyObject *self, PyObject *index) {
+            return plain(PyArray_Type.tp_as_mapping->mp_subscript(self, index));
+        };
+        static const auto item = [](PyObject *self, Py_ssize_t index) {
+            return plain(PyArray_Type.tp_as_sequence->sq_item(self, index));
+        };
+        PyType_Slot slots[] = {{Py_mp_subscript, reinterpret_cast<void *>(static_cast<binaryfunc>(at))},
+                               {Py_mp_ass_subscript, reinterpret_cast<void *>(store_at)},
+                               {Py_sq_item, reinterpret_cast<void *>(static_cast<ssizeargfunc>(item))},
+                               {}};
+        PyType_Spec spec{"fledge.flight.array", 0, 0, Py_TPFLAGS_DEFAULT, slots};
+        return PyType_FromSpecWithBases(&spec, reinterpret_cast<PyObject *>(&PyArray_Type));
+    }();
+    return reinterpret_cast<PyTypeObject *>(made);
+}
+
 /// A numpy view of the rows that count. numpy is imported by the first of them.
 PyObject *get_array(PyObject *self, void *closure)
 {
@@ -127,9 +181,13 @@ PyObject *get_array(PyObject *self, void *closure)
     std::copy_n(field.shape, field.ndim, shape);
     shape[0] = rows_of(*as_object(self), member);
     const int flags = writable(self, member) == Writable::yes ? NPY_ARRAY_CARRAY : NPY_ARRAY_CARRAY_RO;
+    PyTypeObject *type = flies() ? flying_array() : &PyArray_Type;
+    if (!type) {
+        return nullptr;
+    }
     PyObject *array =
-        PyArray_NewFromDescr(&PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim),
-                             shape, nullptr, as_object(self)->memory + field.offset, flags, nullptr);
+        PyArray_NewFromDescr(type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim), shape,
+                             nullptr, as_object(self)->memory + field.offset, flags, nullptr);
     if (array && PyArray_SetBaseObject(reinterpret_cast<PyArrayObject *>(array), Py_NewRef(self)) < 0) {
         Py_CLEAR(array);
     }

@@ -23,6 +23,7 @@ namespace fledge::core {
 namespace {
 
 thread_local const sim::Instance *now_running;
+thread_local bool now_flies;
 
 using Shared = std::shared_ptr<PyObject>;
 
@@ -104,11 +105,13 @@ private:
     {
         Root &root = *as_root(m.ptr());
         const sim::Instance *const outer = std::exchange(now_running, root.instance.get());
+        const bool outer_flies = set_flies(!cls());
         root.runs = true;
         root.tick = tick;
         PyObject *done = PyObject_Vectorcall(function_.get(), arguments.begin(), arguments.size(), nullptr);
         root.runs = false;
         root.tick = nullptr;
+        set_flies(outer_flies);
         now_running = outer;
         if (done) {
             return py::reinterpret_steal<py::object>(done);
@@ -161,6 +164,16 @@ Head *output_of(PyObject *self, PyObject *port, const char *what)
 const sim::Instance *running()
 {
     return now_running;
+}
+
+bool flies()
+{
+    return now_flies;
+}
+
+bool set_flies(bool on)
+{
+    return std::exchange(now_flies, on);
 }
 
 PyObject *take_script(Root &root, PyObject *keywords)

@@ -26,6 +26,12 @@ PyObject *script_of(const Root &root);
 /// The module whose function of the user's runs in this thread, or null.
 const sim::Instance *running();
 
+/// Whether this thread runs Python that flies on a target, too: a function of a module, or a procedure.
+bool flies();
+
+/// Say so. Returns what it was.
+bool set_flies(bool on);
+
 /// m.publish(m.reference, quality="GOOD") and m.held(m.reference)
 PyObject *publish(PyObject *self, PyObject *arguments, PyObject *keywords);
 PyObject *held(PyObject *self, PyObject *port);

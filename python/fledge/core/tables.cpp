@@ -364,6 +364,10 @@ void bind_objects(py::module_ &m)
         },
         "object"_a, "update"_a, "reset"_a, "Give a flight module other functions in Python; reset may be None.");
     m.def(
+        "set_flies", set_flies, "on"_a,
+        "Say whether this thread runs Python that flies on a target, too, whose arrays have Python's numbers. Returns "
+        "what it was.");
+    m.def(
         "context",
         [](const AnyInstance &object) -> ReferenceOrNone {
             instance_of(object);

@@ -9,14 +9,15 @@ import dis
 import inspect
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
-OWN = "_mission_"       # begins the names of the modules of missions
+from fledge.folders import project
+from fledge.mission import target_math
+from fledge.mission.flying import BUILTINS, OWN
 
-# Of the module math: functions that flight computes by its own, and others that a target has (its math.c).
-OTHER = {"acos", "asin", "atan", "atan2", "cos", "exp", "log", "sin", "tan"}
-SAME = {"ceil", "copysign", "degrees", "fabs", "floor", "fmod", "isfinite", "isinf", "isnan", "radians", "sqrt",
-        "trunc"}
+ELSEWHERE = ("is Python's own here and flight's there: flight.py did not import this file, or another file imported it "
+             "before")
 
 
 def has_checks(function: Callable) -> bool:
@@ -28,10 +29,10 @@ def has_checks(function: Callable) -> bool:
 
 def other_bits(function: Callable) -> Iterator[tuple[str, int, str]]:
     """(file, line, why) of what computes other bits under MicroPython, in an update or reset in Python and in the
-    functions of its mission that it names."""
+    functions of its mission and project that it names."""
     trees: dict[str, list[Any]] = {}
     found: set[tuple[str, int, str]] = set()
-    for code, around in _reached(function):
+    for code, around in _reached(function, project()):
         if code.co_filename not in trees:
             try:
                 with open(code.co_filename, encoding="utf-8") as file:
@@ -47,35 +48,36 @@ def other_bits(function: Callable) -> Iterator[tuple[str, int, str]]:
 
 def _unequal(node: ast.AST, around: dict[str, Any]) -> str:
     """Why an expression has other bits there; "" if it has the same."""
+    flies = around.get("__builtins__") is BUILTINS
     if isinstance(node, (ast.BinOp, ast.AugAssign)) and isinstance(node.op, ast.Pow):
-        sides = (node.left, node.right) if isinstance(node, ast.BinOp) else ()
-        whole = sides and all(isinstance(side, ast.Constant) and isinstance(side.value, int) for side in sides)
-        return "" if whole else "** rounds differently there; write products and math.sqrt()"
-    value = getattr(builtins, node.id, None) if isinstance(node, ast.Name) else None
+        return "" if flies else f"** {ELSEWHERE}"
     if isinstance(node, ast.Name):
-        value = around.get(node.id, value)
-    elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and around.get(node.value.id) is math:
-        value = getattr(math, node.attr, None)
-    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) + len(node.keywords) > 1 \
-            and around.get(node.func.id, getattr(builtins, node.func.id, None)) is round:
-        return "round(x, digits) rounds differently there; write round(100 * x) / 100"
-    if value is pow or value is math.pow:
-        return "pow() rounds differently there; write products and math.sqrt()"
-    if not inspect.isbuiltin(value) or value.__module__ != "math" or value.__name__ in SAME:
+        value = around.get(node.id, getattr(builtins, node.id, None))
+    elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and \
+            any(around.get(node.value.id) is module for module in (math, target_math)):
+        value = getattr(around[node.value.id], node.attr, None)
+    else:
         return ""
-    if value.__name__ in OTHER:
-        return f"math.{value.__name__} is the C library's here and flight's own there"
-    return f"there is no math.{value.__name__}"
+    if not flies and (value is pow or value is sum):
+        return f"{value.__name__}() {ELSEWHERE}"
+    if not inspect.isbuiltin(value) or value.__module__ != "math" or value.__name__ in target_math.SAME:
+        return ""
+    return f"math.{value.__name__} {ELSEWHERE}" if hasattr(vars(target_math)[value.__name__], "__code__") \
+        else f"there is no math.{value.__name__}"
 
 
-def _reached(function: Callable) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """The code of a function, and of the functions of its mission that it names, each with the names around it."""
+def _reached(function: Callable, folder: Path | None = None) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """The code of a function, and of the functions of its mission, and of files in the folder, that it names, each with
+    the names around it."""
     seen: set[Any] = set()
     waiting: list[tuple[Any, dict[str, Any]]] = []      # code, and the names around it
 
+    def is_own(module: str, file: str | None) -> bool:
+        return module.startswith(OWN) or bool(folder and file and Path(file).is_relative_to(folder))
+
     def take(named: Any, own: bool = False) -> None:
         named = inspect.unwrap(named) if callable(named) else named
-        if inspect.isfunction(named) and (own or named.__module__.startswith(OWN)):
+        if inspect.isfunction(named) and (own or is_own(named.__module__, named.__code__.co_filename)):
             waiting.append((named.__code__, {**named.__globals__, **inspect.getclosurevars(named).nonlocals}))
 
     take(function, own=True)
@@ -89,5 +91,5 @@ def _reached(function: Callable) -> Iterator[tuple[Any, dict[str, Any]]]:
         for name in (*code.co_names, *code.co_freevars):
             take(around.get(name))
             for module in (around.get(module_name) for module_name in code.co_names):
-                if inspect.ismodule(module) and module.__name__.startswith(OWN):
+                if inspect.ismodule(module) and is_own(module.__name__, getattr(module, "__file__", None)):
                     take(getattr(module, name, None))

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which scenarios can fail by a check."""
+"""Which scenarios can fail by a check; which Python of flight has other bits on a target."""
+import importlib
+import sys
 import textwrap
 
 import pytest
@@ -116,16 +118,49 @@ def build(f):
 """
 
 
-def test_what_has_other_bits_under_micropython_is_refused_by_line(tmp_path, capsys):
+def refused(folder, capsys):
+    """(file, line, reason) of what `fledge check` says of bits."""
+    assert cli.main(["check", str(folder)]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if " not the same bits under MicroPython: " in line]
+    places = [line.partition(": not the same bits under MicroPython: ") for line in lines]
+    return [(place.rpartition("/")[2].partition(",")[0], int(place.split()[-1]), why) for place, _, why in places]
+
+
+def test_what_no_target_has_is_refused_by_line(tmp_path, capsys):
     folder = tmp_path / "bits"
     folder.mkdir()
     (folder / "flight.py").write_text(SCRIPT)
-    assert cli.main(["check", str(folder)]) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if "flight.py, line" in line]
-    assert [(int(line.partition(", line ")[2].partition(":")[0]), line.rpartition(": ")[2].split()[0])
-            for line in lines] == [
-        (7, "round(x,"), (11, "**"), (15, "math.sin"), (16, "math.exp"), (17, "**"), (18, "pow()"),
-        (18, "there"), (28, "math.log")]
-    assert "the same bits under MicroPython: there is no math.hypot" in lines[6]
-    (folder / "flight.py").write_text(SCRIPT.replace("update=update, reset=begin, ", "").replace("inner(t)", "None"))
+    assert refused(folder, capsys) == [("flight.py", 18, "there is no math.hypot")]
+    (folder / "flight.py").write_text(SCRIPT.replace("math.hypot(t, pow(t, 2.0))", "pow(t, 2.0)"))
     assert cli.main(["check", str(folder)]) == 0
+
+
+SHARED = """\
+import math
+from math import exp as grow
+
+
+def shared(x):
+    if x > 1:
+        return sum([x, grow(x)])
+    return x ** 2 + math.sin(x) + math.floor(x) + pow(x, 2)
+"""
+
+
+def test_a_file_of_the_project_that_another_imported_before_is_refused_by_line(tmp_path, capsys, monkeypatch):
+    folder = tmp_path / "bits"
+    folder.mkdir()
+    (tmp_path / "shared_bits.py").write_text(SHARED)
+    (folder / "flight.py").write_text("import shared_bits\n" + SCRIPT.replace(
+        "math.hypot(t, pow(t, 2.0))", "shared_bits.shared(t)"))
+    monkeypatch.setenv("FLEDGE_PROJECT", str(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert cli.main(["check", str(folder)]) == 0
+    del sys.modules["shared_bits"]
+    importlib.import_module("shared_bits")
+    found = refused(folder, capsys)
+    del sys.modules["shared_bits"]
+    assert [(file, line, why.split()[0]) for file, line, why in found] == [
+        ("shared_bits.py", 7, "math.exp"), ("shared_bits.py", 7, "sum()"), ("shared_bits.py", 8, "**"),
+        ("shared_bits.py", 8, "math.sin"), ("shared_bits.py", 8, "pow()")]
+    assert "flight's there: flight.py did not import this file, or another file imported it before" in found[0][2]

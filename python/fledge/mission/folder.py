@@ -27,6 +27,7 @@ from pathlib import Path
 from fledge import folders
 from fledge.errors import CompositionError, SetupError, did_you_mean, nearest
 from fledge.disk import shown
+from fledge.mission import flying
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_kept, check_read
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 # The arguments of build(), or preset(), by file.
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view", "preset": "sim", "requirements": "r"}
+FLYING = {"flight", "mission"}      # what a target executes, with what they import
 _package = itertools.count(1)
 
 
@@ -224,7 +226,7 @@ class MissionFiles:
 
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
-        self.package = f"_mission_{mission.name}_{next(_package)}"
+        self.package = f"{flying.OWN}{mission.name}_{next(_package)}"
 
     def __enter__(self) -> MissionFiles:
         package = types.ModuleType(self.package)
@@ -249,7 +251,11 @@ class MissionFiles:
         sys.modules[module.__name__] = module
 
         def run() -> None:
-            exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))
+            text = path.read_text(encoding="utf-8")
+            if name in FLYING:
+                flying.execute(text, str(path), vars(module))
+            else:
+                exec(compile(text, str(path), "exec"), vars(module))
 
         self.call(run, path=path)
         for function in functions:

@@ -8,8 +8,11 @@ import ast
 import math
 from typing import TYPE_CHECKING, Any
 
+from fledge import _core
 from fledge.commands import Kind, Reason, Text
 from fledge.errors import SetupError
+from fledge.mission import flying
+from fledge.mission.powers import rewritten
 from fledge.objects.si import Time, time_ns
 from fledge.objects.weak import weakly
 
@@ -47,8 +50,7 @@ class Procedures:
         if known is None:
             return Reason.BYTECODE
         self.sequence, self.wake, self.main, self.turns = sequence, -1, None, turns
-        tree = ast.fix_missing_locations(_Counted().visit(ast.parse(known[0], known[1])))
-        self.code = compile(tree, known[1], "exec")
+        self.code = compile(rewritten(_Counted().visit(ast.parse(known[0], known[1]))), known[1], "exec")
         return Reason.OK
 
     def turn(self, t: int) -> int:
@@ -57,6 +59,7 @@ class Procedures:
             return GOES_ON
         self.t, self.waits = t, None
         self.left = self.turns
+        before = _core.set_flies(True)
         try:
             goes_on = self._run()
             if self.left < 0:           # it has caught that
@@ -67,6 +70,8 @@ class Procedures:
         except Exception as error:      # any of the procedure's
             self._say(Kind.PROCEDURE_KILLED, f"{type(error).__name__}: {error}", _line(error, self.code))
             return FAILED
+        finally:
+            _core.set_flies(before)
         if not goes_on:
             self._say(Kind.PROCEDURE_ENDED)
         return GOES_ON if goes_on else ENDED
@@ -82,7 +87,7 @@ class Procedures:
         if self.main is None:
             self._say(Kind.PROCEDURE_STARTED)
             names = {"wait": self._wait, "norm": _norm, "max_abs": _max_abs, "print": self._print,
-                     "__turn__": self._turn, "__name__": "procedure"}
+                     "__turn__": self._turn, "__name__": "procedure", "__builtins__": flying.BUILTINS}
             exec(self.code, names)
             if "main" not in names:
                 raise SetupError("a procedure defines main(f)")
