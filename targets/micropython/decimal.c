@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/decimal.h"
 
-#include <stdint.h>
 #include <string.h>
 
 /* A double has at most 767 digits; more of a text can only decide a tie. */
@@ -245,6 +244,22 @@ static Decimal exactly(uint64_t bits)
     trim(&d);
     scale(&d, (biased != 0 ? biased : 1) - BIAS - FRACTION);
     return d;
+}
+
+double decimal_round(double value, int64_t digits)
+{
+    enum { MOST = 1100 }; /* a double ends 1074 digits behind the point */
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    const uint64_t sign = bits & UINT64_C(1) << 63, size = bits ^ sign;
+    if (size >> FRACTION == 0x7FF || digits > MOST) {
+        return value;
+    }
+    Decimal d = exactly(size);
+    round_to(&d, digits < -MOST ? -1 : d.point + (int)digits);
+    const double rounded = nearest(&d);
+    memcpy(&bits, &rounded, sizeof bits);
+    return join(bits | sign);
 }
 
 /* Cut to as few digits as read back as the same number. Unless it is subnormal, 15 digits stay what they are when they

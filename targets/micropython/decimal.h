@@ -6,6 +6,7 @@
 #define TARGETS_MICROPYTHON_DECIMAL_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -17,6 +18,9 @@ enum { DECIMAL_SHORTEST = 127 };
 /** The double of n characters: digits, a point, more digits, an exponent: "1_234.5e-6". They may end after each of
  *  these. */
 double decimal_read(const char *text, size_t n);
+
+/** The double nearest to a double rounded to digits behind the point, or before it if digits < 0; a tie to even. */
+double decimal_round(double value, int64_t digits);
 
 /** Write a double with its ending 0 and return its length. format: e, f, g, E, F or G, as of printf; precision: of
  *  printf, < 0: 6; sign: what a number without a minus begins with, 0: nothing. What does not fit in format f takes

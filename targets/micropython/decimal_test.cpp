@@ -57,6 +57,57 @@ double some(std::mt19937_64 &random, unsigned i)
     }
 }
 
+// The C library rounds behind the point as it writes; before it, whole numbers are rounded as integers.
+TEST(Decimal, RoundsAsTheCLibrary)
+{
+    std::mt19937_64 random(7);
+    for (unsigned i = 0; i < cases(); i++) {
+        const double value = some(random, i);
+        if (!std::isfinite(value)) {
+            continue;
+        }
+        const int digits = static_cast<int>(random() % (i % 2 ? 340 : 8));
+        const double wanted = std::strtod(expected(value, 'f', digits).c_str(), nullptr);
+        EXPECT_EQ(std::bit_cast<uint64_t>(decimal_round(value, digits)), std::bit_cast<uint64_t>(wanted))
+            << value << " to " << digits;
+        const int64_t number = static_cast<int64_t>(random() % 2'000'001) * 5 - 5'000'000;
+        const int64_t unit = i % 3 == 0 ? 10 : i % 3 == 1 ? 100 : 1000;
+        const int64_t below = (number - (number % unit + unit) % unit) / unit, rest = number - below * unit;
+        const int64_t whole = below + (2 * rest > unit || (2 * rest == unit && below % 2 != 0));
+        EXPECT_EQ(decimal_round(static_cast<double>(number), i % 3 == 0   ? -1
+                                                             : i % 3 == 1 ? -2
+                                                                          : -3),
+                  static_cast<double>(whole * unit))
+            << number;
+    }
+}
+
+TEST(Decimal, RoundsAtTheEnds)
+{
+    const auto same = [](double got, double wanted) {
+        EXPECT_EQ(std::bit_cast<uint64_t>(got), std::bit_cast<uint64_t>(wanted)) << got << " " << wanted;
+    };
+    same(decimal_round(2.675, 2), 2.67); // 2.67499999999999982236431605997495353221893310546875
+    same(decimal_round(0.125, 2), 0.12);
+    same(decimal_round(0.375, 2), 0.38);
+    same(decimal_round(-0.004, 2), -0.0);
+    same(decimal_round(-0.0, 1), -0.0);
+    same(decimal_round(5.0, -1), 0.0);
+    same(decimal_round(15.0, -1), 20.0);
+    same(decimal_round(5.000001, -1), 10.0);
+    same(decimal_round(9.99, 1), 10.0);
+    same(decimal_round(1.7976931348623157e308, -308), INFINITY);
+    same(decimal_round(-1.7976931348623157e308, -309), -0.0);
+    same(decimal_round(5e-324, 400), 5e-324);
+    same(decimal_round(5e-324, 323), 0.0);
+    for (const double x : {1.25, 5e-324, 1.7976931348623157e308}) {
+        same(decimal_round(-x, INT64_MAX), -x);
+        same(decimal_round(-x, INT64_MIN), -0.0);
+    }
+    same(decimal_round(-INFINITY, 2), -INFINITY);
+    EXPECT_TRUE(std::isnan(decimal_round(NAN, 2)));
+}
+
 TEST(Decimal, RandomDoublesAreReadAndWrittenAsTheCLibraryDoes)
 {
     std::mt19937_64 random(7);

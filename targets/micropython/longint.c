@@ -194,6 +194,29 @@ static long long divided(long long a, long long b, long long *rest)
     return turn ? q - 1 : q;
 }
 
+static uint64_t size_of(long long value)
+{
+    return value < 0 ? 0u - (uint64_t)value : (uint64_t)value;
+}
+
+/* a / b, rounded once; b is not 0. */
+static double quotient(long long a, long long b)
+{
+    const uint64_t n = size_of(a), d = size_of(b), exact = (uint64_t)1 << 53;
+    if (n <= exact && d <= exact) {
+        return (double)a / (double)b;
+    }
+    uint64_t digits = n / d, rest = n % d;
+    double scale = 1.0;
+    for (; n != 0u && digits >> 55 == 0u; scale *= 0.5) {
+        rest <<= 1;
+        digits = digits << 1 | (uint64_t)(rest >= d);
+        rest -= rest >= d ? d : 0u;
+    }
+    const double result = (double)(digits | (uint64_t)(rest != 0u)) * scale;
+    return (a < 0) != (b < 0) ? -result : result;
+}
+
 mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
 {
     if (mp_obj_is_float(right)) {
@@ -220,6 +243,11 @@ mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
             divided(a, b, &result);
         }
         break;
+    case MP_BINARY_OP_DIVMOD: {
+        result = divided(a, b, &rest);
+        const mp_obj_t both[] = {mp_obj_new_int_from_ll(result), mp_obj_new_int_from_ll(rest)};
+        return mp_obj_new_tuple(2, both);
+    }
     case MP_BINARY_OP_AND:
     case MP_BINARY_OP_INPLACE_AND: result = a & b; break;
     case MP_BINARY_OP_OR:
@@ -239,7 +267,7 @@ mp_obj_t mp_obj_int_binary_op(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
         break;
     case MP_BINARY_OP_TRUE_DIVIDE:
     case MP_BINARY_OP_INPLACE_TRUE_DIVIDE:
-        return mp_obj_float_binary_op(op, (mp_float_t)a, mp_obj_new_float((mp_float_t)b));
+        return b != 0 ? mp_obj_new_float(quotient(a, b)) : mp_obj_float_binary_op(op, 0.0, right);
     case MP_BINARY_OP_LESS: return mp_obj_new_bool(a < b);
     case MP_BINARY_OP_MORE: return mp_obj_new_bool(a > b);
     case MP_BINARY_OP_LESS_EQUAL: return mp_obj_new_bool(a <= b);

@@ -95,7 +95,7 @@ _Noreturn void script_broken(void);
 #define MICROPY_PY_BUILTINS_SLICE 1
 #define MICROPY_PY_BUILTINS_PROPERTY 1
 #define MICROPY_PY_BUILTINS_NEXT2 1
-#define MICROPY_PY_BUILTINS_ROUND_INT 0
+#define MICROPY_PY_BUILTINS_ROUND_INT 1
 #define MICROPY_PY_BUILTINS_ENUMERATE 1
 #define MICROPY_PY_BUILTINS_FILTER 1
 #define MICROPY_PY_BUILTINS_REVERSED 1
@@ -135,7 +135,7 @@ _Noreturn void script_broken(void);
 #define MICROPY_USE_INTERNAL_ERRNO 1
 #define MICROPY_USE_INTERNAL_PRINTF 0
 void script_check_fits(char typecode, uint64_t object); /* longint.c */
-double script_pow(double x, double y);                  /* math.c: the same bits on every target */
+double script_pow(double x, double y);                  /* math.c: as on the desktop; raises beyond a double */
 void script_print(const char *text, size_t n);
 #define MP_PLAT_PRINT_STRN(text, n) script_print(text, n)
 

@@ -41,7 +41,11 @@ EDITS: dict[str, list[tuple[str, str]]] = {
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
     "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;"),
                       ("MICROPY_FLOAT_C_FUN(pow)(lhs_val, rhs_val)", "script_pow(lhs_val, rhs_val)")],
-    "py/modbuiltins.c": [("MICROPY_FLOAT_C_FUN(pow)(10, (mp_float_t)num_dig)", "script_pow(10, (mp_float_t)num_dig)")],
+    "py/modbuiltins.c": [("        mp_float_t mult = MICROPY_FLOAT_C_FUN(pow)(10, (mp_float_t)num_dig);\n", ""),
+                         ("MICROPY_FLOAT_C_FUN(nearbyint)(val * mult) / mult;",
+                          "decimal_round(val, num_dig);\n        if (isinf(rounded) && !isinf(val)) {\n"
+                          "            mp_raise_msg(&mp_type_OverflowError, MP_ERROR_TEXT(\"beyond a float\"));\n"
+                          "        }")],
     "py/parsenum.c": [("dec_val = (mp_float_t)mantissa;",
                        "dec_val = decimal_read(str_val_start, (size_t)(str - str_val_start));"),
                       ("if (exp_val < SMALL_NORMAL_EXP) {", "if (0) {"),
@@ -181,7 +185,7 @@ SEVERAL = {"vm.c": ["-O2", "-DBYTECODE_IS_SOUND"],      # -Os doubles the time o
            # what would cut an integer to fewer bits
            "objrange.c": ["-Dmp_obj_get_int=script_range_int"],
            **{name: ["-Dmp_obj_get_int_maybe=script_times"] for name in ("objlist.c", "objtuple.c", "objstr.c")},
-           "mpprint.c": DECIMAL, "parsenum.c": DECIMAL,
+           "mpprint.c": DECIMAL, "parsenum.c": DECIMAL, "modbuiltins.c": DECIMAL,
            "objfloat.c": [*DECIMAL, "-Dmp_obj_get_float_maybe=units_plain_number"],    # 2.0 * deg is a quantity
            "malloc.c": ["-Dmalloc=arena_take", "-Drealloc=arena_resize", "-Dfree=arena_give",
                         "-include", "targets/micropython/arena.h"]}

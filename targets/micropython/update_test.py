@@ -235,3 +235,115 @@ def test_the_ground_reads_module_line_and_reason(flown, module):
         assert re.match(rf"flight.{module}, failure {failure}: unruly/flight.py, line {line}: {why}", text.text)
     assert re.search(rf"flight.{module}.failure unruly/flight.py, line {line}: {why}",
                      (out / f"{name}.log").read_text())
+
+
+# --- bits --------------------------------------------------------------------------------------------
+
+BITS = """
+import math
+from math import atan2
+from fledge import flight as fsw
+from fledge.units import deg, s
+from .shapes import bump
+
+GAIN = 2.0 ** 0.5 * math.sin(0.7)
+
+
+def angles(m, t, dt):
+    x = t * 0.7310585786 + 0.1
+    m.reference.sigma_RN[0] = math.sin(x) + math.asin(x / 100)
+    m.reference.sigma_RN[1] = math.cos(x) * math.acos(x / 100)
+    m.reference.sigma_RN[2] = math.tan(x) + bump(x)
+    m.reference.omega_RN_N[0] = atan2(x, 0.3) + math.atan(x)
+    m.reference.omega_RN_N[1] = math.exp(x * 0.1)
+    m.reference.omega_RN_N[2] = math.log(x + 1)
+    m.reference.domega_RN_N[0] = math.log(x + 1, 10)
+    m.reference.domega_RN_N[1] = math.degrees(x) + math.radians(x)
+    m.reference.domega_RN_N[2] = GAIN * math.fmod(x, 0.3)
+    m.publish(m.reference)
+
+
+def powers(m, t, dt):
+    x = t * 0.7310585786 + 0.1
+    m.reference.sigma_RN[0] = x ** 1.5
+    m.reference.sigma_RN[1] = x ** 0.5 + x ** 3
+    m.reference.sigma_RN[2] = x ** -2
+    m.reference.omega_RN_N[0] = 2.0 ** x
+    m.reference.omega_RN_N[1] = math.pow(x, 2.2) + pow(x, -0.25)
+    m.reference.omega_RN_N[2] = m.reference.sigma_RN[0]
+    m.reference.omega_RN_N[2] **= 3
+    m.reference.domega_RN_N[0] = x
+    m.reference.domega_RN_N[0] **= m.reference.sigma_RN[2]
+    m.reference.domega_RN_N[1] = 3 ** -int(x)
+    x **= 7
+    m.reference.domega_RN_N[2] = x
+    m.publish(m.reference)
+
+
+def rounds(m, t, dt):
+    k = int(t * 2)
+    x = t * 0.7310585786 + 0.1
+    m.reference.sigma_RN[0] = round(k + 0.005, 2) + round(x, 1)
+    m.reference.sigma_RN[1] = round(k / 8 + 0.0125, 3)
+    m.reference.sigma_RN[2] = round(k * 0.05 + 0.025, 2)
+    m.reference.omega_RN_N[0] = round(k * 1e15 + 0.5, 1)
+    m.reference.omega_RN_N[1] = round(k * 137.5, -1) + round(k * 137, -1)
+    m.reference.omega_RN_N[2] = round(k + 0.5) + round(-x, 2)
+    m.reference.domega_RN_N[0] = x % 0.3 + -x % 0.7
+    m.reference.domega_RN_N[1] = x // 0.3 - -x // 0.7
+    m.reference.domega_RN_N[2] = int(x * 1e6) % 1000003 // -7 / 9
+    m.publish(m.reference)
+
+
+def counts(m, t, dt):
+    n = m.times.burns
+    n[0], n[1] = int(t), 7.0
+    m.times.off[0] = (n[0] - n[1]) * 1000000007 // 3
+    m.times.on[0] = round(1e9 * ((n[0] - n[1]) ** 3 / 7 + sum(n) * 2 ** -n[1] + m.start[1] / n[1]))
+    m.publish(m.times)
+
+
+def rest(m, t, dt):
+    a = m.reference.sigma_RN
+    for i in range(3):
+        a[i] = 0.1 * i - t
+    m.reference.omega_RN_N[0] = sum(a)
+    m.reference.omega_RN_N[1] = max(a) - min(a)
+    for x in a:
+        m.reference.omega_RN_N[2] += x ** 2
+    m.publish(m.reference)
+
+
+def build(f):
+    f.angles = fsw.InertialPointing(update=angles, sigma_RN=[GAIN / 9, 0.1 ** 1.5, math.cos(20 * deg)])
+    f.powers = fsw.InertialPointing(update=powers)
+    f.rounds = fsw.InertialPointing(update=rounds)
+    f.rest = fsw.InertialPointing(update=rest)
+    f.counts = fsw.BurnSchedule(update=counts, n=2, start=[1, 2] * s, duration=1 * s, thruster=[0, 7])
+    f.task("gnc", every=0.5 * s, run=[f.angles, f.powers, f.rounds, f.rest, f.counts])
+"""
+SHAPES = """
+import math
+
+root = lambda y: y ** 0.3
+
+
+def bump(x):
+    return math.exp(-x ** 2) + root(abs(math.sin(x)))
+"""
+
+
+@pytest.mark.parametrize("name", ["micropython", "leon3-micropython"])
+def test_an_update_has_the_bits_of_the_desktop(name, tmp_path, capfd):
+    """Flying compares what both record."""
+    if missing := TARGETS[name].missing():
+        pytest.skip(f"{', '.join(missing)} not installed")
+    folder = tmp_path / "bits"
+    folder.mkdir()
+    for file, text in (("flight.py", BITS), ("shapes.py", SHAPES), ("world.py", "def build(w, f):\n    pass\n"),
+                       ("scenarios.py", SCENARIOS)):
+        (folder / file).write_text(text)
+    assert cli.main(["check", str(folder)]) == 0
+    assert cli.main(["fly", str(folder), "--on", f"desktop,{name}", "--out", str(tmp_path / "out")]) == 0
+    printed = capfd.readouterr().out
+    assert " none " in printed and printed.count(" 21 updates of the script, 0 calls failed") == 5
