@@ -408,6 +408,7 @@ def test_an_endless_procedure_is_killed_on_the_desktop(tmp_path, body):
 
 
 CHECK = """
+import math
 from fledge.units import N, kg, m, s
 
 def main(f):
@@ -421,7 +422,13 @@ def main(f):
     print("error", f.tracking.error.sigma_BR[0] != 0, f.active_mode)
     yield
     f.control.P[1][1] = 40.0
+    a = f.vehicle.I_B[0]
+    x = a[0] / 3
+    x **= 1.5
+    print(math.sin(a[0]), round(2.675, 2), x, sum([0.1] * 10), repr(a[0]))
 """
+# sin(710) and (710/3)^1.5 rounded from 50 digits; the double 2.675 is less than it looks
+NUMBERS = "6.0288706691585265e-05 2.67 3640.873928463187 0.9999999999999999 710.0"
 SCENARIOS = """
 from pathlib import Path
 
@@ -435,6 +442,15 @@ def check(sim):
     sim.run(20 * s)
     assert sim.flight.control.K == 3 and sim.flight.control.P[1, 1] == 40
 """
+
+
+def test_a_procedure_computes_on_the_desktop_as_on_a_target(tmp_path):
+    for name, text in (("flight", MISSION), ("world", WORLD), ("check", CHECK)):
+        (tmp_path / f"{name}.py").write_text(text)
+    sim = fledge.load(tmp_path)
+    procedure(sim.flight, tmp_path / "check.py")
+    sim.run(20 * s)
+    assert [text.text for text in sim.flight.commands.texts] == ["", "error True science", NUMBERS, ""]
 
 
 @pytest.mark.long("builds and flies on targets")
@@ -451,7 +467,8 @@ def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path,
         script = read_script((out / f"{target}.telemetry.txt").read_text())
         packets = [decoded(dictionary, timed.packet) for timed in script]
         assert [(packet.content.kind, packet.content.text) for packet in packets if packet.path == "texts"] == [
-            (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
+            (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PRINTED, NUMBERS),
+            (Kind.PROCEDURE_ENDED, "")]
 
 
 HARM = {        # on a target; the desktop, where f has _seen, kills them before

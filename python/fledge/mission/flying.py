@@ -25,7 +25,7 @@ from typing import Any
 from fledge.flight_math import fm_pow
 from fledge.folders import project
 from fledge.mission import target_math
-from fledge.units import UNITS
+from fledge.units import UNITS, Quantity
 
 OWN = "_mission_"       # begins the names of the modules of missions
 
@@ -33,15 +33,24 @@ OWN = "_mission_"       # begins the names of the modules of missions
 # --- arithmetic ------------------------------------------------------------------------------------
 
 def power(x: Any, y: Any) -> Any:
-    """x ** y: of floats flight's own; of integers, quantities and arrays Python's.
+    """x ** y: of floats, also with units, flight's own; of integers and arrays Python's.
 
     Raises ValueError where Python has a complex number, ZeroDivisionError and OverflowError as Python."""
-    return _of_floats(x, y) if _are_floats(x, y) else operator.pow(x, y)
+    if _are_floats(x, y):
+        return _of_floats(x, y)
+    result = operator.pow(x, y)
+    if isinstance(x, Quantity) and y % 1 != 0:      # of whole exponents, a quantity has products
+        return Quantity(_each(x.value, y), result.dims)
+    return result
 
 
 def power_in_place(x: Any, y: Any) -> Any:
     """What x is after x **= y."""
-    return _of_floats(x, y) if _are_floats(x, y) else operator.ipow(x, y)
+    return power(x, y) if isinstance(x, (float, int, Quantity)) else operator.ipow(x, y)
+
+
+def _each(value: Any, y: float) -> Any:
+    return [_each(x, y) for x in value] if isinstance(value, (list, tuple)) else power(value, y)
 
 
 def _are_floats(x: Any, y: Any) -> bool:

@@ -76,6 +76,19 @@ def test_what_is_no_float_keeps_the_powers_of_python():
     assert found["a"].tolist() == [2.25, 6.25] and found["b"] is found["array"]
 
 
+def test_powers_of_quantities_are_right_to_the_last_bit():
+    random = Random(3)
+    values = [random.uniform(0, 1e4) for _ in range(300)]
+    found = run("""
+        roots = [(x * m**2) ** 0.5 for x in values]
+        rows = ([values[:2], values[2:4]] * m**2) ** 1.5
+        t = 2 * m
+        t **= 2
+        """, values=values, m=m)
+    assert all(ulps(root.to(m), mpmath.sqrt(x)) < 1 for root, x in zip(found["roots"], values))
+    assert ulps(found["rows"].to(m**3)[1][0], mpmath.mpf(values[2]) ** 1.5) < 1 and found["t"] == 4 * m**2
+
+
 def test_powers_in_place_compute_their_place_once():
     found = run("""
         calls = []
