@@ -470,6 +470,26 @@ TEST(Batch, AStepThatIsInterruptedIsTakenUp)
     }
 }
 
+TEST(Batch, AStepThatIsInterruptedKeepsItsActions)
+{
+    Nominal nominal;
+    BatchPlan plan = nominal.plan(1);
+    plan.every = 1'000'000 * second; // long enough for a look at the poll
+    Batch batch(nominal.sim, plan);
+    begin(batch);
+    std::vector<double> observed(1);
+    ASSERT_FALSE(batch.step(std::vector{0.5}, observed, [] { return false; }));
+    const auto &tank = interface<Tank>(batch.clone(0).processes()[0]->instances()[0]);
+    EXPECT_GT(batch.clone(0).time(), 0);
+    EXPECT_LT(batch.clone(0).time(), plan.every);
+    EXPECT_EQ(batch.time(0), 0);
+    ASSERT_TRUE(batch.step(std::vector{7.0}, observed));
+    EXPECT_NEAR(observed[0], 500'008.0, 1e-3);
+    EXPECT_EQ(tank.in.flow.head.sequence, 1u);
+    ASSERT_TRUE(batch.step(std::vector{7.0}, observed));
+    EXPECT_NEAR(observed[0], 7'500'008.0, 1e-2);
+}
+
 TEST(Batch, TakesOneCallAtATime)
 {
     Nominal nominal;
