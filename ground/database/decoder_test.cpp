@@ -212,7 +212,7 @@ TEST(Decoder, LabelsBooleansAndTimes)
     const auto time = [](const std::string &attributes, int bits) {
         return "<AbsoluteTimeParameterType name='t'><Encoding " + attributes + "><IntegerDataEncoding sizeInBits='" +
                std::to_string(bits) +
-               "'/></Encoding><ReferenceTime><Epoch>TAI</Epoch></ReferenceTime>"
+               "'/></Encoding><ReferenceTime><Epoch>UNIX</Epoch></ReferenceTime>"
                "</AbsoluteTimeParameterType>";
     };
     EXPECT_EQ(value(time("scale='0.001'", 16), {0x12, 0x34}), "a=4660000000");

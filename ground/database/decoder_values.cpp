@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values to which others refer, of this packet and of earlier ones; conditions; conversion of raw to calibrated values.
 #include "ground/database/decoder_parts.h"
+#include "ground/database/times.h"
 
 #include <algorithm>
 #include <cmath>
@@ -216,8 +217,8 @@ Kind value_kind(const Type &type)
     case Sort::boolean: return Kind::boolean;
     case Sort::text: return raw == Kind::text || raw == Kind::binary ? Kind::text : raw;
     case Sort::binary: return raw == Kind::text || raw == Kind::binary ? Kind::binary : raw;
-    case Sort::absolute_time:
-    case Sort::relative_time: return Kind::time;
+    case Sort::absolute_time: return type.epoch ? Kind::time : Kind::duration;
+    case Sort::relative_time: return Kind::duration;
     default: return Kind::none;
     }
 }
@@ -284,22 +285,39 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
     }
 }
 
-/// Convert a time since the epoch or since another value.
+/// Convert a time since the epoch or since another value, or a duration, to which another duration may be added.
 Status Decoder::convert_time(const Type &type, const Number &number, std::uint64_t &value)
 {
-    Number before = 0;
+    Wide sum = type.epoch ? type.epoch->ns : 0;
     if (type.offset_from.of != Reference::Of::nothing) {
         const auto found = find(type.offset_from, true);
         const auto seconds = found ? number_of(*found) : std::nullopt;
         if (!seconds) {
             return Status::uncalibrated;
         }
-        before = found->kind == Kind::time ? static_cast<std::int64_t>(found->word) : nearest(seconds->real() * 1e9);
+        const auto ns = static_cast<std::int64_t>(found->word);
+        sum = found->kind == Kind::duration ? ns
+              : found->kind != Kind::time   ? nearest(seconds->real() * 1e9)
+              : !type.epoch                 ? 0
+              : type.epoch->leap_seconds    ? tai_of_utc(ns)
+                                            : ns;
     }
-    const auto since = (number * exactly(type.scale) + exactly(type.offset)).nearest(); // exact for whole nanoseconds
-    const auto sum = since ? word_of(Kind::integer, before + *since) : std::nullopt;
-    value = sum.value_or(0);
-    return sum ? Status::good : Status::uncalibrated;
+    const Number since = number * exactly(type.scale) + exactly(type.offset);
+    if (since.is_whole()) {
+        sum += since.whole();
+    } else { // a product of 64 bits and a scale as 2^-32 s needs more than a double
+        const long double ns = number.extended() * type.scale + type.offset;
+        if (!(std::abs(ns) < 9e18L)) {
+            return Status::uncalibrated;
+        }
+        sum += std::llround(ns);
+    }
+    sum = type.epoch && type.epoch->leap_seconds ? utc_of_tai(sum) : sum;
+    if (sum != static_cast<std::int64_t>(sum)) {
+        return Status::uncalibrated;
+    }
+    value = static_cast<std::uint64_t>(sum);
+    return Status::good;
 }
 
 Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)

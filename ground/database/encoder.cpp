@@ -3,6 +3,7 @@
 
 #include "ground/database/calibrate.h"
 #include "ground/database/operand.h"
+#include "ground/database/times.h"
 
 #include <algorithm>
 #include <cmath>
@@ -358,9 +359,8 @@ private:
     Number number_of(const Type &type, const Given &given, const std::string &name) const
     {
         const bool is_text = given.kind == Given::Kind::text;
-        const bool is_time = type.sort == Sort::absolute_time || type.sort == Sort::relative_time;
         auto number = plain(given);
-        if (number && type.sort != Sort::real && !is_time) {
+        if (number && type.sort != Sort::real && !is_time(type)) {
             number = number->is_whole() ? number : exactly(number->real());
         }
         if (type.sort == Sort::enumerated) {
@@ -392,7 +392,15 @@ private:
             }
             number = is_true ? std::optional<Number>(*is_true) : number;
         }
-        if (const auto ns = is_text && is_time ? time_in(type, given.text) : std::nullopt) {
+        if (is_text && is_time(type) && !number) {
+            const auto ns = time_of(type, given.text);
+            if (!ns) {
+                throw Refusal(name +
+                              (value_kind(type) == Kind::time
+                                   ? " must be a date, as 2026-03-01T12:00:00.5Z, or [ns] since 1970 UTC"
+                                   : " must be a duration, as 1.5 s or PT1.5S, or [ns]") +
+                              "; found " + given.text);
+            }
             number = *ns;
         }
         if (!number || (*number != *number && type.encoding.kind != Encoding::Kind::real)) {
@@ -422,17 +430,38 @@ private:
         }
     }
 
+    static bool is_time(const Type &type)
+    {
+        return type.sort == Sort::absolute_time || type.sort == Sort::relative_time;
+    }
+
+    /// The raw number of a time or a duration [ns].
+    static Number raw_time(const Type &type, const Number &number, const std::string &name)
+    {
+        if (type.offset_from.of != Reference::Of::nothing) {
+            throw Refusal(name + " is relative to another time: that is not encoded");
+        }
+        const auto utc = number.nearest();
+        if (!utc) {
+            throw Refusal(name + " must be a time; found " + text_of(number));
+        }
+        const Number since =
+            type.epoch ? Number((type.epoch->leap_seconds ? tai_of_utc(*utc) : *utc) - type.epoch->ns) : number;
+        const Number excess = since - exactly(type.offset), scale = exactly(type.scale);
+        if (excess.is_whole() && scale.is_whole() && scale != 0 && excess.whole() % scale.whole() == 0) {
+            return excess.whole() / scale.whole();
+        }
+        const long double raw = (since.extended() - type.offset) / type.scale; // a double has too few digits
+        return type.encoding.kind == Encoding::Kind::integer && std::abs(raw) < 1.8e19L
+                   ? Number(static_cast<Wide>(std::round(raw)))
+                   : Number(static_cast<double>(raw));
+    }
+
     /// The raw number of a number in units.
     Number raw_of(const Type &type, const Number &number, const std::string &name)
     {
-        if (type.sort == Sort::absolute_time || type.sort == Sort::relative_time) {
-            if (type.offset_from.of != Reference::Of::nothing) {
-                throw Refusal(name + " is relative to another time: that is not encoded");
-            }
-            const Number excess = number - exactly(type.offset), scale = exactly(type.scale);
-            return excess.is_whole() && scale.is_whole() && scale != 0 && excess.whole() % scale.whole() == 0
-                       ? Number(excess.whole() / scale.whole())
-                       : excess.real() / type.scale;
+        if (is_time(type)) {
+            return raw_time(type, number, name);
         }
         const Calibrator *calibrator = &type.encoding.calibrator;
         for (const auto &[condition, other] : type.encoding.contexts) {
@@ -461,9 +490,7 @@ private:
         const Number number = number_of(type, given, name);
         known.value = operand_of(type, number);
         in_range(type, name, number, true);
-        const Number raw = is_number || type.sort == Sort::real || known.value.kind == Kind::time
-                               ? raw_of(type, number, name)
-                               : number;
+        const Number raw = is_number || type.sort == Sort::real || is_time(type) ? raw_of(type, number, name) : number;
         in_range(type, name, raw, false);
         if (!is_number) {
             known.text = known.value.kind == Kind::label || known.value.kind == Kind::boolean ? shown(known.value)

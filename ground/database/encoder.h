@@ -12,9 +12,9 @@ namespace fledge::ground {
 struct Given {
     enum class Kind : std::uint8_t { integer, real, text, bytes, list, members };
     Kind kind = Kind::integer;
-    Wide integer = 0; ///< a time is in nanoseconds; a boolean is 0 or 1
+    Wide integer = 0; ///< a time is [ns] since 1970 UTC, a duration [ns]; a boolean is 0 or 1
     double real = 0;
-    std::string text; ///< a text or an enumerator; for a number or bytes its digits, as databases write them
+    std::string text; ///< a text, an enumerator, a date or a duration (times.h); for a number or bytes its digits
     std::vector<std::uint8_t> bytes;
     std::vector<Given> list;        ///< elements, or the values of members
     std::vector<std::string> names; ///< of members

@@ -188,6 +188,12 @@ struct Dimension {
     Quantity first, last; ///< index
 };
 
+/// Where a count of absolute times begins.
+struct Epoch {
+    std::int64_t ns;   ///< since 1970-01-01T00:00:00 of TAI with leap seconds, else of UTC
+    bool leap_seconds; ///< are counted
+};
+
 struct Type : Named {
     enum class Sort : std::uint8_t {
         integer,
@@ -210,8 +216,8 @@ struct Type : Named {
     std::vector<Member> members;
     Id element = no_id;
     std::vector<Dimension> dimensions;
-    std::string epoch;              ///< of an absolute time
-    Reference offset_from;          ///< of nothing: the epoch
+    std::optional<Epoch> epoch;     ///< of an absolute time; nothing: it is not known
+    Reference offset_from;          ///< a time with this epoch; of nothing: the epoch
     double scale = 1e9, offset = 0; ///< [ns] a time is scale raw + offset
     std::vector<Range> valid;       ///< empty: all
     std::vector<Alarm> alarms;      ///< those with a context in their order, the default last

@@ -8,7 +8,7 @@ namespace fledge::ground {
 
 namespace {
 
-constexpr double most = 0x1p126;
+constexpr double largest = 0x1p126;
 
 template <class Value> bool parse(std::string_view text, Value &value, int base)
 {
@@ -25,9 +25,9 @@ template <class Value> bool parse(std::string_view text, Value &value, int base)
 
 std::optional<Wide> Number::nearest() const
 {
-    return is_whole_                ? std::optional(whole_)
-           : std::abs(real_) < most ? std::optional(static_cast<Wide>(std::round(real_)))
-                                    : std::nullopt;
+    return is_whole_                   ? std::optional(whole_)
+           : std::abs(real_) < largest ? std::optional(static_cast<Wide>(std::round(real_)))
+                                       : std::nullopt;
 }
 
 std::partial_ordering Number::operator<=>(const Number &other) const
@@ -42,7 +42,7 @@ std::partial_ordering Number::operator<=>(const Number &other) const
         return 0 <=> (other <=> *this);
     }
     const double x = other.real_, below = std::floor(x);
-    if (!(std::abs(x) < most)) {
+    if (!(std::abs(x) < largest)) {
         return 0 <=> x; // beyond all whole numbers, or NaN
     }
     const auto order = whole_ <=> static_cast<Wide>(below);

@@ -30,6 +30,7 @@ public:
     bool is_whole() const { return is_whole_; }
     Wide whole() const { return whole_; } ///< if it is whole
     double real() const { return is_whole_ ? static_cast<double>(whole_) : real_; }
+    long double extended() const { return is_whole_ ? static_cast<long double>(whole_) : real_; }
 
     /// The nearest whole number, away from zero if there are two; nothing: NaN, or beyond 126 bits.
     std::optional<Wide> nearest() const;

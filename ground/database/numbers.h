@@ -21,7 +21,8 @@ enum class Kind : std::uint8_t {
     boolean, ///< 0 or 1
     text,    ///< UTF-8, a slice of bytes
     binary,  ///< a slice of bytes, whose last bit is the value's last bit
-    time     ///< [ns]
+    time,    ///< [ns] since 1970-01-01T00:00:00 UTC (times.h)
+    duration ///< [ns]
 };
 
 /// A range of bytes: the place in the upper 32 bits, the number in the lower 32.
@@ -53,14 +54,15 @@ inline std::uint64_t load_bits(const std::uint8_t *p, std::size_t bit, unsigned 
 /// Write `bits` bits, 1 to 64, at a bit; the bytes must exist.
 void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t value);
 
-/// A number, a boolean or a time [s] as a real number; nothing: it is none of these.
+/// A number, a boolean, a time or a duration [s] as a real number; nothing: it is none of these.
 inline std::optional<double> real_of(Kind kind, std::uint64_t word)
 {
     switch (kind) {
     case Kind::natural:
     case Kind::boolean: return static_cast<double>(word);
     case Kind::integer: return static_cast<double>(static_cast<std::int64_t>(word));
-    case Kind::time: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
+    case Kind::time:
+    case Kind::duration: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
     case Kind::real: return std::bit_cast<double>(word);
     default: return std::nullopt;
     }

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/database/operand.h"
 
+#include "ground/database/decoder.h"
+#include "ground/database/times.h"
 #include "ground/database/xtce/xml.h"
-
-#include <chrono>
 
 namespace fledge::ground {
 
 namespace {
 
-constexpr std::int64_t second = 1'000'000'000;
+constexpr std::int64_t one_second = 1'000'000'000;
 
 bool ordered(Operator op, std::partial_ordering order)
 {
@@ -37,33 +37,6 @@ std::string_view name_of(const Operand &operand)
     return operand.kind == Kind::text ? operand.text
            : operand.word != no_id    ? std::string_view(operand.type->enumerators[operand.word].label)
                                       : std::string_view();
-}
-
-/// [ns] of a date as 2026-11-30T12:00:00.5Z since 1970-01-01, each day of 86,400 s.
-std::optional<Wide> date_in(std::string_view text)
-{
-    int year = 0, month = 0, day = 0, hour = 0, minute = 0, n = 0;
-    const std::string whole = xtce::trimmed(text);
-    if (std::sscanf(whole.c_str(), "%4d-%2d-%2dT%2d:%2d:%n", &year, &month, &day, &hour, &minute, &n) != 5 || n != 17) {
-        return std::nullopt;
-    }
-    std::string_view seconds = std::string_view(whole).substr(17);
-    seconds.remove_suffix(seconds.ends_with('Z') ? 1 : 0);
-    if (seconds.size() < 2 || seconds.find_first_not_of("0123456789.") != std::string_view::npos ||
-        (seconds.size() > 2 && seconds[2] != '.') || seconds.size() > 12) {
-        return std::nullopt;
-    }
-    std::string digits(seconds.substr(0, 2));
-    digits += seconds.size() > 3 ? seconds.substr(3) : "";
-    digits.resize(11, '0');
-    const auto ns = number_in(digits);
-    const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
-                                           std::chrono::day(static_cast<unsigned>(day))};
-    if (!ns || !ns->is_whole() || !date.ok() || hour > 23 || minute > 59 || ns->whole() >= 61 * Wide(second)) {
-        return std::nullopt;
-    }
-    const std::int64_t days = std::chrono::sys_days(date).time_since_epoch().count();
-    return ((Wide(days) * 24 + hour) * 60 + minute) * 60 * second + ns->whole();
 }
 
 } // namespace
@@ -97,7 +70,7 @@ std::string shown(const Operand &operand)
     if (operand.kind == Kind::boolean) {
         return operand.word ? operand.type->one_label : operand.type->zero_label;
     }
-    if (operand.kind == Kind::time) {
+    if (operand.kind == Kind::time || operand.kind == Kind::duration) {
         return std::to_string(static_cast<std::int64_t>(operand.word));
     }
     const auto number = number_of(operand);
@@ -114,26 +87,6 @@ std::optional<bool> truth(const Type &type, std::string_view text)
     return is_true || text == "false" || text == "False" || text == "0" ? std::optional(is_true) : std::nullopt;
 }
 
-std::optional<std::int64_t> time_in(const Type &type, std::string_view text)
-{
-    const std::string whole = xtce::trimmed(text);
-    std::optional<Wide> ns;
-    if (type.sort == Type::Sort::relative_time) {
-        const bool negative = whole.starts_with("-P");
-        try {
-            ns = nearest(xtce::seconds({}, std::string_view(whole).substr(negative ? 1 : 0)) * second);
-            ns = negative ? -*ns : *ns;
-        } catch (const Refusal &) {
-            return std::nullopt;
-        }
-    } else {
-        const bool unix = type.epoch.empty() || type.epoch == "UNIX" || type.epoch == "POSIX";
-        const auto epoch = unix ? std::optional<Wide>(0) : date_in(type.epoch), date = date_in(whole);
-        ns = epoch && date ? std::optional(*date - *epoch) : std::nullopt;
-    }
-    return ns && *ns == static_cast<std::int64_t>(*ns) ? std::optional(static_cast<std::int64_t>(*ns)) : std::nullopt;
-}
-
 Operand operand_of(const Type &type, const Number &number)
 {
     const auto whole = word_of(Kind::integer, number);
@@ -148,7 +101,7 @@ Operand operand_of(const Type &type, const Number &number)
     }
     case Type::Sort::boolean: return {Kind::boolean, number != 0, &type};
     case Type::Sort::absolute_time:
-    case Type::Sort::relative_time: return {Kind::time, whole.value_or(0), &type};
+    case Type::Sort::relative_time: return {value_kind(type), whole.value_or(0), &type};
     default:
         return number.is_whole() && whole ? Operand{Kind::integer, *whole, &type}
                : number.is_whole() && word_of(Kind::natural, number)
@@ -175,8 +128,8 @@ Operand constant(const Type &type, std::string_view text)
         break;
     case Type::Sort::absolute_time:
     case Type::Sort::relative_time:
-        number = number ? std::optional(*number * second) : number;
-        if (const auto ns = time_in(type, text)) {
+        number = number ? std::optional(*number * one_second) : number;
+        if (const auto ns = time_of(type, xtce::trimmed(text))) {
             number = *ns;
         }
         break;
@@ -220,9 +173,10 @@ bool compare(Operator op, const Operand &left, const Literal &literal)
         const auto bytes = bytes_in(literal.text);
         return bytes && ordered(op, order_of_bytes(left.text, *bytes));
     }
-    case Kind::time: {
-        const auto ns = time_in(type, literal.text);
-        const auto right = ns ? std::optional<Number>(*ns) : number ? std::optional(*number * second) : number;
+    case Kind::time:
+    case Kind::duration: {
+        const auto ns = time_of(type, xtce::trimmed(literal.text));
+        const auto right = ns ? std::optional<Number>(*ns) : number ? std::optional(*number * one_second) : number;
         return right && ordered(op, Number(static_cast<std::int64_t>(left.word)) <=> *right);
     }
     }
@@ -246,7 +200,7 @@ bool compare(Operator op, const Operand &left, const Operand &right)
                                        Operator::at_least, Operator::less,    Operator::at_most};
         return compare(turned[static_cast<int>(op)], right, Literal(std::string(left.text)));
     }
-    if (is(Kind::time) == 2) {
+    if (is(Kind::time) == 2 || is(Kind::duration) == 2) {
         return ordered(op, static_cast<std::int64_t>(left.word) <=> static_cast<std::int64_t>(right.word));
     }
     const auto a = number_of(left), b = number_of(right);

@@ -29,10 +29,6 @@ std::optional<bool> truth(const Type &type, std::string_view text);
 /// The bytes of hexadecimal digits, which may begin with 0x.
 std::optional<std::string> bytes_in(const std::string &text);
 
-/// [ns] of a type of time: of a duration as PT1.5S, or of a date as 2026-11-30T12:00:00.5Z since an epoch that is UNIX
-/// or a date itself. Nothing: the text is no such.
-std::optional<std::int64_t> time_in(const Type &type, std::string_view text);
-
 /// The value of a type that a database writes as text, as an initial value; a time without a unit is in seconds. The
 /// text must outlive it: a value that the type does not have remains text.
 Operand constant(const Type &type, std::string_view text);

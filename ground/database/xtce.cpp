@@ -42,6 +42,7 @@ void fill(Database &database, xtce::Declarations &declared)
         database.parameters[i].type = declared.type(declared.parameters[i].node, "parameterTypeRef", false);
     });
     types.fill();
+    types.find_epochs();
     fill_parameters(database, declared);
     containers.fill();
     commands.fill();

@@ -81,7 +81,8 @@ inline std::string text(const Database &database, const Decoder &decoder, const 
         switch (field.value) {
         case Kind::natural: all += std::to_string(word); break;
         case Kind::integer:
-        case Kind::time: all += std::to_string(static_cast<std::int64_t>(word)); break;
+        case Kind::time:
+        case Kind::duration: all += std::to_string(static_cast<std::int64_t>(word)); break;
         case Kind::real:
             std::snprintf(number, sizeof number, "%.17g", std::bit_cast<double>(word)), all += number;
             break;

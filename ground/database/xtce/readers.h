@@ -78,6 +78,9 @@ public:
     void read_structures();
     void fill();
 
+    /// Give the times that count from other times the epoch of these.
+    void find_epochs();
+
     /// Refuse a type that packets cannot have: without a size, or with more values than a packet.
     void need_encoding(Node node, Id id);
 
@@ -95,6 +98,7 @@ private:
     void part(Type &type, Node node);
     void time_encoding(Type &type, Node node);
     void reference_time(Type &type, Node node);
+    std::optional<Epoch> epoch_before(Id id, std::size_t depth) const;
 
     EncodingReader encodings_;
     AlarmReader alarms_;

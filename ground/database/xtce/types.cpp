@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "ground/database/times.h"
 #include "ground/database/xtce/readers.h"
 
 namespace fledge::ground::xtce {
@@ -61,6 +62,9 @@ void complete(Type &type, Node node)
         for (Dimension &dimension : type.dimensions) {
             dimension.last.fixed = -1; // the entry of a container has the number
         }
+    }
+    if (type.sort != Type::Sort::absolute_time) {
+        type.epoch.reset(); // a duration stays one
     }
     if (type.encoding.kind == Encoding::Kind::binary && type.encoding.algorithm.empty() &&
         type.encoding.size.is_fixed() && type.encoding.size.fixed > 0 && type.encoding.size.fixed <= 64 &&
@@ -303,12 +307,55 @@ void TypeReader::reference_time(Type &type, Node node)
     for (Node child : elements(node)) {
         if (tag(child) == "OffsetFrom") {
             type.offset_from = values_.reference(child);
+            type.epoch.reset();
         } else if (tag(child) == "Epoch") {
-            type.epoch = trimmed(child.text().get());
+            const std::string text = trimmed(child.text().get());
+            type.offset_from = {};
+            type.epoch = epoch_of(text);
+            if (!type.epoch) {
+                refuse(child, "an epoch is TAI, GPS, J2000, UNIX, POSIX or a date, as 2000-01-01T12:00:00; found '" +
+                                  text + "'");
+            }
         } else {
             refuse_element(child);
         }
     }
+}
+
+/// The epoch of the time from which a type's times count.
+std::optional<Epoch> TypeReader::epoch_before(Id id, std::size_t depth) const
+{
+    const Reference &from = db_.types[id].offset_from;
+    if (db_.types[id].sort != Type::Sort::absolute_time || db_.types[id].epoch || depth > deepest) {
+        return db_.types[id].epoch;
+    }
+    if (from.of == Reference::Of::parameter) {
+        Id at = db_.parameters[from.parameter].type;
+        for (const std::uint32_t step : from.steps) {
+            at = db_.types[at].sort == Type::Sort::array ? db_.types[at].element : db_.types[at].members[step].type;
+        }
+        return from.calibrated ? epoch_before(at, depth + 1) : std::nullopt;
+    }
+    for (const Type &type : db_.types) { // a member of the same aggregate
+        const auto &all = type.members;
+        const auto named = std::find_if(all.begin(), all.end(), [&](auto &member) { return member.name == from.name; });
+        if (from.of == Reference::Of::argument && named != all.end() &&
+            std::any_of(all.begin(), all.end(), [&](auto &member) { return member.type == id; })) {
+            return epoch_before(named->type, depth + 1);
+        }
+    }
+    return std::nullopt;
+}
+
+void TypeReader::find_epochs()
+{
+    declared_.each(db_.types, declared_.types, [&](Id i) {
+        Type &type = db_.types[i];
+        type.epoch = epoch_before(i, 0);
+        if (type.sort == Type::Sort::absolute_time && type.encoding.kind != Encoding::Kind::none && !type.epoch) {
+            declared_.note(declared_.types[i].node, "the times of " + type.name + " have no epoch: they are durations");
+        }
+    });
 }
 
 // --- values of packets

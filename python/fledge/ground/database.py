@@ -19,6 +19,7 @@ from fledge import _ground
 History = _ground.History
 Monitor = _ground.Monitor
 PacketArchive = _ground.PacketArchive
+time_text = _ground.time_text
 
 
 class Argument(TypedDict):
@@ -84,12 +85,14 @@ class Database:
     def decode(self, packet: bytes, root: str | None = None) -> Any:
         """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that
         fits none has a reason and no values; one that ends early has those in front of its end. Booleans are bool,
-        times int [ns] after their epoch, and enumerators their label, or a number if they have none."""
+        times int [ns] since 1970 UTC (ground/database/times.h), durations int [ns], and enumerators their label, or a
+        number if they have none."""
         return self._read.decode(packet, root)
 
     def encode(self, name: str, /, **arguments: Any) -> bytes:
         """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
-        lists and dicts. Raises SetupError."""
+        lists and dicts; times are numbers [ns] since 1970 UTC or dates, as "2026-03-01T12:00:00.5Z", durations numbers
+        [ns] or texts, as "1.5 s" and "PT1.5S". Raises SetupError."""
         return self._read.encode(name, arguments)
 
     def decode_command(self, packet: bytes, header: str = "none") -> _ground.CommandPacket:

@@ -3,6 +3,7 @@
 // end of a link of frames.
 #include "ground/capture/packets.h"
 #include "ground/database/encoder.h"
+#include "ground/database/times.h"
 #include "ground/database/xtce.h"
 #include "ground/loaded.h"
 
@@ -22,7 +23,8 @@ Value object(const Type &type, Kind kind, std::uint64_t word, std::string_view b
     switch (kind) {
     case Kind::natural: return py::int_(word);
     case Kind::integer:
-    case Kind::time: return py::int_(static_cast<std::int64_t>(word));
+    case Kind::time:
+    case Kind::duration: return py::int_(static_cast<std::int64_t>(word));
     case Kind::real: return py::float_(std::bit_cast<double>(word));
     case Kind::boolean: return py::bool_(word != 0);
     case Kind::label:
@@ -56,7 +58,8 @@ namespace {
 struct Packet {
     PathOrNone container, nearest;
     std::string reason;
-    std::vector<std::tuple<std::string, Value, Value>> rows; ///< (name, raw, value)
+    std::vector<std::tuple<std::string, Value, Value>> rows;  ///< (name, raw, value)
+    std::vector<std::pair<const char *, std::string>> fields; ///< (kind, unit) of each
     ArgumentDict raw, values;
     std::size_t bits;
 };
@@ -181,11 +184,12 @@ Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional
     const Id from = root ? db.container(*root) : no_id;
     const Decoded &done = loaded.decoder().decode(octets(bytes), from);
     Packet result{
-        path_of(db, done.container), path_of(db, done.nearest), done.reason, {}, py::dict(), py::dict(), done.bits};
+        path_of(db, done.container), path_of(db, done.nearest), done.reason, {}, {}, py::dict(), py::dict(), done.bits};
     Tree raws(db, done), values(db, done);
     for (std::size_t i = 0; i < done.fields.size(); i++) {
         const auto [raw, value] = objects(db, done, i);
         result.rows.emplace_back(loaded.decoder().name(done, i), raw, value);
+        result.fields.emplace_back(name_of(done.fields[i].value), unit_of(db.types[done.fields[i].type]));
         raws.put(result.raw, done.fields[i], raw);
         values.put(result.values, done.fields[i], value);
     }
@@ -313,6 +317,12 @@ PYBIND11_MODULE(_ground, m)
         py::arg("bytes"), py::arg("size"), py::arg("skip"), py::arg("trailer") = 0, py::arg("code") = 0,
         py::arg("insert") = 0, py::arg("control") = false, py::arg("randomized") = false);
     m.def(
+        "time_text",
+        [](const std::string &kind, std::int64_t ns) {
+            return time_text(kind == name_of(Kind::time) ? Kind::time : Kind::duration, ns);
+        },
+        py::arg("kind"), py::arg("ns"), "A value of the kind time as a date of UTC; of the kind duration in seconds.");
+    m.def(
         "packets_of_bytes",
         [](const py::bytes &bytes, std::size_t skip) { return tuples(packets_of_bytes(octets(bytes), skip)); },
         py::arg("bytes"), py::arg("skip"));
@@ -321,6 +331,7 @@ PYBIND11_MODULE(_ground, m)
         .def_readonly("nearest", &Packet::nearest, "Then the path of the one that came nearest.")
         .def_readonly("reason", &Packet::reason, "Why values are missing; empty: the packet is whole.")
         .def_readonly("rows", &Packet::rows, "(name, raw value, value) of each field, in the packet's order.")
+        .def_readonly("fields", &Packet::fields, "(kind, unit) of each row's value; the kinds are those of slots.")
         .def_readonly("raw", &Packet::raw, "Parameter -> raw value; the last one of those that repeat.")
         .def_readonly("values", &Packet::values,
                       "Parameter -> value: dicts of members, lists of elements; None: no value.")

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The commands of a database as forms that an operator fills in.
+#include "ground/database/times.h"
 #include "ground/loaded.h"
 
 #include <algorithm>
@@ -31,7 +32,7 @@ const char *kind_of(const Type &type)
     case Type::Sort::binary: return "binary";
     case Type::Sort::aggregate: return "aggregate";
     case Type::Sort::array: return "array";
-    default: return "time";
+    default: return name_of(value_kind(type));
     }
 }
 
@@ -46,7 +47,8 @@ py::dict argument_form(const Database &db, const Argument &argument)
     py::dict result;
     result["name"] = argument.name;
     result["type"] = kind_of(type);
-    result["unit"] = type.units.empty() ? std::string() : type.units.front();
+    const Kind kind = value_kind(type); // a duration is given in ns, or as text with its unit
+    result["unit"] = kind == Kind::duration ? "ns" : unit_of(type);
     const Range range = type.valid.size() == 1 ? type.valid.front() : Range();
     result["low"] = end_of(range.low);
     result["high"] = end_of(range.high);

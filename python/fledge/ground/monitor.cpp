@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The monitor of telemetry for Python. Functions that take long or wait for another thread release the GIL.
 #include "ground/monitor/monitor.h"
+#include "ground/database/times.h"
 #include "ground/loaded.h"
 
 #include <pybind11/stl.h>
@@ -14,7 +15,8 @@ namespace fledge::ground {
 namespace {
 
 constexpr const char *levels[] = {"normal", "watch", "warning", "distress", "critical", "severe"};
-constexpr const char *kinds[] = {"none", "natural", "integer", "real", "label", "boolean", "text", "binary", "time"};
+constexpr const char *kinds[] = {"none",    "natural", "integer", "real", "label",
+                                 "boolean", "text",    "binary",  "time", "duration"};
 constexpr const char *statuses[] = {"good", "uncalibrated", "unlabelled", "malformed"};
 
 /// Numbers of 8 or 4 bytes, copied because the bytes may not be aligned.
@@ -154,9 +156,7 @@ public:
                 if (described.slot.kind == Kind::boolean) {
                     labels = {type.zero_label, type.one_label};
                 }
-                for (const std::string &part : type.units) {
-                    unit += (unit.empty() ? "" : " ") + part;
-                }
+                unit = unit_of(type);
                 description = db_.parameters[described.slot.parameter].description;
             }
             row["unit"] = unit;
@@ -230,9 +230,15 @@ public:
         py::list rows;
         for (std::size_t i = 0; i < done.fields.size(); i++) {
             const auto [raw, value] = objects(db_, done, i);
-            rows.append(py::make_tuple(inspector_.name(done, i), raw, value,
-                                       statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at,
-                                       done.places[i].n));
+            const Field &field = done.fields[i];
+            const bool time = field.value == Kind::time || field.value == Kind::duration;
+            const auto words = [&] {
+                return time_text(field.value, static_cast<std::int64_t>(done.values[i])) +
+                       (field.value == Kind::duration ? " s" : "");
+            };
+            rows.append(py::make_tuple(
+                inspector_.name(done, i), raw, time && !value.is_none() ? Value(py::str(words())) : value,
+                statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at, done.places[i].n));
         }
         py::dict result;
         result["container"] = path_of(db_, done.container);

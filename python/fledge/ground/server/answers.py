@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.past import Series
 
 PART = 8192     # values of a series that become text at once
+TIMES = ("time", "duration")    # kinds of values in ns
 
 
 def dumps(content: object) -> str:
@@ -36,8 +37,9 @@ def _finite(content: object) -> object:
 
 
 def _texts(kind: str, exact: list[Any]) -> list[str | None]:
-    """Values as texts with all digits: a label's word, bytes in hex, times in seconds."""
-    if kind == "time":
+    """Values as texts with all digits: a label's word, bytes in hex, times in seconds since 1970 UTC, durations in
+    seconds."""
+    if kind in TIMES:
         return [None if v is None else f"{'-' * (v < 0)}{abs(v) // 10**9}.{abs(v) % 10**9:09}" for v in exact]
     return [None if v is None else v.hex() if isinstance(v, bytes) else str(v) for v in exact]
 
@@ -71,7 +73,7 @@ def _columns(series: Series) -> dict[str, Callable[[slice], list[Any]]]:
         "worst": lambda part: worst[part].tolist()}
     if kind in ("text", "binary"):
         return columns | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
-    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(n or 0) >= 2**53 for n in values):
+    if kind in ("label", *TIMES) or kind in ("natural", "integer") and any(abs(n or 0) >= 2**53 for n in values):
         columns["text"] = lambda part: _texts(kind, values[part])
     whole = kind in ("natural", "integer", "boolean")
     return columns | {"value": lambda part: [n if n is None else int(n) for n in values[part]] if whole else

@@ -4,7 +4,7 @@ import uPlot from "uplot";
 import {of, series} from "./api.js";
 import {Curve, Mender, room} from "./curve.js";
 import {visible} from "./dom.js";
-import {bare, ns, seconds, span} from "./format.js";
+import {bare, clock, dateText, ns, seconds, span} from "./format.js";
 import {isStale, real} from "./store.js";
 import {CONCERNS, SHAPES} from "./words.js";
 
@@ -26,9 +26,11 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
     const colour = (k) => COLOURS[theme][k % COLOURS[theme].length];
     const labels = slots[0]?.labels ?? [];
     const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
-        slot?.labels?.[y] ?? `${real(y, slot?.single)} ${bare(slot?.unit)}`.trim());
+        slot?.labels?.[y] ??
+        `${slot?.kind === "time" ? dateText(ns(y)) : real(y, slot?.single)} ${bare(slot?.unit)}`.trim());
     /** Numbers of an axis, with as many digits as distinguish them. */
     const numbers = (all, step) => {
+        if (slots.every((slot) => slot?.kind === "time")) return all.map((y) => clock(ns(y), true, 0).slice(-8));
         const size = Math.max(...all.map(Math.abs)), digits = Math.max(1, Math.ceil(Math.log10(size / step)) + 1);
         return all.map((y) => (labels.length ? labels[y] ?? "" : y && (size >= 1e6 || size < 1e-3) ?
             y.toExponential(Math.min(digits - 1, 12)) : String(+y.toPrecision(Math.min(digits + 1, 15)))));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times, spans and counts as text; and the words of a search.
 
+const SECOND = 1000000000n;     // [ns]
+
 const pad = (n, width = 2) => String(n).padStart(width, "0");
 
 /** ns as text. utc: "2026-11-23 01:30:55.123"; else the time since the start: "1:02:03.5". */
@@ -14,9 +16,16 @@ export function clock(ns, utc, digits = 3) {
               rest = `${seconds / 3600n % 24n}:${pad(seconds / 60n % 60n)}:${pad(seconds % 60n)}`;
         return `${t < 0n ? "\u2212" : ""}${days ? `${days} d ` : ""}${rest}${part}`;
     }
-    const date = new Date(Number(t / 1000000n));
+    const part = (t % SECOND + SECOND) % SECOND, date = new Date(Number((t - part) / 1000000n));
     if (Number.isNaN(date.getTime())) return `${t} ns`;
-    return date.toISOString().replace("T", " ").slice(0, digits ? 20 + digits : 19).replace(/Z$/, "");
+    return date.toISOString().replace("T", " ").slice(0, 19) + (digits ? `.${pad(part, 9).slice(0, digits)}` : "");
+}
+
+/** ns as a date with all its digits: "2026-11-23 01:30:55.123"; and as seconds: "12.5". */
+export const dateText = (ns) => clock(ns, true, BigInt(ns) % 1000000n ? BigInt(ns) % 1000n ? 9 : 6 : 3);
+export function secondsText(ns) {
+    const t = BigInt(ns), size = t < 0n ? -t : t, part = pad(size % SECOND, 9).replace(/0+$/, "");
+    return `${t < 0n ? "\u2212" : ""}${size / SECOND}${part && `.${part}`}`;
 }
 
 /**
@@ -33,6 +42,21 @@ export function ticks(text, utc) {
     if (!utc) return rest;
     const midnight = Date.parse(`${day ?? new Date().toISOString().slice(0, 10)}T00:00:00Z`);
     return Number.isNaN(midnight) ? null : BigInt(midnight) * 1000000n + rest;
+}
+
+const WHOLE = /^[+-]?\d+$/;
+const TIMES = {
+    time: {form: /^\d{4}-\d\d-\d\d([T ]\d\d:\d\d:\d\d(\.\d+)?)?(Z|[+-]\d\d:\d\d)?$/,
+        words: "a date of UTC is needed, as in 2026-03-01 12:00:00.5, or ns since 1970"},
+    duration: {form: /^[+-]?\d+(\.\d+)? ?(s|ms|us|ns)$|^-?P/,
+        words: "a duration is needed, as in 1.5 s, or ns"},
+};
+
+/** Check the text of a command's time or duration: {value} for the server, or {problem}. */
+export function timeGiven(kind, text) {
+    const {form, words} = TIMES[kind];
+    return WHOLE.test(text) || form.test(text) ? {value: text.replace(/^\+/, "")} :
+                                                 {problem: `${words}; found "${text}"`};
 }
 
 /** A span of seconds as text: "0.2 s", "3 min", "2.5 h". */

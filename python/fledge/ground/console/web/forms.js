@@ -3,7 +3,7 @@
 import "./operate.css";
 import {of} from "./api.js";
 import {h, put} from "./dom.js";
-import {matcher} from "./format.js";
+import {matcher, timeGiven} from "./format.js";
 import {prompt} from "./parts.js";
 import {RARE, STAGES} from "./words.js";
 
@@ -19,7 +19,8 @@ const bracket = ({low, high, low_open, high_open}) => {
 export function allowed({type, unit, low, high, low_open, high_open, size, labels}) {
     const range = bracket({low, high, low_open, high_open});
     const room = (type === "text" || type === "binary") && size ? `at most ${size} bytes` : "";
-    const word = {label: `one of ${labels?.length ?? 0}`, binary: "hexadecimal", natural: "integer"}[type] ?? type;
+    const word = {label: `one of ${labels?.length ?? 0}`, binary: "hexadecimal", natural: "integer",
+        time: "a date, or ns since 1970", duration: "as 1.5 s, or ns"}[type] ?? type;
     return [word, range, room].filter(Boolean).join(", ") +
         (unit && unit !== "-" ? ` ${range ? "" : "in "}${unit}` : "");
 }
@@ -36,10 +37,11 @@ export function checked(argument, text) {
     switch (type) {
     case "natural":
     case "integer":
-    case "time":
         if (!/^[+-]?(\d+|0x[\da-f]+)$/i.test(given)) return {problem: `a whole number is needed; found "${given}"`};
         number = given.startsWith("-") ? -BigInt(given.slice(1)) : BigInt(given.replace("+", ""));
         break;
+    case "time":
+    case "duration": return timeGiven(type, given);
     case "real":
         number = Number(given);
         if (!Number.isFinite(number)) return {problem: `a number is needed; found "${given}"`};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The newest value of each slot of a craft, from the server's frames. A value stays a word of 64 bits until it is shown
 // as a number or text.
-import {clock} from "./format.js";
+import {dateText, secondsText} from "./format.js";
 
 const MAGIC = 0x31444c46, HEAD = 8, ROW = 6;     // in words of 32 bits
 export const STATUSES = ["", "uncalibrated", "unlabelled", "malformed"];
@@ -86,7 +86,8 @@ export class Store {
         switch (this.slots[slot]?.kind) {
         case "real": return join(this.word, slot, "getFloat64");
         case "integer": return (high | 0) * 4294967296 + low;
-        case "time": return ((high | 0) * 4294967296 + low) / 1e9;
+        case "time":
+        case "duration": return ((high | 0) * 4294967296 + low) / 1e9;
         case "natural": return high * 4294967296 + low;
         case "boolean":
         case "label": return low;
@@ -102,7 +103,8 @@ export class Store {
         case "real": return real(join(this.word, slot, "getFloat64"), about.single);
         case "integer": return String(join(this.word, slot, "getBigInt64"));
         case "natural": return String(join(this.word, slot, "getBigUint64"));
-        case "time": return clock(join(this.word, slot, "getBigInt64"), true);
+        case "time": return dateText(join(this.word, slot, "getBigInt64"));
+        case "duration": return secondsText(join(this.word, slot, "getBigInt64"));
         case "boolean": return this.word[2 * slot] ? "true" : "false";
         case "label":
             if (this.status[slot] === UNLABELLED)
@@ -156,7 +158,8 @@ export function valueText(slot, {value, text}) {
     case "real": return real(value, slot.single);
     case "label": return slot.labels?.includes(text) ? text : `${text} (no name)`;
     case "boolean": return value ? "true" : "false";
-    case "time": return clock(BigInt(text.replace(".", "")), true);
+    case "time": return dateText(text.replace(".", ""));
+    case "duration": return secondsText(text.replace(".", ""));
     case "binary": return (value.match(/../g) ?? []).join(" ");
     default: return text ?? String(value);
     }
