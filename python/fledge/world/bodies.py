@@ -210,6 +210,11 @@ def dot(a: Sequence[float], b: Sequence[float]) -> float:
     return 0.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    """Of vectors with three elements."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
 def equator(pole_N: Sequence[float]) -> list[list[float]]:
     """Three axes: the third along the pole, the first where its equator ascends over N's."""
     from math import hypot
@@ -219,9 +224,7 @@ def equator(pole_N: Sequence[float]) -> list[list[float]]:
     length = hypot(off, z)
     third = [x / length, y / length, z / length]
     first = [-y / off, x / off, 0.0] if off > 1e-12 * length else [1.0, 0.0, 0.0]
-    second = [third[1] * first[2] - third[2] * first[1], third[2] * first[0] - third[0] * first[2],
-              third[0] * first[1] - third[1] * first[0]]
-    return [first, second, third]
+    return [first, cross(third, first), third]
 
 
 def body_of(value: Any, path: str) -> Body:

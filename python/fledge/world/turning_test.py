@@ -48,6 +48,30 @@ def test_places_are_within_the_bound_over_the_whole_span(body, within, start, du
     assert 0.5 * float(within / m) < np.max(off) < float(within / m)
 
 
+def test_attitude_and_rate_are_those_of_more_digits():
+    """Against the same least squares by singular values, in 40 digits."""
+    mp = pytest.importorskip("mpmath").mp
+    sky, span = sky_of(world.MARS), 3 * 86400 * 10**9
+    fit = world.fit_orientation(sky, world.MARS, within=1 * m, duration=3 * day)
+    times = [round(k * span / 64) / 1e9 for k in range(65)]
+    with mp.workdps(40):
+        truth = [mp.matrix(sky.orientation(world.MARS, t).dcm_PN.tolist()) for t in times]
+
+        def turn(angle):
+            c, s = mp.cos(angle), mp.sin(angle)
+            return mp.matrix([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+
+        rate, middle = mp.mpf(fit["rate"]), mp.mpf(span) / 2 / 10**9
+        for _ in range(4):
+            total = sum((turn(rate * t).T * a for t, a in zip(times, truth)), mp.zeros(3))
+            u, _, v = mp.svd_r(total)
+            dcm = u * v
+            about_pole = [(e[0, 1] - e[1, 0]) / 2 for e in (a * (turn(rate * t) * dcm).T for t, a in zip(times, truth))]
+            rate += sum((t - middle) * e for t, e in zip(times, about_pole)) / sum((t - middle)**2 for t in times)
+        assert abs(rate - fit["rate"]) * middle < 1e-14
+        assert max(abs(dcm[i, j] - fit["dcm_PN"][i, j]) for i in range(3) for j in range(3)) < 1e-14
+
+
 def test_a_bound_that_cannot_be_held_is_refused():
     sky = sky_of(world.EARTH)
     with pytest.raises(SetupError, match="holds EARTH within .* m over 3.15.* s, not within 1 m; take a shorter"):
