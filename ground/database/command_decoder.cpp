@@ -416,9 +416,8 @@ CommandDecoder::CommandDecoder(const Database &database, Header header)
 {
 }
 
-CommandDecoder::Role CommandDecoder::role(const Decoded &packet, std::size_t field) const
+CommandDecoder::Role CommandDecoder::role(const Decoded &packet, Id id) const
 {
-    const Id id = packet.fields[field].parameter;
     const std::string &name = built_.database.parameters[id].name;
     if (id < built_.first_argument) {
         return Role::header;

@@ -35,9 +35,9 @@ public:
     const Decoder &decoder() const { return decoder_; }
     const Database &database() const { return built_.database; }
 
-    /// The role of a field in the command.
+    /// The role of a parameter of a packet in the command.
     enum class Role : std::uint8_t { header, assigned, given };
-    Role role(const Decoded &packet, std::size_t field) const;
+    Role role(const Decoded &packet, Id parameter) const;
 
     /// The argument that only has the size of this argument, and its value.
     std::optional<std::pair<std::string, double>> counter(const Decoded &packet, std::size_t field) const;

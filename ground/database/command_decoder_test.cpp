@@ -95,7 +95,7 @@ std::string decoded(CommandDecoder &decoder, const Bytes &packet)
     const Decoded &done = decoder.decode(packet);
     std::string all = done.reason.empty() ? decoder.database().containers[done.container].path : done.reason;
     for (std::size_t i = 0; i < done.fields.size() && done.reason.empty(); i++) {
-        if (decoder.role(done, i) == CommandDecoder::Role::given) {
+        if (decoder.role(done, done.fields[i].parameter) == CommandDecoder::Role::given) {
             const Field &field = done.fields[i];
             const Type &type = decoder.database().types[field.type];
             all += " " + decoder.decoder().name(done, i) + "=" +

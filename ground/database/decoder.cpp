@@ -287,6 +287,9 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
             return broken("the " + std::string(n ? "" : "size of the ") + "array " + db_.parameters[parameter].name +
                           (n ? " has more than 2^20 elements" : " is not known"));
         }
+        if (*n == 0) {
+            empty_.push_back({fields_.size(), parameter, node});
+        }
         for (std::uint32_t i = 0; i < *n; i++) { // of several dimensions, the last counts fastest
             nodes_.push_back({node, i, id});
             if (!take(parameter, type.element, static_cast<std::uint32_t>(nodes_.size() - 1), walk, nullptr)) {
@@ -441,7 +444,7 @@ bool Decoder::entries(Id container, Walk &walk)
 Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool included)
 {
     const Container &container = db_.containers[id];
-    const std::size_t fields = fields_.size(), nodes = nodes_.size();
+    const std::size_t fields = fields_.size(), nodes = nodes_.size(), empty = empty_.size();
     const bool whole = entries(id, walk);
     if (!included) {
         found_ = id; // even if the packet ends within it
@@ -477,6 +480,7 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
     found_ = no_id;
     fields_.resize(fields);
     nodes_.resize(nodes);
+    empty_.resize(empty);
     places_.resize(std::min(places_.size(), fields));
     raw_.resize(fields);
     values_.resize(fields);
@@ -574,6 +578,7 @@ std::size_t Decoder::decode_planned(const Plan &plan)
     packet_.stopped.reset();
     packet_.fields = plan.fields;
     packet_.nodes = plan.nodes;
+    packet_.empty = plan.empty;
     end_ = plan.end;
     for (const auto &[field, slot] : plan.held) {
         keep(field, slot);
@@ -606,6 +611,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
             break;
         }
         nodes_.assign(1, {0, 0, no_id});
+        empty_.clear();
         places_.clear();
         raw_.clear();
         values_.clear();
@@ -616,6 +622,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
         }
         packet_.fields = fields_;
         packet_.nodes = nodes_;
+        packet_.empty = empty_;
         n = fields_.size();
         if (outcome == Outcome::matched) {
             packet_.reason.clear(); // of earlier roots

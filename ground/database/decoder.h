@@ -35,6 +35,13 @@ struct Field {
     Kind raw, value;
 };
 
+/// An array without elements; node: the step that leads to it.
+struct EmptyArray {
+    std::size_t before; ///< this field of the packet
+    Id parameter;
+    std::uint32_t node;
+};
+
 enum class Status : std::uint8_t {
     good,
     uncalibrated, ///< there is only a raw value, outside of what its calibrator, epoch or number covers
@@ -65,6 +72,7 @@ struct Decoded {
     std::string reason;   ///< why values are missing; empty: the packet is whole
     std::span<const Field> fields;
     std::span<const PathNode> nodes;
+    std::span<const EmptyArray> empty;
     std::span<const std::uint64_t> raw, values; ///< of each field, by its kinds; real: std::bit_cast<double>
     std::span<const Status> status;
     std::span<const std::uint8_t> bytes; ///< of texts and binary values
@@ -183,6 +191,7 @@ private:
     std::size_t used_ = 0, n_bits_ = 0, effort_ = 0, depth_ = 0, best_ = 0;
     std::vector<Field> fields_;
     std::vector<PathNode> nodes_;
+    std::vector<EmptyArray> empty_;
     std::vector<Bits> places_;
     std::vector<std::uint64_t> raw_, values_;
     std::vector<Status> status_;

@@ -71,6 +71,7 @@ struct Decoder::Plan {
     std::vector<Field> fields;
     std::vector<std::size_t> places; ///< [bits] of each field
     std::vector<PathNode> nodes{{0, 0, no_id}};
+    std::vector<EmptyArray> empty;
     std::vector<Step> steps;
     std::vector<std::pair<std::uint32_t, std::uint32_t>> held; ///< field, slot
     Dispatch dispatch;

@@ -113,6 +113,7 @@ void Decoder::make_plan(Plan &plan, Id id)
         plan.fields = base.fields;
         plan.places = base.places;
         plan.nodes = base.nodes;
+        plan.empty = base.empty;
         plan.most = base.most;
         at = base.end;
         effort_ += base.fields.size();
@@ -213,6 +214,9 @@ bool Decoder::lay(Plan &plan, Id parameter, Id id, std::uint32_t node, std::size
                     return false;
                 }
             }
+        }
+        if (n == 0 && type.sort == Type::Sort::array) {
+            plan.empty.push_back({plan.fields.size(), parameter, node});
         }
         for (std::uint32_t i = 0; i < n; i++) {
             plan.nodes.push_back({node, i, id});

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import wraps
+from math import isfinite
 from types import FunctionType
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -57,6 +58,15 @@ def field(text: str) -> str:
     """The same between the commas of a line; in quotes wherever a table might divide it."""
     text = cell(text)
     return '"' + text.replace('"', '""') + '"' if set(text) & set('",;\t\n') else text
+
+
+def for_json(content: object, word: Callable[[float], str | None] = lambda _: None) -> object:
+    """What JSON can have: in place of a number that is not finite stands its word, None by default."""
+    if isinstance(content, dict):
+        return {key: for_json(value, word) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [for_json(value, word) for value in content]
+    return word(content) if isinstance(content, float) and not isfinite(content) else content
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import sys
-from math import isfinite
 
-from fledge.errors import Failure, field, printable
+from fledge.errors import Failure, field, for_json, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -137,7 +136,7 @@ def _text(database: Database | None) -> Show:
 
     def show(piece: Piece, packet: Packet | None, unit: Unit | None, whole: Packet | None) -> None:
         about = _about(piece, packet)
-        when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
+        when = f", {about['time'] // 10**9}.{about['time'] % 10**9:09} s" if "time" in about else ""
         which = f"protocol {about['protocol']}" if "protocol" in about else \
             f"application {about['application']}, count {about['count']}" + (
                 f", {about['part']} part" if "part" in about else "")
@@ -190,13 +189,9 @@ def _csv(database: Database | None) -> Show:
     return show
 
 
-def _in_json(value: Any) -> Any:
-    """JSON has no word for a number that is not finite: the texts are those of Protocol Buffers, as in Yamcs."""
-    if isinstance(value, float) and not isfinite(value):
-        return "NaN" if value != value else "Infinity" if value > 0 else "-Infinity"
-    if isinstance(value, dict):
-        return {key: _in_json(inner) for key, inner in value.items()}
-    return [_in_json(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+def _word(number: float) -> str:
+    """Of a number that is not finite: the texts are those of Protocol Buffers, as in Yamcs."""
+    return "NaN" if number != number else "Infinity" if number > 0 else "-Infinity"
 
 
 def _json(database: Database | None) -> Show:
@@ -205,7 +200,7 @@ def _json(database: Database | None) -> Show:
 
     def show(piece: Piece, packet: Packet | None, unit: Unit | None, whole: Packet | None) -> None:
         joined = {"unit": _of_unit(unit, whole) | values(whole)} if unit else {}
-        text = json.dumps(_in_json(_about(piece, packet) | values(packet) | joined), default=_plain)
+        text = json.dumps(for_json(_about(piece, packet) | values(packet) | joined, _word), default=_plain)
         print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves
 
     return show

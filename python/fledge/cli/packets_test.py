@@ -479,3 +479,28 @@ def test_bad_input_gets_one_line(files, capsys):
     assert main(["packets", "all.bin", "--trailer", "128"]) == 2
     assert main(["packets", "all.bin", "--frames", "5"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 5
+
+
+def test_names_with_dots_and_members_have_their_units(tmp_path, capsys):
+    (tmp_path / "s.xml").write_text("""<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
+        <IntegerParameterType name='h'><IntegerDataEncoding sizeInBits='48'/></IntegerParameterType>
+        <IntegerParameterType name='v'><UnitSet><Unit>V</Unit></UnitSet><IntegerDataEncoding/></IntegerParameterType>
+        <IntegerParameterType name='i'><UnitSet><Unit>A</Unit></UnitSet><IntegerDataEncoding/></IntegerParameterType>
+        <AggregateParameterType name='g'><UnitSet><Unit>W</Unit></UnitSet><MemberList><Member name='v' typeRef='v'/>
+        <Member name='i' typeRef='i'/></MemberList></AggregateParameterType></ParameterTypeSet><ParameterSet>
+        <Parameter name='h' parameterTypeRef='h'/><Parameter name='A' parameterTypeRef='i'/>
+        <Parameter name='A.X' parameterTypeRef='v'/><Parameter name='g' parameterTypeRef='g'/></ParameterSet>
+        <ContainerSet><SequenceContainer name='P'><EntryList><ParameterRefEntry parameterRef='h'/>
+        <ParameterRefEntry parameterRef='A.X'/><ParameterRefEntry parameterRef='g'/></EntryList></SequenceContainer>
+        </ContainerSet></TelemetryMetaData></SpaceSystem>""")
+    (tmp_path / "p.bin").write_bytes(packet(0, b"\1\2\3"))
+    assert main(["packets", str(tmp_path / "p.bin"), "--database", str(tmp_path / "s.xml")]) == 0
+    assert [line.split() for line in capsys.readouterr().out.splitlines()[2:]] == [
+        ["A.X", "1", "V"], ["g.v", "2", "V"], ["g.i", "3", "A"]]
+
+
+def test_the_time_of_a_capture_has_all_its_digits(tmp_path, capsys):
+    (tmp_path / "p.pcap").write_bytes(struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 65535, 147) + struct.pack(
+        "<4I", 1_790_000_000, 123_456_789, 7, 7) + packet(0))
+    assert main(["packets", str(tmp_path / "p.pcap")]) == 0
+    assert ", 1790000000.123456789 s: telemetry" in capsys.readouterr().out

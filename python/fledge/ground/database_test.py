@@ -139,3 +139,57 @@ def test_a_folder_of_files_is_read():
         how = "refused" if reason else "read" if len(together) == 1 else f"read with {len(together) - 1} more"
         print(f"{how:16} {path.relative_to(folder)}" + (f"\n{'':17}{reason}" if reason else ""))
     assert files
+
+
+def array_type(name, element, last):
+    return f"""<ArrayParameterType name="{name}" arrayTypeRef="{element}"><DimensionList><Dimension><StartingIndex>
+        <FixedValue>0</FixedValue></StartingIndex><EndingIndex>{last}</EndingIndex></Dimension></DimensionList>
+        </ArrayParameterType>"""
+
+
+def test_an_array_without_elements_is_there_and_a_parameter_that_comes_again_is_the_last_one(tmp_path):
+    """Also within members and elements; in a container with fixed places, too; one element again is no second one."""
+    of_n = '<DynamicValue><ParameterInstanceRef parameterRef="n"/><LinearAdjustment intercept="-1"/></DynamicValue>'
+    types = """<IntegerParameterType name="u8"><IntegerDataEncoding/></IntegerParameterType>
+        <AggregateParameterType name="g"><MemberList><Member name="v" typeRef="u8"/><Member name="l" typeRef="some"/>
+        </MemberList></AggregateParameterType>""" + array_type("some", "u8", of_n) + array_type(
+            "none", "u8", "<FixedValue>-1</FixedValue>") + array_type("two", "some", "<FixedValue>1</FixedValue>") + \
+        array_type("one", "g0", "<FixedValue>0</FixedValue>") + """<AggregateParameterType name="g0"><MemberList>
+        <Member name="z" typeRef="none"/><Member name="v" typeRef="u8"/></MemberList></AggregateParameterType>"""
+    names = {"id": "u8", "n": "u8", "a": "some", "g": "g", "t": "two", "z": "none", "o": "one"}
+    entries = {"Vary": ["n", "a", "g", "t", "n", "a"], "Fixed": ["z", "o", "o"]}
+    parameters = "".join(f'<Parameter name="{name}" parameterTypeRef="{kind}"/>' for name, kind in names.items())
+    text = f"""<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>{types}</ParameterTypeSet>
+        <ParameterSet>{parameters}</ParameterSet>
+        <ContainerSet><SequenceContainer name="P" abstract="true"><EntryList><ParameterRefEntry parameterRef="id"/>
+        </EntryList></SequenceContainer>""" + "".join(
+        f"""<SequenceContainer name="{name}"><EntryList>{"".join(f'<ParameterRefEntry parameterRef="{entry}"/>'
+            for entry in all_)}</EntryList><BaseContainer containerRef="P"><RestrictionCriteria><Comparison
+            parameterRef="id" value="{i}"/></RestrictionCriteria></BaseContainer></SequenceContainer>"""
+        for i, (name, all_) in enumerate(entries.items())) + "</ContainerSet></TelemetryMetaData></SpaceSystem>"
+    path = str(written(tmp_path, text))
+    for plans in (True, False):
+        read = _ground.Database.read([(path, "")], plans)
+        for packet, values in [
+                ([0, 0, 7, 0], {"id": 0, "n": 0, "a": [], "g": {"v": 7, "l": []}, "t": [[], []]}),
+                ([0, 1, 5, 7, 6, 8, 9, 0], {"id": 0, "n": 0, "a": [], "g": {"v": 7, "l": [6]}, "t": [[8], [9]]}),
+                ([0, 0, 7, 2, 3, 4], {"id": 0, "n": 2, "a": [3, 4], "g": {"v": 7, "l": []}, "t": [[], []]}),
+                ([0, 1, 5, 7, 6, 8, 9, 1, 4], {"id": 0, "n": 1, "a": [4], "g": {"v": 7, "l": [6]}, "t": [[8], [9]]}),
+                ([1, 5, 6], {"id": 1, "z": [], "o": [{"z": [], "v": 6}]})]:
+            decoded = read.decode(bytes(packet))
+            assert (decoded.values, decoded.raw, decoded.reason) == (values, values, ""), (plans, packet)
+
+
+def test_a_command_has_its_arrays_without_elements_back(tmp_path):
+    text = """<SpaceSystem name="S"><CommandMetaData><ArgumentTypeSet><IntegerArgumentType name="u8">
+        <IntegerDataEncoding/></IntegerArgumentType>""" + array_type("some", "u8", """<DynamicValue>
+        <ArgumentInstanceRef argumentRef="n"/><LinearAdjustment intercept="-1"/></DynamicValue>""").replace(
+        "Parameter", "Argument") + """</ArgumentTypeSet><MetaCommandSet><MetaCommand name="C"><ArgumentList>
+        <Argument name="n" argumentTypeRef="u8"/><Argument name="a" argumentTypeRef="some"/></ArgumentList>
+        <CommandContainer name="CC"><EntryList><ArgumentRefEntry argumentRef="n"/><ArgumentRefEntry argumentRef="a"/>
+        </EntryList></CommandContainer></MetaCommand></MetaCommandSet></CommandMetaData></SpaceSystem>"""
+    craft = Database.load(written(tmp_path, text))
+    for given in ({"n": 0, "a": []}, {"n": 2, "a": [3, 4]}):
+        packet = craft.encode("C", **given)
+        assert packet == bytes([given["n"], *given["a"]])
+        assert craft.decode_command(packet).arguments == given

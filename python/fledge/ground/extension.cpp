@@ -71,39 +71,40 @@ public:
     {
     }
 
-    void put(py::dict &top, const Field &field, const py::object &value)
+    /// at: the node of the value.
+    void put(py::dict &top, Id parameter, std::uint32_t at, const py::object &value)
     {
-        const py::str name(db_.parameters[field.parameter].name);
-        if (field.node == 0) {
+        const py::str name(db_.parameters[parameter].name);
+        if (at == 0) {
             top[name] = value;
+            parameter_ = no_id;
             return;
         }
-        const PathNode &node = packet_.nodes[field.node];
-        insert(holder(top, name, field.parameter, node.parent, node), field.node, value);
+        insert(holder(top, name, parameter, at), at, value);
     }
 
 private:
-    /// The dict or list whose items are the children of a node.
-    py::object holder(py::dict &top, const py::str &name, Id parameter, std::uint32_t at, const PathNode &child)
+    /// The dict or list that the value of a node belongs to.
+    py::object holder(py::dict &top, const py::str &name, Id parameter, std::uint32_t at)
     {
-        const bool array = db_.types[child.type].sort == Type::Sort::array;
-        const auto fresh = [&]() -> py::object { return array ? py::object(py::list()) : py::object(py::dict()); };
-        if (at == 0) { // a lower place: the parameter is in the packet again
-            if (parameter != parameter_ || child.place < place_) {
-                parameter_ = parameter;
-                outer_ = fresh();
-                top[name] = outer_;
-            }
-            place_ = child.place;
-            return outer_;
-        }
         const PathNode &node = packet_.nodes[at];
-        const py::object parent = holder(top, name, parameter, node.parent, node);
-        if (!inner_[at]) {
-            inner_[at] = fresh();
-            insert(parent, at, inner_[at]);
+        const bool array = db_.types[node.type].sort == Type::Sort::array;
+        const auto fresh = [&]() -> py::object { return array ? py::object(py::list()) : py::object(py::dict()); };
+        if (node.parent != 0) {
+            if (!inner_[node.parent]) {
+                inner_[node.parent] = fresh();
+                insert(holder(top, name, parameter, node.parent), node.parent, inner_[node.parent]);
+            }
+            return inner_[node.parent];
         }
-        return inner_[at];
+        if (parameter != parameter_ || (at != at_ && node.place <= place_)) { // the parameter is in the packet again
+            outer_ = fresh();
+            top[name] = outer_;
+        }
+        parameter_ = parameter;
+        place_ = node.place;
+        at_ = at;
+        return outer_;
     }
 
     void insert(const py::object &holder, std::uint32_t at, const py::object &value)
@@ -121,8 +122,22 @@ private:
     std::vector<py::object> inner_; ///< of each node
     py::object outer_;
     Id parameter_ = no_id;
-    std::uint32_t place_ = 0;
+    std::uint32_t place_ = 0, at_ = 0;
 };
+
+/// Calls action(field, parameter, node) for each field and, without a field, for each array without elements.
+template <class Do> void each_value(const Decoded &packet, const Do &action)
+{
+    auto empty = packet.empty.begin();
+    for (std::size_t i = 0; i <= packet.fields.size(); i++) {
+        for (; empty != packet.empty.end() && empty->before == i; ++empty) {
+            action(std::optional<std::size_t>(), empty->parameter, empty->node);
+        }
+        if (i < packet.fields.size()) {
+            action(std::optional(i), packet.fields[i].parameter, packet.fields[i].node);
+        }
+    }
+}
 
 Given given(const py::handle &value, int depth = 0)
 {
@@ -186,13 +201,18 @@ Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional
     Packet result{
         path_of(db, done.container), path_of(db, done.nearest), done.reason, {}, {}, py::dict(), py::dict(), done.bits};
     Tree raws(db, done), values(db, done);
-    for (std::size_t i = 0; i < done.fields.size(); i++) {
-        const auto [raw, value] = objects(db, done, i);
-        result.rows.emplace_back(loaded.decoder().name(done, i), raw, value);
-        result.fields.emplace_back(name_of(done.fields[i].value), unit_of(db.types[done.fields[i].type]));
-        raws.put(result.raw, done.fields[i], raw);
-        values.put(result.values, done.fields[i], value);
-    }
+    each_value(done, [&](std::optional<std::size_t> i, Id parameter, std::uint32_t node) {
+        if (!i) {
+            raws.put(result.raw, parameter, node, py::list());
+            values.put(result.values, parameter, node, py::list());
+            return;
+        }
+        const auto [raw, value] = objects(db, done, *i);
+        result.rows.emplace_back(loaded.decoder().name(done, *i), raw, value);
+        result.fields.emplace_back(name_of(done.fields[*i].value), unit_of(db.types[done.fields[*i].type]));
+        raws.put(result.raw, parameter, node, raw);
+        values.put(result.values, parameter, node, value);
+    });
     return result;
 }
 
@@ -226,18 +246,18 @@ CommandPacket decode_command(Loaded &loaded, const py::bytes &bytes, const std::
         result.command = db.containers[done.container].path;
     }
     Tree arguments(db, done), parameters(db, done);
-    for (std::size_t i = 0; i < done.fields.size(); i++) {
-        const py::object value = objects(db, done, i).second;
-        const CommandDecoder::Role role = decoder.role(done, i);
+    each_value(done, [&](std::optional<std::size_t> i, Id parameter, std::uint32_t node) {
+        const py::object value = i ? py::object(objects(db, done, *i).second) : py::object(py::list());
+        const CommandDecoder::Role role = decoder.role(done, parameter);
         if (role == CommandDecoder::Role::header) {
-            parameters.put(result.header, done.fields[i], value);
+            parameters.put(result.header, parameter, node, value);
         } else if (role == CommandDecoder::Role::given) {
-            arguments.put(result.arguments, done.fields[i], value);
-            if (const auto counter = decoder.counter(done, i)) {
+            arguments.put(result.arguments, parameter, node, value);
+            if (const auto counter = i ? decoder.counter(done, *i) : std::nullopt) {
                 result.arguments[py::str(counter->first)] = nearest(counter->second);
             }
         }
-    }
+    });
     return result;
 }
 

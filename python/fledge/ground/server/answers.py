@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import struct
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from aiohttp import web
 
 from fledge.ground.server.alarms import CONCERNS
-from fledge.errors import field
+from fledge.errors import field, for_json
 
 if TYPE_CHECKING:
     from fledge.ground.server.past import Series
@@ -25,15 +24,7 @@ def dumps(content: object) -> str:
     try:
         return json.dumps(content, allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(content))
-
-
-def _finite(content: object) -> object:
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
+        return json.dumps(for_json(content))
 
 
 def _texts(kind: str, exact: list[Any]) -> list[str | None]:
