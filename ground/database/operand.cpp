@@ -71,7 +71,7 @@ std::string shown(const Operand &operand)
         return operand.word ? operand.type->one_label : operand.type->zero_label;
     }
     if (operand.kind == Kind::time || operand.kind == Kind::duration) {
-        return std::to_string(static_cast<std::int64_t>(operand.word));
+        return time_text(operand.kind, static_cast<std::int64_t>(operand.word));
     }
     const auto number = number_of(operand);
     return number ? text_of(*number) : "bytes";

@@ -21,7 +21,7 @@ constexpr std::int64_t seconds_at(year_month_day date)
     return duration_cast<seconds>(sys_days(date).time_since_epoch()).count();
 }
 
-/// [s] of UTC from which on TAI - UTC is 10, 11, ... s (IERS Bulletin C).
+/// [s] of UTC from which on TAI - UTC is 10, 11, ... s (IERS Bulletin C), as in world/environment/timescale.cpp.
 constexpr std::array steps = [] {
     constexpr std::pair<int, unsigned> months[] = {
         {1972, 1}, {1972, 7}, {1973, 1}, {1974, 1}, {1975, 1}, {1976, 1}, {1977, 1}, {1978, 1}, {1979, 1}, {1980, 1},

@@ -187,6 +187,24 @@ TEST(Times, ATimeThatCountsFromAnotherHasItsEpochAndScale)
                 ElementsAre(HasSubstr("the times of c have no epoch"), HasSubstr("the times of t have no epoch")));
 }
 
+TEST(Times, ConditionsCompareTimesWithDates)
+{
+    const std::string types = time_type("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>", u32) + integer("u8", 8);
+    const std::string xml =
+        file(types, "a:t x:u8",
+             container("P", "a", "", "abstract='true'") +
+                 container("Q", "x",
+                           "<BaseContainer containerRef='P'><RestrictionCriteria><Comparison parameterRef='a' "
+                           "comparisonOperator='>=' value='2011-09-14T01:46:25Z'/></RestrictionCriteria>"
+                           "</BaseContainer>"));
+    Bytes packet = big_endian(1'000'000'000, 4); // s of GPS, of which 15 are leap seconds
+    packet.push_back(7);
+    EXPECT_EQ(decoded(xml, packet), "a=" + std::to_string(utc(2011, 9, 14, 1, 46, 25)) + " x=7");
+    packet = big_endian(999'999'999, 4);
+    packet.push_back(7);
+    EXPECT_THAT(decoded(xml, packet), HasSubstr("needs a >= 2011-09-14T01:46:25Z (found 2011-09-14T01:46:24Z)"));
+}
+
 TEST(Times, ACommandHasItsTimesByTheSameEpoch)
 {
     const auto argument = [](const std::string &name, const std::string &type) {
