@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "sim/batch.h"
 #include "sim/simulation.h"
 
 #include "sim/testing/toys.h"
@@ -175,6 +176,40 @@ TEST(Playback, AModelFliesInPlaceOfTheModulesWithTheirInputsParametersAndSnapsho
         return std::pair{first, interface<Scale>(scale).out.number.head.sequence};
     };
     EXPECT_EQ(fly(true), fly(false));
+}
+
+TEST(Playback, AnActionOfABatchCountsBeforeTheComputerFlies)
+{
+    const ModelType type{
+        &scale_type, [](void *interface) -> std::unique_ptr<Model> { return std::make_unique<Computer>(interface); }};
+    Simulation sim;
+    Process &world = sim.add_process("world"), &flight = sim.add_process("flight");
+    auto scale = make(flight, "scale", scale_type);
+    auto tank = make(world, "tank", tank_type);
+    interface<Scale>(scale).par.gain = 9.0;
+    interface<Tank>(tank).par.initial = 8.0;
+    flight.add_task({"gnc", 500 * ms, 0, 0, {scale}});
+    world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    sim.connect(port(tank, "level"), port(scale, "number"));
+    sim.connect(port(scale, "product"), port(tank, "flow"));
+    flight.fly_by_model("computer", std::make_shared<Instance>(type),
+                        {{port(scale, "number"), offsetof(Scale, in.number)},
+                         {port(scale, "gain"), offsetof(Scale, par.gain)},
+                         {port(scale, "product"), offsetof(Scale, out.number)}});
+    BatchPlan plan;
+    plan.clones = 1;
+    plan.every = 500 * ms;
+    plan.actions = {{"flight.scale", offsetof(Scale, par.gain), FLEDGE_F64, {"flight.scale.gain"}}};
+    plan.observations = {{"world.tank", offsetof(Tank, out.level.x), FLEDGE_F64, {"world.tank.level.x"}}};
+    Batch batch(sim, plan);
+    ASSERT_TRUE(batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{1, 0}}));
+    std::vector<double> seen(1);
+    double level = 8.0;
+    for (const double gain : {-0.5, 0.25, -1.0, 0.0}) { // x' = gain x(begin) in each step
+        level += 0.5 * gain * level;
+        ASSERT_TRUE(batch.step(std::vector{gain}, seen));
+        EXPECT_NEAR(seen[0], level, 1e-12);
+    }
 }
 
 TEST(Playback, OtherProcessesReadWhatWasSentToThem)
