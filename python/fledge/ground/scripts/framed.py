@@ -45,6 +45,7 @@ class Framed(Link):
         self._sent: dict[int, bytes] = {}
         self._answers: list[tuple[bytes, bool]] = []
         self._tag = 0
+        self._reported = 0      # bytes between frames
 
     @property
     def t(self) -> int:
@@ -94,6 +95,11 @@ class Framed(Link):
             self.skipped, self.dropped = self.link.skipped + self._end.counts["skipped"], self.link.dropped
             if packets or answered or self.t >= until or not arrived and self.link.wait is not None:
                 return packets
+
+    def damages(self) -> list[str]:
+        skipped = self._end.counts["skipped"]
+        new, self._reported = skipped - self._reported, skipped
+        return self.link.damages() + ([f"{new} bytes of the stream are no frame"] if new else [])
 
     def close(self) -> None:
         self.link.close()

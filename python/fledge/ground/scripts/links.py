@@ -4,6 +4,7 @@ devices. A datagram is a packet, or several whole ones. A stream has packets one
 a packet are skipped and counted."""
 from __future__ import annotations
 
+import re
 import select
 import socket
 from abc import ABC, abstractmethod
@@ -17,6 +18,7 @@ from fledge.commands import Timed
 from fledge.errors import Failure, SetupError
 
 PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
+NEAR = 16                                   # packets of an application that may be lost in a damage of a stream
 CHUNK = 1 << 16                             # [bytes] that are read or written at once
 AT_ONCE = 500                               # datagrams
 WAITING = 1 << 22                           # [bytes] of datagrams that the operating system keeps
@@ -74,6 +76,10 @@ class Link(ABC):
         sent until the end of a run, which this program did not hear."""
         return []
 
+    def damages(self) -> list[str]:
+        """In words, what the link has skipped since the last call: how many bytes, where and why."""
+        return []
+
     def close(self) -> None:
         """Let go of the link."""
 
@@ -88,13 +94,19 @@ class Splitter:
     """Finds the packets in a stream of bytes.
 
     accepts: whether a packet may begin with these six bytes; without it, any of the version 0. A byte at which none
-    can begin is skipped, so that the stream is found again after a damage.
+    can begin is skipped, so that the stream is found again after a damage. So is a packet of an unusual length, if
+    others inside of it continue their applications' counts and lead beyond its end: its length is damaged.
     """
 
     def __init__(self, accepts: Callable[[bytes], bool] | None = None) -> None:
         self._accepts = accepts or (lambda header: header[0] >> 5 == 0)
         self._rest = bytearray()
+        self._begin = 0                                     # [bytes] of the stream before the rest
+        self._known: dict[bytes, tuple[int, int]] = {}      # count and size of the last packet, by its first two bytes
+        self._check = 0                                     # [bytes] of a packet at which to look into it again
+        self._lost: tuple[int, str] | None = None           # where the bytes that are being skipped begin, and why
         self.skipped = 0
+        self.damages: list[str] = []    #: what was skipped, where and why; the caller empties it
 
     def feed(self, data: bytes) -> list[bytes]:
         """The packets that are whole now."""
@@ -103,22 +115,95 @@ class Splitter:
         while len(self._rest) - at >= PACKET_LEAST:
             header = bytes(self._rest[at:at + 6])
             if not self._accepts(header):
+                self._skip(at, at + 1, "no packet can begin there")
                 at += 1
-                self.skipped += 1
                 continue
-            end = at + int.from_bytes(header[4:], "big") + PACKET_LEAST
+            size = _size(header)
+            end = at + size
+            if (inside := self._inside(at, end)) is not None:
+                self._skip(at, inside, f"a packet of {size} bytes would begin there, but others that continue those "
+                           "before stand inside of it")
+                at, self._check = inside, 0
+                continue
             if end > len(self._rest):
                 break
+            self._report(at)
             packets.append(bytes(self._rest[at:end]))
-            at = end
+            self._known[header[:2]] = _count(header), size
+            at, self._check = end, 0
         del self._rest[:at]
+        self._begin += at
         return packets
+
+    def _skip(self, at: int, to: int, why: str) -> None:
+        self.skipped += to - at
+        self._lost = self._lost or (self._begin + at, why)
+
+    def _report(self, at: int) -> None:
+        """A packet begins: note what was skipped before it."""
+        if self._lost:
+            begin, why = self._lost
+            self.damages.append(f"{self._begin + at - begin} bytes of the stream from byte {begin} on are no packet: "
+                                f"{why}")
+            self._lost = None
+
+    def _inside(self, at: int, end: int) -> int | None:
+        """Where packets begin inside of one whose length must be damaged."""
+        there = len(self._rest)
+        known = self._known.get(bytes(self._rest[at:at + 2]))
+        if end == there or known and known[1] == end - at:
+            return None
+        if end > there:
+            if there - at < self._check:
+                return None
+            self._check = (there - at) * 9 // 8 + 64     # seldom, as it is long
+        stop = min(end, there) - 6
+        begins = (found.start() for found in re.compile(b"(?=%s)" % b"|".join(map(re.escape, self._known)), re.DOTALL)
+                  .finditer(self._rest, at + 1, stop + 1)) if self._known else range(at + 1, stop)
+        least = 1 if self._known and end + 6 <= there and not self._continues(bytes(self._rest[end:end + 6]), {}) else 2
+        return next((begin for begin in begins if self._lead(begin, end, least)), None)
+
+    def _continues(self, header: bytes, counts: dict[bytes, int]) -> bool | None:
+        """Whether a packet may begin there that continues its application, by its last count in `counts` or before;
+        None: the application is new."""
+        before = counts.get(header[:2], self._known[header[:2]][0] if header[:2] in self._known else None)
+        if not self._accepts(header) or not any(header[:4]):    # zeros are rather data
+            return False
+        return None if before is None else 0 < (_count(header) - before) % 0x4000 <= NEAR
+
+    def _lead(self, at: int, end: int, least: int) -> bool:
+        """Whether lengths lead from packets there beyond an end, or to the end of what has come, and at least so many
+        of them continue others. Where they lead to that end, the packet holds them."""
+        counts: dict[bytes, int] = {}
+        behind = 0
+        while len(self._rest) - at >= PACKET_LEAST:
+            header = bytes(self._rest[at:at + 6])
+            continues = self._continues(header, counts)
+            if continues is False:
+                return behind >= least and at > end
+            behind += continues is True
+            counts[header[:2]] = _count(header)
+            at += _size(header)
+            if at == end:
+                return False
+        return behind >= least and (at > end or end > len(self._rest))
+
+
+def _size(header: bytes) -> int:
+    return int.from_bytes(header[4:6], "big") + PACKET_LEAST
+
+
+def _count(header: bytes) -> int:
+    return int.from_bytes(header[2:4], "big") & 0x3FFF
 
 
 class Raw:
     """In place of a Splitter: the bytes of a stream as they come."""
 
     skipped = 0
+
+    def __init__(self) -> None:
+        self.damages: list[str] = []
 
     def feed(self, data: bytes) -> list[bytes]:
         return [data]
@@ -131,6 +216,7 @@ class _ByTheClock(Link):
         self.raw = raw
         self._opened = monotonic_ns()
         self._arrived: deque[Timed] = deque()
+        self._damages: list[str] = []
 
     @property
     def t(self) -> int:
@@ -149,6 +235,10 @@ class _ByTheClock(Link):
         packets = list(self._arrived)
         self._arrived.clear()
         return packets
+
+    def damages(self) -> list[str]:
+        damages, self._damages = self._damages, []
+        return damages
 
     @abstractmethod
     def _work(self, wait: float) -> None:
@@ -181,7 +271,10 @@ class Udp(_ByTheClock):
                     data = self._socket.recv(PACKET_MOST)
                     whole, rest = ([data], b"") if self.raw else split(data)
                     self._arrived.extend(Timed(self.t, packet) for packet in whole)
-                    self.skipped += len(rest)
+                    if rest:
+                        self.skipped += len(rest)
+                        self._damages.append(f"{len(rest)} bytes at the end of a datagram of {len(data)} are no whole "
+                                             "packet")
             except (BlockingIOError, ConnectionRefusedError):   # no more; an earlier datagram found no receiver
                 pass
 
@@ -351,6 +444,8 @@ class Streams(_ByTheClock):
                     self._leave(streams[end])
                 else:
                     self._arrived.extend(Timed(self.t, packet) for packet in packets)
+                    damages, streams[end].splitter.damages = streams[end].splitter.damages, []
+                    self._damages += damages
         self.skipped = self._gone + sum(stream.splitter.skipped for stream in self._streams)
 
 

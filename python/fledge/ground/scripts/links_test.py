@@ -57,6 +57,9 @@ def test_udp_carries_both_ways_and_takes_several_packets_in_a_datagram():
         craft.send(b"".join(sent[20:]) + b"\x08\x80\xc0\0\0\x09cut")
         assert gathered(ground, 20) == sent[20:]
         assert ground.skipped == 9 and craft.skipped == 0
+        size = len(b"".join(sent[20:])) + 9
+        assert ground.damages() == [f"9 bytes at the end of a datagram of {size} are no whole packet"]
+        assert ground.damages() == []
         begin = ground.t
         assert ground.receive(begin + 30_000_000) == [] and ground.t >= begin + 30_000_000
 
@@ -235,6 +238,68 @@ def test_a_stream_is_found_again_after_damage():
         strange = [packet for packet in got if packet not in sent]
         assert len(strange) <= 1        # the one that was hit
         assert got[-20:] == sent[-20:] and len(got) >= 56
+
+
+def telemetry(draw, n, applications=3, first=0):
+    """Packets of some applications by turns, each with counts of its own, most with one size."""
+    counts, made = [first] * applications, []
+    for _ in range(n):
+        which = draw.randrange(applications)
+        size = 100 + 20 * which if draw.random() < 0.8 else draw.randrange(1, 600)
+        made.append((0x0123 + which).to_bytes(2, "big") + (0xC000 | counts[which] % 0x4000).to_bytes(2, "big")
+                    + (size - 1).to_bytes(2, "big") + draw.randbytes(size))
+        counts[which] += 1
+    return made
+
+
+def fed(draw, stream, data, most):
+    got, at = [], 0
+    while at < len(data):
+        n = draw.randrange(1, most)
+        got += stream.feed(data[at:at + n])
+        at += n
+    return got
+
+
+@pytest.mark.parametrize("most", [200, 5000, 100_000])
+def test_a_damaged_length_loses_its_packet_alone_and_is_reported(most):
+    """The length is greater than the packet, up to 64 KiB; the stream comes in pieces."""
+    draw = random.Random(most)
+    for _ in range(25):
+        sent = telemetry(draw, 60, first=draw.randrange(0x4000))
+        hit = draw.randrange(12, 40)
+        begin, size = sum(map(len, sent[:hit])), len(sent[hit])
+        wrong = draw.choice([0xFFFF, 0x7FFF, draw.randrange(size + 2000, 60000)])
+        changed = sent[hit][:4] + wrong.to_bytes(2, "big") + sent[hit][6:]
+        damaged = b"".join([*sent[:hit], changed, *sent[hit + 1:]])
+        stream = Splitter()
+        assert fed(draw, stream, damaged, most) == sent[:hit] + sent[hit + 1:]
+        assert stream.skipped == size
+        assert stream.damages == [
+            f"{size} bytes of the stream from byte {begin} on are no packet: a packet of {wrong + 7} bytes would begin "
+            "there, but others that continue those before stand inside of it"]
+
+
+def test_a_stream_is_found_from_any_byte_on():
+    draw = random.Random(3)
+    for _ in range(25):
+        sent = telemetry(draw, 60)
+        cut = draw.randrange(1, len(sent[0]))
+        stream = Splitter()
+        got = fed(draw, stream, b"".join(sent)[cut:], 300)
+        assert got[-40:] == sent[-40:] and [packet for packet in got if packet not in sent] == got[:len(got) - 59][:1]
+
+
+def test_a_packet_may_hold_packets():
+    """A dump of what a recorder kept before: it is one packet, however it arrives."""
+    draw = random.Random(4)
+    for most in (200, 100_000):
+        sent = telemetry(draw, 40, first=500)
+        kept = b"".join(telemetry(draw, 20, first=300))
+        dump = b"\x01\x99\xc0\0" + (len(kept) - 1).to_bytes(2, "big") + kept
+        stream = Splitter()
+        sent.insert(20, dump)
+        assert fed(draw, stream, b"".join(sent), most) == sent and not stream.damages
 
 
 def test_packets_are_split_by_their_lengths():

@@ -118,6 +118,10 @@ class Connection:
         carrier = self.carrier
         return carrier.gaps() if carrier else []
 
+    def damages(self) -> list[str]:
+        """As Link.damages()."""
+        return self.link.damages() if self.link else []
+
     def close(self) -> None:
         if self.craft:
             self.craft.__exit__()

@@ -41,6 +41,27 @@ def test_a_link_that_breaks_is_opened_again_after_a_while(now):
         assert link.link is None
 
 
+def test_damage_of_a_stream_is_reported_once(now):
+    packets = [b"\x01\x23\xc0" + bytes([i]) + b"\0\x09" + b"0123456789" for i in range(30)]
+    damaged = packets[9][:4] + b"\xff\xff" + packets[9][6:]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = connection(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        assert link.damages() == []
+        link.open()
+        end, _ = server.accept()
+        with end:
+            end.sendall(b"".join([*packets[:9], damaged, *packets[10:]]))
+            got = []
+            while len(got) < 29:
+                got += [packet.packet for packet in link.receive(link.link.t + 10**8)]
+        assert got == packets[:9] + packets[10:]
+        assert link.damages() == [
+            "16 bytes of the stream from byte 144 on are no packet: a packet of 65542 bytes would begin there, but "
+            "others that continue those before stand inside of it"]
+        assert link.damages() == [] and link.describe()["skipped"] == 16
+        link.close()
+
+
 def test_a_simulation_that_has_failed_is_not_flown_on(now):
     link = connection(flown=True)
     assert link.broke("an error")

@@ -279,6 +279,9 @@ class Spacecraft:
         return packets
 
     def _publish_all(self) -> None:
+        if damages := self.connection.damages():
+            more = f"; and {len(damages) - 1} times more" if len(damages) > 1 else ""
+            self.reporter.event("warning", "link", damages[0] + more)
         self.contacts.poll()
         self.alarms.poll()
         self.reporter.flush()
