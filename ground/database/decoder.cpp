@@ -43,6 +43,9 @@ void Decoder::hold_references()
         for (const Verifier &verifier : command.verifiers) {
             hold(verifier.condition), hold(verifier.changes), hold(verifier.returns);
         }
+        for (const Constraint &constraint : command.constraints) {
+            hold(constraint.condition);
+        }
     }
     for (Id i = 0; i < db_.types.size(); i++) {
         const Type &type = db_.types[i];
@@ -491,22 +494,24 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
 // --- reasons
 
 /// The comparisons of a condition that do not hold, with the actual values; at: place of the first value in the packet.
-std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at)
+std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at, bool earlier)
 {
-    if (holds(condition, false)) {
+    if (holds(condition, earlier)) {
         return "";
     }
     if (condition.kind == Condition::Kind::compare) {
-        const auto found = find(condition.left, false);
+        const auto found = find(condition.left, earlier);
         at = at || !found ? at : found->at;
-        return condition.text + (found ? " (found " + shown(*found) + ")" : " (not in this packet)");
+        return condition.text + (found     ? " (found " + shown(*found) + ")"
+                                 : earlier ? " (not known: no packet had it)"
+                                           : " (not in this packet)");
     }
     std::string all;
     for (const Condition &part : condition.parts) {
         if (all.size() > most_reasons) {
             return all + (condition.kind == Condition::Kind::any ? " or more" : " and more");
         }
-        const std::string reason = failing(part, at);
+        const std::string reason = failing(part, at, earlier);
         all += (all.empty() || reason.empty()            ? ""
                 : condition.kind == Condition::Kind::any ? " or "
                                                          : " and ") +
@@ -519,6 +524,31 @@ std::optional<Number> Decoder::number(const Reference &reference)
 {
     const auto found = find(reference, true);
     return found ? number_of(*found) : std::nullopt;
+}
+
+std::string Decoder::failing(const Condition &condition)
+{
+    std::optional<std::size_t> at;
+    return failing(condition, at, true);
+}
+
+std::optional<bool> Decoder::judge(const Condition &condition)
+{
+    const bool any = condition.kind == Condition::Kind::any;
+    if (condition.kind == Condition::Kind::compare) {
+        const bool known =
+            find(condition.left, true) && (condition.right.of == Reference::Of::nothing || find(condition.right, true));
+        return known ? std::optional(holds(condition, true)) : std::nullopt;
+    }
+    std::optional<bool> result = !any;
+    for (const Condition &part : condition.parts) {
+        const auto judged = judge(part);
+        if (judged == any) {
+            return any; // whatever the others are
+        }
+        result = judged ? result : judged;
+    }
+    return result;
 }
 
 std::string Decoder::words(const Reference &reference)
@@ -540,7 +570,7 @@ void Decoder::explain(Id id, std::size_t depth)
     std::size_t fewest = ~std::size_t(0);
     for (const Id heir : container.heirs) {
         std::optional<std::size_t> at;
-        const std::string needs = failing(db_.containers[heir].restriction, at);
+        const std::string needs = failing(db_.containers[heir].restriction, at, false);
         const auto n = static_cast<std::size_t>(std::count(needs.begin(), needs.end(), '('));
         if (!needs.empty() && n < fewest) {
             fewest = n;

@@ -110,6 +110,12 @@ public:
     /// Whether a condition of the database, as of an alarm, holds for the newest values.
     bool applies(const Condition &condition) { return holds(condition, true); }
 
+    /// Whether it holds; nothing: that depends on a value that no packet had.
+    std::optional<bool> judge(const Condition &condition);
+
+    /// The comparisons that do not hold or are not known, with the newest values.
+    std::string failing(const Condition &condition);
+
     /// The newest value of a reference as a number, if it is one, and as text.
     std::optional<Number> number(const Reference &reference);
     std::string words(const Reference &reference);
@@ -156,7 +162,7 @@ private:
     bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
     bool broken(std::string reason);
     void explain(Id container, std::size_t depth);
-    std::string failing(const Condition &condition, std::optional<std::size_t> &at);
+    std::string failing(const Condition &condition, std::optional<std::size_t> &at, bool earlier);
     bool spend(std::size_t effort);
     std::uint64_t copy(std::size_t bit, std::size_t bits);
 

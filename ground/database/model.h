@@ -276,14 +276,22 @@ struct Verifier {
     std::string relative_to;       ///< commandRelease or timeLastVerifierPassed
 };
 
+/// What must hold before a command leaves.
+struct Constraint {
+    Condition condition;
+    std::string algorithm;    ///< which only its author's program has, instead of a condition
+    double timeout = 0;       ///< [s] that the command may wait for it
+    bool suspendable = false; ///< an operator may send the command although it does not hold
+};
+
 struct Command : Named {
     bool is_abstract = false;
     Id base = no_id;
     std::vector<Argument> arguments; ///< its own
     std::vector<std::pair<std::string, std::string>> assignments;
     Id container = no_id;
-    std::string consequence, reason; ///< of its significance
-    std::vector<Condition> constraints;
+    std::string consequence, reason;     ///< of its significance
+    std::vector<Constraint> constraints; ///< its own
     std::vector<Verifier> verifiers;
 };
 
@@ -302,6 +310,9 @@ struct Database {
     /// The verifiers of a command, own and inherited, in the order of their stages: own Complete verifiers add to those
     /// that are inherited, others replace those of their stage.
     std::vector<const Verifier *> verifiers(Id command) const;
+
+    /// The constraints of a command: those that it inherits first.
+    std::vector<const Constraint *> constraints(Id command) const;
 
     std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }
 
@@ -344,6 +355,18 @@ inline std::vector<const Verifier *> Database::verifiers(Id command) const
                     result.push_back(&verifier);
                 }
             }
+        }
+    }
+    return result;
+}
+
+inline std::vector<const Constraint *> Database::constraints(Id command) const
+{
+    std::vector<const Constraint *> result;
+    for (; command != no_id; command = commands[command].base) {
+        const auto &own = commands[command].constraints;
+        for (std::size_t i = own.size(); i-- > 0;) {
+            result.insert(result.begin(), &own[i]);
         }
     }
     return result;

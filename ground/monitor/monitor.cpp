@@ -46,30 +46,35 @@ struct Monitor::Expected {
     Condition condition;
     std::vector<Id> parameters; ///< of the condition or the change
     std::optional<Number> before;
+};
 
-    /// Replace arguments in the condition by the values of the command that was sent.
-    void compile(Condition &comparison, const std::map<std::string, std::string> &arguments)
-    {
-        for (Condition &part : comparison.parts) {
-            compile(part, arguments);
-        }
-        if (comparison.kind != Condition::Kind::compare) {
-            return;
-        }
-        for (const Reference *side : {&comparison.left, &comparison.right}) {
-            if (side->of == Reference::Of::parameter) {
-                parameters.push_back(side->parameter);
-            } else if (side->of == Reference::Of::argument &&
-                       (side == &comparison.left || !arguments.contains(side->name))) {
-                throw Refusal("it compares " + side->name + ", which is not known here");
-            }
-        }
-        if (comparison.right.of == Reference::Of::argument) {
-            comparison.literal = Literal(arguments.at(comparison.right.name));
-            comparison.right = {};
+namespace {
+
+/// Replace arguments in a condition by the values of the command that is sent. Throws Refusal for other values that are
+/// not known here.
+void compile(Condition &comparison, const std::map<std::string, std::string> &arguments, std::vector<Id> &parameters)
+{
+    for (Condition &part : comparison.parts) {
+        compile(part, arguments, parameters);
+    }
+    if (comparison.kind != Condition::Kind::compare) {
+        return;
+    }
+    for (const Reference *side : {&comparison.left, &comparison.right}) {
+        if (side->of == Reference::Of::parameter) {
+            parameters.push_back(side->parameter);
+        } else if (side->of == Reference::Of::argument &&
+                   (side == &comparison.left || !arguments.contains(side->name))) {
+            throw Refusal("it compares " + side->name + ", which is not known here");
         }
     }
-};
+    if (comparison.right.of == Reference::Of::argument) {
+        comparison.literal = Literal(arguments.at(comparison.right.name));
+        comparison.right = {};
+    }
+}
+
+} // namespace
 
 Monitor::Monitor(const Database &database, Id root)
     : db_(database), root_(root), decoder_(db_), watched_(db_.containers.size()), slots_(db_),
@@ -147,7 +152,7 @@ std::uint32_t Monitor::expect(Id command, std::size_t verifier, const std::map<s
                                              : "the algorithm " + all[verifier]->algorithm + " is not computed here");
     }
     Expected result{all[verifier], all[verifier]->condition, {}, {}};
-    result.compile(result.condition, arguments);
+    compile(result.condition, arguments, result.parameters);
     const std::lock_guard taking(taking_);
     if (result.verifier->changes.of != Reference::Of::nothing) {
         result.parameters.push_back(result.verifier->changes.parameter);
@@ -155,6 +160,30 @@ std::uint32_t Monitor::expect(Id command, std::size_t verifier, const std::map<s
     }
     expected_.emplace(++expectations_, std::move(result));
     return expectations_;
+}
+
+std::vector<Monitor::Judged> Monitor::judge(Id command, const std::map<std::string, std::string> &arguments)
+{
+    std::vector<Judged> result;
+    const std::lock_guard taking(taking_);
+    for (const Constraint *constraint : db_.constraints(command)) {
+        Judged &judged = result.emplace_back(Judged{constraint, std::nullopt, {}});
+        if (!constraint->algorithm.empty()) {
+            judged.text = "the algorithm " + constraint->algorithm + " (not known: it is not computed here)";
+            continue;
+        }
+        Condition condition = constraint->condition;
+        std::vector<Id> parameters;
+        try {
+            compile(condition, arguments, parameters);
+        } catch (const Refusal &refusal) {
+            judged.text = std::string("a condition (not known: ") + refusal.what() + ")";
+            continue;
+        }
+        judged.holds = decoder_.judge(condition);
+        judged.text = decoder_.failing(condition);
+    }
+    return result;
 }
 
 void Monitor::forget(std::uint32_t number)

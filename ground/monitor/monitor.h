@@ -88,6 +88,15 @@ public:
     std::uint32_t expect(Id command, std::size_t verifier, const std::map<std::string, std::string> &arguments);
     void forget(std::uint32_t number);
 
+    /// A constraint of a command by the newest values.
+    struct Judged {
+        const Constraint *constraint;
+        std::optional<bool> holds; ///< nothing: it cannot be judged
+        std::string text;          ///< what does not hold or is not known, with the values; empty if it holds
+    };
+    /// The constraints of a command, in the order of Database::constraints. arguments: as text.
+    std::vector<Judged> judge(Id command, const std::map<std::string, std::string> &arguments);
+
     struct Shown {
         Newest newest;
         std::string raw, value; ///< of texts and bytes

@@ -43,7 +43,7 @@ void CommandReader::part(Id id, Node child)
         command.reason = child.attribute("reasonForWarning").value();
     } else if (name == "TransmissionConstraintList") {
         for (Node item : elements(child)) {
-            command.constraints.push_back(values_.condition(item));
+            command.constraints.push_back(constraint(item));
         }
     } else if (name == "VerifierSet") {
         for (Node item : elements(child)) {
@@ -55,6 +55,20 @@ void CommandReader::part(Id id, Node child)
     } else if (!is_common(child) && name != "SystemName") {
         refuse_element(child);
     }
+}
+
+Constraint CommandReader::constraint(Node node)
+{
+    Constraint result;
+    result.timeout = seconds(node, node.attribute("timeOut").as_string("PT0S"));
+    result.suspendable = is_true(node, "suspendable", false);
+    if (const Node algorithm = element(node, "CustomAlgorithm")) {
+        result.algorithm = algorithm.attribute("name").as_string("without a name");
+        declared_.note(algorithm, "an algorithm that constrains a command is not computed");
+    } else {
+        result.condition = values_.condition(node);
+    }
+    return result;
 }
 
 Verifier CommandReader::verifier(Node node)

@@ -138,6 +138,7 @@ public:
 
 private:
     void part(Id id, Node node);
+    Constraint constraint(Node node);
     Verifier verifier(Node node);
     void window(Verifier &verifier, Node node);
 };

@@ -58,6 +58,7 @@ class Form(TypedDict):
     description: str
     hazardous: str
     arguments: list[Argument]
+    constraints: list[str]      # what must hold before it leaves
     verifiers: list[Verifier]
 
 

@@ -109,7 +109,8 @@ py::dict verifier_form(const Database &db, const Verifier &verifier)
 
 } // namespace
 
-/// Of each command that is not abstract: name, path, group, description, hazardous, arguments, verifiers.
+/// Of each command that is not abstract: name, path, group, description, hazardous, arguments, constraints,
+/// verifiers.
 DictRows command_forms(const Database &db)
 {
     py::list result;
@@ -123,11 +124,12 @@ DictRows command_forms(const Database &db)
         }
         std::set<std::string> assigned;
         py::list arguments;
-        std::string hazardous;
+        std::string level, hazardous;
         for (const Command *step : chain) { // the significance of the most derived command applies
-            const std::string &level = step->consequence;
-            if (hazardous.empty() && !level.empty() && level != "none" && level != "watch") {
-                hazardous = step->reason.empty() ? level : step->reason;
+            if (level.empty() && !step->consequence.empty()) {
+                level = step->consequence;
+                const bool harmless = level == "none" || level == "watch" || level == "normal";
+                hazardous = harmless ? "" : step->reason.empty() ? level : step->reason;
             }
             for (const auto &[name, value] : step->assignments) {
                 assigned.insert(name);
@@ -147,6 +149,11 @@ DictRows command_forms(const Database &db)
         form["description"] = command.description;
         form["hazardous"] = hazardous;
         form["arguments"] = arguments;
+        py::list constraints;
+        for (const Constraint *constraint : db.constraints(static_cast<Id>(&command - db.commands.data()))) {
+            constraints.append(constraint->algorithm.empty() ? in_words(constraint->condition) : constraint->algorithm);
+        }
+        form["constraints"] = constraints;
         py::list verifiers;
         for (const Verifier *verifier : db.verifiers(static_cast<Id>(&command - db.commands.data()))) {
             verifiers.append(verifier_form(db, *verifier));

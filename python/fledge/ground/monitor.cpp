@@ -217,6 +217,17 @@ public:
         return released([&] { return monitor_.expect(id, verifier, arguments); });
     }
 
+    /// (whether it holds, what does not, timeout, whether it is suspendable) of each constraint
+    auto judge(const std::string &command, const std::map<std::string, std::string> &arguments)
+    {
+        const Id id = db_.command(command);
+        std::vector<std::tuple<std::optional<bool>, std::string, double, bool>> result;
+        for (auto &[constraint, holds, text] : released([&] { return monitor_.judge(id, arguments); })) {
+            result.emplace_back(holds, std::move(text), constraint->timeout, constraint->suspendable);
+        }
+        return result;
+    }
+
     py::bytes rows(std::uint32_t trigger)
     {
         const auto result = released([&] { return monitor_.rows(trigger); });
@@ -337,6 +348,10 @@ void bind_monitor(py::module_ &m)
             "expect", &Watcher::expect, py::arg("command"), py::arg("verifier"), py::arg("arguments"),
             "Return a note for each packet that fulfils a verifier, which is given by its place in the command's form; "
             "returns the number that the notes have. arguments: as text. Raises SetupError if it cannot be computed.")
+        .def("judge", &Watcher::judge, py::arg("command"), py::arg("arguments"),
+             "(holds, text, timeout [s], suspendable) of each constraint of a command, by the newest values. holds: "
+             "None "
+             "if it cannot be judged; text: what does not hold, with the values. arguments: as text.")
         .def(
             "forget",
             [](Watcher &watcher, std::uint32_t number) { released([&] { watcher.monitor().forget(number); }); },

@@ -250,17 +250,18 @@ class Craft:
             self._files.close()
         self.link.close()
 
-    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
+    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, unchecked: bool = False,
+                **values: Any) -> Sent:
         """Send a command, one that fledge.commands.Packets makes: command("mode", "science"), command("noop"),
         command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2). confirmed: it is
-        meant, which a server of a control room asks for hazardous ones. Raises SetupError for what the mission does not
-        have."""
+        meant, which a server of a control room asks for hazardous ones; unchecked: the server does not check its
+        constraints, where they may be suspended. Raises SetupError for what the mission does not have."""
         packets = self.packets(name, *arguments, **values)
-        self.link.confirmed = confirmed
+        self.link.confirmed, self.link.unchecked = confirmed, unchecked
         try:
             return self.send(packets)
         finally:
-            self.link.confirmed = False
+            self.link.confirmed = self.link.unchecked = False
 
     def packets(self, name: str, /, *arguments: Any, **values: Any) -> list[bytes]:
         """The packets of such a command, for send()."""

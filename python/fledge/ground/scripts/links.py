@@ -40,6 +40,7 @@ class Link(ABC):
     """A way to a spacecraft and back. One thread receives; send() may come from another."""
 
     numbers = False     #: it numbers what it sends, and counts on behind others by itself
+    unchecked = False   #: a server does not check the constraints of what it sends now, where they may be suspended
     confirmed = False   #: what it sends now is meant, also if it is hazardous: a server of a control room asks for it
     skipped = 0     #: bytes that were no packet
     dropped = 0     #: packets that a slow reader missed

@@ -71,10 +71,11 @@ class Watched(Craft):
         self.events = self.telemetry.events
         self._words: dict[str, str] = {}
 
-    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
+    def command(self, name: str, /, *arguments: Any, confirmed: bool = False, unchecked: bool = False,
+                **values: Any) -> Sent:
         self._words = {key: str(value) for key, value in values.items()}
         try:
-            return super().command(name, *arguments, confirmed=confirmed, **values)
+            return super().command(name, *arguments, confirmed=confirmed, unchecked=unchecked, **values)
         finally:
             self._words = {}
 

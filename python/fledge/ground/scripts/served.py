@@ -59,7 +59,7 @@ class Served(Link):
     def send(self, packet: bytes) -> bytes:
         """Returns the packet with the server's number."""
         return bytes.fromhex(self._call(self._post(f"crafts/{self._name}/raw", hex=packet.hex(),
-                                                   confirmed=self.confirmed))["hex"])
+                                                   confirmed=self.confirmed, unchecked=self.unchecked))["hex"])
 
     def receive(self, until: int) -> list[Timed]:
         while self.t < until:

@@ -117,7 +117,7 @@ def json_answer(content: object) -> web.Response:
 class Refusal(web.HTTPException):
     """An answer with its reason in a sentence. more: further keys of its JSON."""
 
-    def __init__(self, status: int, why: str, headers: dict[str, str] | None = None, **more: str) -> None:
+    def __init__(self, status: int, why: str, headers: dict[str, str] | None = None, **more: object) -> None:
         self.status_code = status
         super().__init__(text=dumps({"error": why} | more), content_type="application/json", headers=headers)
         self.why = why

@@ -6,12 +6,13 @@ progress, completed or failed, as its uplink knows them (uplink.py).
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.server.stages import Stages
 from fledge.ground.server.uplink import DatabaseUplink, FlightUplink, Uplink, finished
+from fledge.ground.server.verifying import words_of
 
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
@@ -37,6 +38,15 @@ class ArgumentError(SetupError):
 
 class Hazardous(SetupError):
     """The command must be confirmed."""
+
+
+class Constrained(SetupError):
+    """A constraint of the command does not hold, or cannot be judged. suspendable: an operator may send it unchecked;
+    timeout [s]: it may wait for the constraint."""
+
+    def __init__(self, text: str, suspendable: bool, timeout: float) -> None:
+        super().__init__(text)
+        self.suspendable, self.timeout = suspendable, timeout
 
 
 class Commanding:
@@ -101,10 +111,12 @@ class Commanding:
                            "argument": bool(argument), "raw": digits})
         return {"hex": packet.hex(), "fields": fields, "hazardous": form["hazardous"]}
 
-    def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> Command:
-        """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
-        packet = self.packet_of(name, arguments, confirmed)
-        return self.release(user, name, arguments, [packet], form=self._forms[name])
+    def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool,
+             unchecked: bool = False) -> Command:
+        """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, Constrained,
+        SetupError."""
+        packet, note = self.packet_of(name, arguments, confirmed, unchecked)
+        return self.release(user, name, arguments, [packet], form=self._forms[name], note=note)
 
     def hazard_of(self, *names: str) -> str:
         """Why one of these commands is hazardous; empty: none is."""
@@ -112,24 +124,48 @@ class Commanding:
 
     def hazard(self, packet: bytes) -> str:
         """Why a packet that was made elsewhere is hazardous, or a command that it stores; empty: it is not."""
-        hazardous = [(name, form["path"], str(form["hazardous"])) for name, form in self._forms.items()
-                     if form["hazardous"]]
-        if not hazardous:
-            return ""
-        return next((why for command in self.uplink.commands_in(packet) for name, path, why in hazardous
-                     if command in (name, path) or name.startswith(f"{command}.from_")), "")
+        return next((str(form["hazardous"]) for form in self._forms_in(packet, "hazardous")), "")
 
-    def packet_of(self, name: str, arguments: dict[str, Any], confirmed: bool) -> bytes:
-        """The packet of a command, as it is sent or stored on board. Raises ArgumentError, Hazardous, SetupError."""
+    def unchecked_in(self, packet: bytes, unchecked: bool) -> str:
+        """As `_unchecked`, of a packet that was made elsewhere and the commands that it stores."""
+        return "; ".join(filter(None, (self._unchecked(form, {}, unchecked)
+                                       for form in self._forms_in(packet, "constraints"))))
+
+    def _forms_in(self, packet: bytes, key: str) -> Iterator[Form]:
+        """The forms of the commands in a packet that have something."""
+        forms = [form for form in self._forms.values() if form[key]]    # type: ignore[literal-required]
+        for command in self.uplink.commands_in(packet) if forms else ():
+            yield from (form for form in forms if command in (form["name"], form["path"])
+                        or form["name"].startswith(f"{command}.from_"))
+
+    def packet_of(self, name: str, arguments: dict[str, Any], confirmed: bool, unchecked: bool) -> tuple[bytes, str]:
+        """The packet of a command, as it is sent or stored on board, and the note of what is not checked. Raises
+        ArgumentError, Hazardous, Constrained, SetupError."""
         form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
             raise Hazardous(form["hazardous"])
-        return self.uplink.numbered(packet)
+        note = self._unchecked(form, arguments, unchecked)
+        return self.uplink.numbered(packet), note
+
+    def _unchecked(self, form: Form, arguments: dict[str, Any], unchecked: bool) -> str:
+        """What a command does not wait for, as a note for the journal. A constraint that does not hold stops it, unless
+        it is suspendable, or cannot be judged, and the operator says that it is not checked. Raises Constrained."""
+        if not form["constraints"]:
+            return ""
+        failing = [row for row in self._telemetry.monitor.judge(form["path"], words_of(form, arguments)) if not row[0]]
+        if not failing:
+            return ""
+        text = " and ".join(row[1] for row in failing)
+        suspendable = all(holds is None or can for holds, _, _, can in failing)
+        if not (unchecked and suspendable):
+            raise Constrained(text, suspendable, min(timeout for _, _, timeout, _ in failing))
+        return f"not checked: {text}"
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
-                then: Callable[[Sent], None] | None = None, form: Form | None = None) -> Command:
+                then: Callable[[Sent], None] | None = None, form: Form | None = None, note: str = "") -> Command:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
-        executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
+        executed it; form: of a command with verifiers; note: for the journal. Raises SetupError; JournalError: then
+        nothing was sent."""
         connection, name_of_craft = self._connection, self._reporter.name
         if connection.link is None or connection.silent:
             raise SetupError(f"{name_of_craft}: {connection.silent}; so nothing was sent")
@@ -137,7 +173,8 @@ class Commanding:
                         "arguments": arguments, "hex": " ".join(packet.hex() for packet in packets), "stages": []}
         if self.uplink.follows(form):
             row["open"] = {}
-        self._stages.add(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
+        several = f"{len(packets)} packets" if len(packets) > 1 else ""
+        self._stages.add(row, "released", True, "; ".join(filter(None, (several, note))))
         self._reporter.save("sent", row)    # before it leaves
         try:
             self.uplink.send(row, packets, form, then)

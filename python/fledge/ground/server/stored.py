@@ -82,10 +82,10 @@ class StoredLists:
         if not 0 <= number < LISTS:
             raise SetupError(f"a list is a number from 0 to {LISTS - 1}; found {number!r}")
         action, step = request.get("action"), request.get("step", ALL)
-        commanding = self._commanding
+        commanding, note = self._commanding, ""
         if action is None:
-            packet = commanding.packet_of(str(request.get("name", "")), request.get("arguments", {}),
-                                          request.get("confirmed", False))
+            packet, note = commanding.packet_of(str(request.get("name", "")), request.get("arguments", {}),
+                                                request.get("confirmed", False), request.get("unchecked", False))
             try:
                 packets = craft.packets("store", number, step, int(request.get("time_ns", 0)), packet)
             except ValueError:
@@ -118,7 +118,7 @@ class StoredLists:
             self._save(number)
 
         given = {key: value for key, value in request.items() if key != "action"}
-        return commanding.release(user, action or "store", given, packets, then)
+        return commanding.release(user, action or "store", given, packets, then, note=note)
 
     def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
         """Set the commands of a list. read: when they were reported; None: executed commands imply them."""

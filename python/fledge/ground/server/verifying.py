@@ -4,7 +4,7 @@ fulfils the verifier; a window that ends before is a stage that failed."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
 
@@ -19,6 +19,13 @@ STAGES = {"TransferredToRange": "transferred", "SentFromRange": "sent", "Receive
 OPEN = 3_600_000_000_000    # [ns] of a window that the database does not end
 LATE = 60_000_000_000       # [ns] for which an answer is known that comes behind its window
 SEQUENCE = "/yamcs/cmdHist/ccsds-seqcount"      # which a verifier may compare, as it does arguments
+
+
+def words_of(form: Form, arguments: dict[str, Any]) -> dict[str, str]:
+    """The arguments of a command as the monitor takes them: as text."""
+    values = {argument["name"]: arguments.get(argument["name"], argument["initial"]) for argument in form["arguments"]}
+    return {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in values.items()
+            if value is not None}
 
 
 @dataclass
@@ -70,10 +77,7 @@ class Verifying:
 
     def begin(self, row: Command, form: Form, packet: bytes) -> None:
         """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
-        words = {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
-        for argument in form["arguments"]:
-            value = row["arguments"].get(argument["name"], argument["initial"])
-            words[argument["name"]] = str(value).lower() if isinstance(value, bool) else str(value)
+        words = words_of(form, row["arguments"]) | {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
         release, about = int(row["t_ns"]), row.get("open", {})
         command = Waiting(row, release, int(about.get("passed_ns", release)))
         for place, verifier in enumerate(form["verifiers"]):

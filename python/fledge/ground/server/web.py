@@ -18,7 +18,7 @@ from aiohttp import web
 from fledge.ground.server.access import ROLES
 from fledge.ground.server.answers import dumps, json_answer, Refusal
 from fledge.ground.server.bounds import LoopWatch, raise_descriptors
-from fledge.ground.server.commanding import ArgumentError, Hazardous
+from fledge.ground.server.commanding import ArgumentError, Constrained, Hazardous
 from fledge.ground.server.guard import Guard
 from fledge.ground.server.handlers import TOPICS, common
 from fledge.ground.server.handlers.common import number_of, user_of
@@ -173,6 +173,9 @@ class Server:
             raise Refusal(400, str(error), argument=error.argument) from None
         except Hazardous as error:
             raise Refusal(409, f"this command is hazardous: {error}", hazardous=str(error)) from None
+        except Constrained as error:
+            raise Refusal(409, f"this command may leave when its constraint holds: {error}", constraint=str(error),
+                          suspendable=error.suspendable) from None
         except (JournalError, Failure) as error:
             raise Refusal(409, str(error)) from None
         except SetupError as error:

@@ -200,18 +200,25 @@ export function bytesOf({hex, fields = []}) {
             h("details", {}, h("summary", {}, `${fixed.length} fields that the database gives`), table(fixed)));
 }
 
-/** Post a command to a route that sends or stores it; a hazardous one after the user has confirmed it. Returns the
- *  answer, or null if the user did not confirm. */
+/** Post a command to a route that sends or stores it; a hazardous one after the user has confirmed it, one whose
+ *  constraint may be suspended after the user has said that it is not checked. Returns the answer, or null if the user
+ *  said no. */
 export async function post(api, craft, route, body, name = body.name) {
-    const path = of(craft, ...[route].flat());
-    try {
-        return await api.post(path, body);
-    } catch (error) {
-        const why = error.status === 409 && error.body?.hazardous;
-        if (!why) throw error;
-        const sure =
-            await prompt(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
-        return sure ? await api.post(path, {...body, confirmed: true}) : null;
+    const path = of(craft, ...[route].flat()), given = {...body};
+    for (;;) {
+        try {
+            return await api.post(path, given);
+        } catch (error) {
+            const {hazardous, constraint, suspendable} = error.status === 409 && error.body || {};
+            if (!hazardous && !suspendable) throw error;
+            const sure = hazardous ?
+                await prompt(`${name} is hazardous`, `${hazardous}. Send it to ${craft} all the same?`, [], "Send it",
+                    true) :
+                await prompt(`${name} is constrained`, `${constraint}. Send it to ${craft} without this check?`, [],
+                    "Send it unchecked", true);
+            if (!sure) return null;
+            given[hazardous ? "confirmed" : "unchecked"] = true;
+        }
     }
 }
 

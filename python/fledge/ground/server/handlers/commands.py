@@ -10,7 +10,7 @@ from aiohttp import web
 from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.commanding import Hazardous
 from fledge.ground.server.handlers import common
-from fledge.ground.server.handlers.common import body_of, id_of, in_thread, user_of
+from fledge.ground.server.handlers.common import body_of, id_of, in_thread, patiently, user_of
 from fledge.ground.server.routes import route
 
 if TYPE_CHECKING:
@@ -31,15 +31,15 @@ async def preview(server: Server, request: web.Request, craft: Spacecraft) -> we
 
 @route("POST", "/api/crafts/{c}/send", "command")
 async def send(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name="", arguments={}, confirmed=False)
-    row = await in_thread(craft, lambda: craft.commanding.send(user_of(request), **body))
+    body = await body_of(request, name="", arguments={}, confirmed=False, unchecked=False)
+    row = await patiently(request, craft, lambda: craft.commanding.send(user_of(request), **body))
     return answer({"id": row["id"]})
 
 
 @route("POST", "/api/crafts/{c}/raw", "command")
 async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     """A packet that a script has made; it gets the number that is next."""
-    body = await body_of(request, hex="", confirmed=False)
+    body = await body_of(request, hex="", confirmed=False, unchecked=False)
     opened = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
     if opened is None:
         raise Refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
@@ -52,6 +52,7 @@ async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.St
         raise Refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
     if not body["confirmed"] and (why := await server.aside(craft.commanding.hazard, packet)):
         raise Hazardous(f"{why}; a script says confirmed=True in its command")
+    await patiently(request, craft, lambda: craft.commanding.unchecked_in(packet, body["unchecked"]))
     # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
     if not flight.in_step and not craft.probed:
         craft.probed = True
@@ -62,8 +63,9 @@ async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.St
             await asyncio.sleep(0.05)
 
     def release() -> bytes:
+        note = craft.commanding.unchecked_in(packet, body["unchecked"])
         numbered = flight.numbered(packet)
-        craft.commanding.release(user_of(request), flight.dictionary.command(numbered), {}, [numbered])
+        craft.commanding.release(user_of(request), flight.dictionary.command(numbered), {}, [numbered], note=note)
         return numbered
 
     return answer({"hex": (await in_thread(craft, release)).hex()})

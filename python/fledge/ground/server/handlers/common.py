@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from aiohttp import web
 
 from fledge.ground.server.answers import Refusal
+from fledge.ground.server.commanding import Constrained
 from fledge.ground.server.routes import loads
 
 if TYPE_CHECKING:
     from fledge.ground.server.spacecraft import Spacecraft
 
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
+AGAIN = 0.1         # [s] until the constraints of a command that waits are judged again
 
 Answer = TypeVar("Answer")
 Default = TypeVar("Default", int, None)
@@ -70,6 +72,19 @@ def slot_of(request: web.Request, craft: Spacecraft) -> int:
     if not text.isdecimal() or len(text) > 9 or int(text) >= n:
         raise Refusal(404, f"{craft.name} has the slots 0 to {n - 1}; found '{text[:40]}'")
     return int(text)
+
+
+async def patiently(request: web.Request, craft: Spacecraft, action: Callable[[], Answer]) -> Answer:
+    """As in_thread, again and again while a constraint of a command lets it wait, by the spacecraft's clock."""
+    begin = craft.clock.now
+    request["live"].add(asyncio.current_task())     # it ends with the session
+    while True:
+        try:
+            return await in_thread(craft, action)
+        except Constrained as error:
+            if craft.clock.now - begin >= error.timeout * 1e9:
+                raise
+        await asyncio.sleep(AGAIN)
 
 
 async def in_thread(craft: Spacecraft, request: Callable[[], Answer]) -> Answer:

@@ -9,7 +9,7 @@ from aiohttp import web
 
 from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.handlers import common
-from fledge.ground.server.handlers.common import body_of, id_of, in_thread, user_of
+from fledge.ground.server.handlers.common import body_of, id_of, in_thread, patiently, user_of
 from fledge.ground.server.routes import route
 
 if TYPE_CHECKING:
@@ -88,6 +88,6 @@ async def stored(server: Server, _: web.Request, craft: Spacecraft) -> web.Strea
 @route("POST", "/api/crafts/{c}/stored", "command")
 async def command_stored(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     body = await body_of(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict,
-                         confirmed=bool)
-    row = await in_thread(craft, lambda: craft.stored.act(user_of(request), body))
+                         confirmed=bool, unchecked=bool)
+    row = await patiently(request, craft, lambda: craft.stored.act(user_of(request), body))
     return answer({"ids": [row["id"]]})

@@ -60,7 +60,8 @@ export async function open(context) {
         const here = h("button", {class: "primary", type: "submit", disabled: !can("command")}, "Send");
         middle.replaceChildren(formOf(() => transmit(here), {},
             h("header", {}, h("h2", {}, about.name), about.description && h("p", {class: "soft"}, about.description),
-                hazard(about), about.verifiers.map((verifier) =>
+                hazard(about), about.constraints.map((text) => h("p", {class: "soft"}, "leaves only if ", text)),
+                about.verifiers.map((verifier) =>
                     h("p", {class: verifier.problem ? "problem" : "soft"}, verifierOf(verifier)))),
             form.element,
             h("div", {class: "row send"}, here, button("Add to the stack", () => stack(), {type: "button"}), answer),
