@@ -17,17 +17,6 @@ double limited(double x, double most)
     return most > 0.0 ? std::clamp(x, -most, most) : x;
 }
 
-/// The torque of a motor that shall not drive its rate beyond a limit: 0 is none. `rest` is the torque that keeps the
-/// rate, `per_rate` the one that changes it by 1 rad/s within the update. It never brakes by itself.
-double no_faster(double u, double rate, double limit, double rest, double per_rate)
-{
-    if (!(limit > 0.0) || u == 0.0) {
-        return u;
-    }
-    const double sign = u > 0.0 ? 1.0 : -1.0;
-    return sign * std::clamp(sign * u, 0.0, std::max(sign * rest + per_rate * (limit - sign * rate), 0.0));
-}
-
 void add(Mat3 &to, double k, const Vec3 &a)
 {
     for (int i = 0; i < 3; i++) {
@@ -149,7 +138,7 @@ void ControlMomentGyrosModel::fail(std::size_t channel, double &x, double most)
     x = limited(x, most);
 }
 
-bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, double dt)
+bool ControlMomentGyrosModel::latch(const double *, const BodyRate &, double dt)
 {
     const auto &[command, rates, torques, injected] = interface_.in;
     const auto &par = interface_.par;
@@ -176,8 +165,7 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
     state_.again = faulty ? 1.0 : 0.0;
     const Motors before = state_.motors;
     Motors &motors = state_.motors = {};
-    bool unobserved = true;
-    Seen now{};
+    drives_ = 0;
     for (std::size_t i = 0; i < n_; i++) {
         const double torque = commanded.torque[i];
         double wheel = limited(commanded.wheel[i], par.u_max[i]);
@@ -188,23 +176,16 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
         }
         const bool fast = par.Omega_max[i] > 0.0 && wheel != 0.0;
         if (fast || (!servo && par.rate_max[i] > 0.0 && gimbal != 0.0)) {
-            if (unobserved) {
-                sim::in_registers<&ControlMomentGyrosModel::observe>(*this, x, rate, now);
-                unobserved = false;
-                state_.again = 1.0;
-            }
-            wheel = no_faster(wheel, now.Omega[i], par.Omega_max[i],
-                              par.J[i] * (now.domega_s[i] + now.rate[i] * now.omega_t[i]), par.J[i] / dt);
-            if (!servo) {
-                gimbal = no_faster(gimbal, now.rate[i], par.rate_max[i], par.J_g[i] * now.domega_g[i] - now.gyration[i],
-                                   par.J_g[i] / dt);
-            }
+            state_.again = 1.0;
+            drives_ = 2 * n_;
         }
         if (std::abs(wheel - commanded.wheel[i]) > 1e-9 * std::abs(commanded.wheel[i]) ||
             (!servo && std::abs(gimbal - torque) > 1e-9 * std::abs(torque))) {
             motors.limited = 1.0;
         }
-        motors.wheel[i] = wheel;
+        motors.wheel[i] = motors.whole[i] = wheel;
+        motors.whole[n_ + i] = servo ? 0.0 : gimbal;
+        motors.share[i] = motors.share[n_ + i] = 1.0;
         (servo ? motors.wanted : motors.gimbal)[i] = gimbal;
         if (servo) {
             motors.servo[i] = 1.0;
@@ -215,21 +196,37 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
     return std::memcmp(&motors, &before, sizeof motors) != 0;
 }
 
-LANES_INLINE void ControlMomentGyrosModel::observe(const double *x, const BodyRate &rate, Seen &seen) const
+Drive ControlMomentGyrosModel::drive(std::size_t i, const double *x, const Vec3 &omega) const
 {
-    for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros = four(i);
-        const Four::State state = gyros.load(x);
-        Four::Place at;
-        gyros.turned(state.angle, at);
-        const Four::Now now = gyros.now(at, state, quads(rate.omega));
-        put_quad(seen.Omega + i, state.h * quad_at(state_.gyros.J_inverse + i) - now.omega_s);
-        put_quad(seen.rate + i, now.rate);
-        put_quad(seen.gyration + i, now.gyration);
-        put_quad(seen.omega_t + i, now.omega_t);
-        put_quad(seen.domega_s + i, dot(at.s, quads(rate.domega)));
-        put_quad(seen.domega_g + i, dot(quads(state_.gyros.g, i), quads(rate.domega)));
+    const auto &par = interface_.par;
+    const Motors &motors = state_.motors;
+    const std::size_t k = i % n_;
+    const double torque = motors.whole[i], limit = i < n_ ? par.Omega_max[k] : par.rate_max[k];
+    if (torque == 0.0 || limit == 0.0) {
+        return {};
     }
+    const double speed = i < n_
+                             ? x[k] * state_.gyros.J_inverse[k] - vec_dot(axis(k, x[2 * padded_ + k]), omega)
+                             : x[padded_ + k] * state_.gyros.J_g_inverse[k] - vec_dot(column(state_.gyros.g, k), omega);
+    return {torque, motors.share[i], speed, limit};
+}
+
+double ControlMomentGyrosModel::drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const
+{
+    const Fours &gyros = state_.gyros;
+    const std::size_t k = i % n_;
+    if (i >= n_) {
+        return dx[padded_ + k] * gyros.J_g_inverse[k] - vec_dot(column(gyros.g, k), rate.domega);
+    }
+    const Vec3 s = axis(k, x[2 * padded_ + k]), t = vec_cross(column(gyros.g, k), s);
+    return dx[k] * gyros.J_inverse[k] - vec_dot(s, rate.domega) - dx[2 * padded_ + k] * vec_dot(t, rate.omega);
+}
+
+void ControlMomentGyrosModel::give(std::size_t i, double share)
+{
+    Motors &motors = state_.motors;
+    motors.share[i] = share;
+    (i < n_ ? motors.wheel : motors.gimbal)[i % n_] = share * motors.whole[i];
 }
 
 void ControlMomentGyrosModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
@@ -286,7 +283,11 @@ void ControlMomentGyrosModel::publish(sim::Ns t, const double *x, const Vec3 &)
         applied.u[i] = state_.motors.wheel[i];
         gimbals_applied.u[i] = seen_.torque[i];
     }
-    interface_.mem.saturated += state_.motors.limited != 0.0;
+    bool limited = state_.motors.limited != 0.0;
+    for (std::size_t i = 0; i < drives_; i++) {
+        limited |= state_.motors.share[i] < 1.0 - 1e-9;
+    }
+    interface_.mem.saturated += limited;
     speeds.head = speeds_speak ? head_next(speeds.head, t, QUALITY_GOOD) : head_held(speeds.head);
     gimbals.head = angles_speak ? head_next(gimbals.head, t, QUALITY_GOOD) : head_held(gimbals.head);
     for (Head *head : {&applied.head, &gimbals_applied.head}) {

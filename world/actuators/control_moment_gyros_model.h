@@ -40,6 +40,9 @@ public:
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
+    Drive drive(std::size_t i, const double *x, const Vec3 &omega) const override;
+    double drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const override;
+    void give(std::size_t i, double share) override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
     /// Four gyros, `i` and the next three, as a part of a CoupledCraft.
@@ -84,12 +87,6 @@ public:
     Four four(std::size_t i = 0) const { return {*this, i}; }
 
 private:
-    /// What limits need of a gyro.
-    struct Seen {
-        double Omega[WHEELS_MAX], rate[WHEELS_MAX]; ///< of wheel, gimbal
-        double gyration[WHEELS_MAX], omega_t[WHEELS_MAX];
-        double domega_s[WHEELS_MAX], domega_g[WHEELS_MAX]; ///< [rad/s^2] of the body about s and g
-    };
     /// Constants by fours; beyond the last gyro they do nothing.
     struct Fours {
         double s[3][WHEELS_MAX], t[3][WHEELS_MAX], g[3][WHEELS_MAX]; ///< axes at angle 0
@@ -105,7 +102,9 @@ private:
         double per_lag[WHEELS_MAX]; ///< [kg m^2/s] of a servo: J_g / lag; without one 0
         double servo[WHEELS_MAX];   ///< 1: a rate is commanded
         double most[WHEELS_MAX];    ///< [N m] of the gimbal's motor
-        double limited;             ///< 1: some motor is
+        double limited;             ///< 1: some motor is, by its largest torque
+        // The drives: the wheels' motors, then the gimbals' without a servo.
+        double whole[2 * WHEELS_MAX], share[2 * WHEELS_MAX];
     };
 
     enum Channels : std::size_t { of_wheels = 0, of_gimbals = 8, of_speeds = 16, of_angles = 24, channels = 32 };
@@ -124,7 +123,6 @@ private:
 
     void fail(std::size_t channel, double &x, double most);
     Vec3 axis(std::size_t i, double angle) const;
-    void observe(const double *x, const BodyRate &rate, Seen &seen) const;
     void couple_in_lanes(const double *x, const Motion &motion, Loads &loads, Whole &whole);
     void accelerate_in_lanes(double *dx) const;
 

@@ -198,6 +198,14 @@ struct LinearVector {
     }
 };
 
+/// A motor that turns a wheel or a gimbal. At the limit of the speed it stops driving; it never brakes by itself.
+struct Drive {
+    double torque; ///< [N m]   in this update, but for the limit
+    double share;  ///< [-]     of it that the motor gives, in [0, 1]
+    double speed;  ///< [rad/s] relative to what carries it
+    double limit;  ///< [rad/s] 0: none
+};
+
 /// A force that is linear in time: derive() adds it, and its torque about B's origin, while it acts.
 struct Ramp {
     const LinearVector *force, *torque; ///< [N], [N m]
@@ -285,6 +293,25 @@ public:
     /// At the end of a step: bring states to their usual range (an angle within a turn). Only of coupled parts.
     virtual void normalize(double *x) const { (void)x; }
 
+    /// The number of its motors that the craft keeps within the limits of their speeds in this update. latch() lets
+    /// each give all of its torque.
+    std::size_t drives() const { return drives_; }
+    virtual Drive drive(std::size_t i, const double *x, const Vec3 &omega) const
+    {
+        (void)i, (void)x, (void)omega;
+        return {};
+    }
+
+    /// [rad/s^2] The derivative of a drive's speed, which is linear in dx and domega but for a constant.
+    virtual double drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const
+    {
+        (void)i, (void)x, (void)dx, (void)rate;
+        return 0.0;
+    }
+
+    /// From now on a drive gives this share of its torque; derive() is linear in it. At an update's end: it has given.
+    virtual void give(std::size_t i, double share) { (void)i, (void)share; }
+
     /// Whether its loads jump or bend at times of its own, as those of valves. It is constant, and valid before
     /// prepare().
     virtual bool switches() const { return false; }
@@ -319,6 +346,9 @@ public:
     // The spacecraft resets and updates its parts by the functions above.
     void reset(sim::Ns) final {}
     void update(Tick) final {}
+
+protected:
+    std::size_t drives_ = 0; ///< by latch()
 
 private:
     const sim::Model *host_ = nullptr;

@@ -9,7 +9,8 @@
  *  (`jitter`), at less cost, as the forces and torques of wheels in a body that stands still.
  *  Assumptions: the motor gives the commanded torque at once, up to its limit;
  *  Coulomb friction holds a wheel at rest until the motor overcomes it. Friction and speed limit
- *  act by whole updates, so the task's period bounds how sharply a wheel stops.
+ *  act by whole updates, so the task's period bounds how sharply a wheel stops. A motor drives its wheel to the limit
+ *  exactly, and then gives what holds it there; it does not brake one that the body's motion carries further.
  *  The static imbalance of a wheel with the axis g points along u cos theta + g x u sin theta, with u along g x b1, b1
  *  the body's first axis; where |g . b1| is 0.6 or more, along g x b2.
  *  The channels of its faults: 0 to 7 the torques of the motors, 8 to 15 the measured speeds.

@@ -121,9 +121,12 @@ void ReactionWheelsModel::refresh()
     check();
     const auto &par = interface_.par;
     wheels_.again = 1.0; // so that the next latch() computes all torques
-    wheels_.rubs = 0.0;
+    wheels_.rubs = wheels_.limits = 0.0;
     for (std::size_t i = 0; i < n_; i++) {
-        if (par.friction[i] > 0.0 || par.stiction[i] > 0.0 || par.Omega_max[i] > 0.0) {
+        if (par.Omega_max[i] > 0.0) {
+            wheels_.rubs = wheels_.limits = 1.0;
+        }
+        if (par.friction[i] > 0.0 || par.stiction[i] > 0.0) {
             wheels_.rubs = 1.0;
         }
     }
@@ -141,13 +144,13 @@ bool ReactionWheelsModel::as_before(bool commanded) const
     return differs == 0;
 }
 
-/// The friction that acts for dt [s]. The limit of speed reduces the motor's torque u.
-double ReactionWheelsModel::rub(std::size_t i, const double *x, const BodyRate &rate, double dt, double &u) const
+/// The friction that acts for dt [s] against the motor's torque u.
+double ReactionWheelsModel::rub(std::size_t i, const double *x, const BodyRate &rate, double dt, double u) const
 {
     const auto &par = interface_.par;
     double F = dt > 0.0 ? par.friction[i] : 0.0;
-    const double stiction = dt > 0.0 ? par.stiction[i] : 0.0, limit = par.Omega_max[i];
-    if (!(F > 0.0 || stiction > 0.0 || (limit > 0.0 && u != 0.0))) {
+    const double stiction = dt > 0.0 ? par.stiction[i] : 0.0;
+    if (!(F > 0.0 || stiction > 0.0)) {
         return 0.0;
     }
     const double Omega = speed(i, x, rate.omega);
@@ -157,12 +160,6 @@ double ReactionWheelsModel::rub(std::size_t i, const double *x, const BodyRate &
     }
     // The torque with which the wheel turns with the body and ends at rest relative to it.
     const double rest = wheels_.J[i] * (along(i, rate.domega) - Omega / dt);
-    if (limit > 0.0 && u != 0.0) {
-        const double sign = u > 0.0 ? 1.0 : -1.0;
-        const double brakes = Omega * sign > 0.0 ? F + par.viscosity[i] * limit : -F;
-        const double most = sign * rest + wheels_.J[i] * limit / dt + brakes;
-        u = sign * std::clamp(sign * u, 0.0, std::max(most, 0.0));
-    }
     return std::clamp(rest - u, -F, F);
 }
 
@@ -172,6 +169,7 @@ bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt
     const bool acts = dt > 0.0;
     const bool commanded = acts && head_written(interface_.in.command.head);
     const bool faulty = acts && wheels_.faults.any();
+    drives_ = wheels_.limits != 0.0 ? n_ : 0;
     if (wheels_.again == 0.0 && !faulty && as_before(commanded)) {
         return false;
     }
@@ -192,22 +190,38 @@ bool ReactionWheelsModel::latch(const double *x, const BodyRate &rate, double dt
         limited |= std::abs(u - requested) > 1e-9 * std::abs(requested);
         changed |= u + friction != wheels_.torque[i] || par.viscosity[i] != wheels_.viscosity[i];
         wheels_.requested[i] = requested;
+        wheels_.motor[i] = u;
+        wheels_.share[i] = 1.0;
+        wheels_.friction[i] = friction;
         wheels_.torque[i] = u + friction;
         wheels_.viscosity[i] = par.viscosity[i];
         interface_.out.applied.u[i] = u;
     }
     wheels_.limited = limited;
     if (changed) {
-        Vec3 reaction{};
-        double viscous = 0.0;
-        for (std::size_t i = 0; i < n_; i++) {
-            reaction = vec_sub(reaction, vec_scale(wheels_.torque[i], vec(quad_at(wheels_.axis[i]))));
-            viscous = std::max(viscous, wheels_.viscosity[i]);
-        }
-        wheels_.reaction = reaction;
-        wheels_.viscous = viscous;
+        react();
     }
     return changed;
+}
+
+void ReactionWheelsModel::react()
+{
+    Vec3 reaction{};
+    double viscous = 0.0;
+    for (std::size_t i = 0; i < n_; i++) {
+        reaction = vec_sub(reaction, vec_scale(wheels_.torque[i], vec(quad_at(wheels_.axis[i]))));
+        viscous = std::max(viscous, wheels_.viscosity[i]);
+    }
+    wheels_.reaction = reaction;
+    wheels_.viscous = viscous;
+}
+
+void ReactionWheelsModel::give(std::size_t i, double share)
+{
+    wheels_.share[i] = share;
+    interface_.out.applied.u[i] = share * wheels_.motor[i];
+    wheels_.torque[i] = interface_.out.applied.u[i] + wheels_.friction[i];
+    react();
 }
 
 void ReactionWheelsModel::derive(const double *x, const Motion &motion, double *dx, Loads &loads) const
@@ -338,7 +352,11 @@ void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
     auto &out = interface_.out;
     sim::in_registers<&ReactionWheelsModel::show>(*this, x, omega);
-    interface_.mem.saturated += wheels_.limited != 0.0;
+    bool limited = wheels_.limited != 0.0;
+    for (std::size_t i = 0; i < drives_; i++) {
+        limited |= wheels_.share[i] < 1.0 - 1e-9;
+    }
+    interface_.mem.saturated += limited;
     const bool speaks = !begin_faults(t) || measure_faultily(out.speeds);
     out.speeds.head = speaks ? head_next(out.speeds.head, t, QUALITY_GOOD) : head_held(out.speeds.head);
     out.applied.head = head_next(out.applied.head, t, QUALITY_GOOD);

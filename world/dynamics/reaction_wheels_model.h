@@ -12,10 +12,11 @@
 //   wheel feels F against its motion, a slow one stops instead of turning round, and one at rest stays
 //   at rest until the motor overcomes F;
 // - near the speed limit the motor gives the torque that reaches the limit at the update's end, so it
-//   does not chatter between full torque and none. It never brakes by itself.
+//   does not chatter between full torque and none. It never brakes by itself. The spacecraft finds this
+//   torque, for it turns the body and so the other wheels (SpacecraftModel::govern).
 //
-// For both, the body keeps its last angular acceleration during the update. So the equations are smooth
-// within an update, as integrators of high order need, and the choice converges as updates become
+// For the friction, the body keeps its last angular acceleration during the update. So the equations are
+// smooth within an update, as integrators of high order need, and the choice converges as updates become
 // shorter: choose the period so that a wheel's speed changes little in one update.
 //
 // An imbalanced wheel has its angle as a second state. Its centre of mass is off the axis in the direction u(theta);
@@ -60,6 +61,15 @@ public:
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void normalize(double *x) const override;
+    Drive drive(std::size_t i, const double *x, const Vec3 &omega) const override
+    {
+        return {wheels_.motor[i], wheels_.share[i], speed(i, x, omega), interface_.par.Omega_max[i]};
+    }
+    double drive_rate(std::size_t i, const double *, const double *dx, const BodyRate &rate) const override
+    {
+        return speed(i, dx, rate.domega);
+    }
+    void give(std::size_t i, double share) override;
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
     /// The wheels in blocks of state_block; entries that fill a block up have no axis and no torque.
@@ -68,6 +78,9 @@ public:
         double axis[WHEELS_MAX][4]; ///< the same
         double J[WHEELS_MAX], J_inverse[WHEELS_MAX];
         double requested[WHEELS_MAX]; ///< [N m] commanded to the motor in the last update
+        double motor[WHEELS_MAX];     ///< [N m] the same within u_max
+        double share[WHEELS_MAX];     ///< of that, as the limit of speed leaves it
+        double friction[WHEELS_MAX];  ///< [N m] of Coulomb
         double torque[WHEELS_MAX];    ///< [N m] on the wheel, without viscous friction
         double viscosity[WHEELS_MAX]; ///< [N m s]
         Vec3 reaction;                ///< [N m] of `torque` on the body
@@ -77,8 +90,9 @@ public:
         double viscous; ///< the largest viscosity
         Faults<2 * WHEELS_MAX> faults;
         double rubs;    ///< whether there is friction or a limit of speed: torques depend on the speeds
+        double limits;  ///< whether there is such a limit
         double again;   ///< whether the torques may change although the commands do not
-        double limited; ///< whether a limit reduces a torque
+        double limited; ///< whether u_max reduces a torque
     };
 
     /// Four imbalanced wheels, `i` and the next three, as a part of a CoupledCraft.
@@ -139,7 +153,8 @@ private:
     }
     bool measure_faultily(WheelSpeeds &speeds);
     bool as_before(bool commanded) const;
-    double rub(std::size_t i, const double *x, const BodyRate &rate, double dt, double &u) const;
+    double rub(std::size_t i, const double *x, const BodyRate &rate, double dt, double u) const;
+    void react();
 
     void derive_in_lanes(const double *x, const Motion &motion, double *dx, Loads &loads) const;
     void couple_in_lanes(const double *x, const Motion &motion, Loads &loads, Whole &whole);

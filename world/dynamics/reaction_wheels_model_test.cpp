@@ -147,7 +147,7 @@ TEST(ReactionWheels, AMotorStopsAtTheSpeedLimitWithoutChatter)
             f.command(0, sign * 0.2);
             int reduced = 0;
             f.fly(100 * second, 70 * ms, [&] {
-                ASSERT_LE(sign * f.Omega(0), 10.0 * (1.0 + 1e-5));
+                ASSERT_LE(sign * f.Omega(0), 10.0 * (1.0 + 1e-13));
                 ASSERT_GE(sign * f.applied(0), 0.0);
                 reduced += sign * f.applied(0) < 0.2;
                 if (reduced == 0) {
@@ -161,6 +161,83 @@ TEST(ReactionWheels, AMotorStopsAtTheSpeedLimitWithoutChatter)
             f.command(0, -sign * 0.2); // the other way it has its full torque
             f.step(100 * ms);
             EXPECT_EQ(f.applied(0), -sign * 0.2);
+        }
+    }
+}
+
+TEST(ReactionWheels, AWheelReachesItsLimitExactlyWhateverTheStepAndTheInertia)
+{
+    // Omega = u t (1/J + 1/I) up to the limit, whatever the wheel's share of the inertia; the momentum stays.
+    for (const double ratio : {0.001, 0.2, 0.5, 3.0}) {
+        for (const Ns dt : {10 * ms, 700 * ms, second, 10 * second}) {
+            Flyer f;
+            const double wheel = ratio * I, rate = 0.2 * (1.0 / wheel + 1.0 / I);
+            f.set_inertia(Vector3d(10.0, 15.0, I).asDiagonal());
+            f.add_wheel({0, 0, 1}, wheel, 500.0 - 30.5 * rate);
+            f.wheel_interface.par.Omega_max[0] = 500.0;
+            f.prepare();
+            const double momentum = f.momentum_N()[2];
+            f.command(0, 0.2);
+            f.fly(50 * second, dt, [&] {
+                const double left = std::max(30.5 - seconds(f.t), 0.0);
+                ASSERT_NEAR(f.Omega(0), 500.0 - rate * left, seconds(f.t) > 30.505 ? 1e-11 : 1e-9)
+                    << ratio << " " << dt;
+                ASSERT_NEAR(f.momentum_N()[2], momentum, 1e-12 * wheel * 500.0);
+            });
+            EXPECT_NEAR(f.applied(0), 0.0, 1e-12);
+            EXPECT_GT(f.wheel_interface.mem.saturated, 0u);
+            f.command(0, -0.1); // it leaves the limit at once
+            const double left = seconds(f.t);
+            f.fly(10 * second, dt);
+            EXPECT_EQ(f.applied(0), -0.1);
+            EXPECT_NEAR(f.Omega(0), 500.0 - 0.5 * rate * (seconds(f.t) - left), 1e-9);
+        }
+    }
+}
+
+TEST(ReactionWheels, NoWheelOfATumblingBodyPassesItsLimitAndTheMomentumStays)
+{
+    // Large wheels, so that each motor moves all speeds, in a body that turns over within a step; balanced or not.
+    for (const double unbalance : {0.0, 1e-3}) {
+        for (const Ns dt : {50 * ms, 200 * ms, second}) {
+            Flyer f;
+            f.method = sim::make_adaptive(1e-13, 1e-14);
+            f.craft_interface.par.mass = 100.0;
+            f.set_inertia(Vector3d(5.0, 6.0, 8.0).asDiagonal());
+            f.craft_interface.par.omega_BN_B = vec3(0.4, -0.3, 0.2);
+            f.add_pyramid(2.0);
+            for (int i = 0; i < 4; i++) {
+                f.wheel_interface.par.Omega_max[i] = 2.0 + 0.3 * i;
+                f.wheel_interface.par.friction[i] = 0.01 * i;
+                f.wheel_interface.par.viscosity[i] = 1e-3;
+                f.wheel_interface.par.u_max[i] = 1.5;
+                f.wheel_interface.par.unbalance[i] = unbalance;
+            }
+            f.prepare();
+            const Vector3d momentum = f.momentum_N();
+            int at_limit[4] = {};
+            f.fly(100 * second, dt, [&] {
+                for (std::size_t i = 0; i < 4; i++) {
+                    const double limit = f.wheel_interface.par.Omega_max[i], u = f.wheel_interface.in.command.u[i];
+                    const double driven = std::copysign(f.Omega(i), u * f.Omega(i)), applied = f.applied(i);
+                    ASSERT_GE(applied * u, 0.0) << "it brakes";
+                    ASSERT_LE(std::abs(applied), std::abs(u) * (1.0 + 1e-12));
+                    if (std::abs(applied) > 1e-9) {
+                        ASSERT_LE(driven, limit * (1.0 + 1e-11)) << i << " " << dt;
+                    }
+                    if (std::abs(applied) > 1e-9 && std::abs(applied) < std::abs(u) * (1.0 - 1e-9)) {
+                        ASSERT_NEAR(driven, limit, 1e-11 * limit) << i << " " << dt;
+                        at_limit[i]++;
+                    }
+                    f.command(i, 1.4 * std::sin(0.2 * seconds(f.t) + static_cast<double>(i)));
+                }
+                if (unbalance == 0.0) {
+                    ASSERT_LT((f.momentum_N() - momentum).norm(), 1e-9 * momentum.norm()) << seconds(f.t);
+                }
+            });
+            for (const int count : at_limit) {
+                EXPECT_GT(count, 0);
+            }
         }
     }
 }

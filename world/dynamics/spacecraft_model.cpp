@@ -226,7 +226,13 @@ void SpacecraftModel::update(Tick tick)
         derive(tick.t - tick.dt, 0.0, x_, dx_);
     }
     if (tick.dt > 0) {
+        if (drives_ > 0) {
+            govern(tick.t - tick.dt, tick_seconds(tick.dt), true);
+        }
         advance(tick);
+        if (drives_ > 0) {
+            govern(tick.t, tick_seconds(tick.dt), false);
+        }
     }
     if (tick.dt > 0 && step_) {
         put_out(tick.t);
@@ -319,8 +325,10 @@ bool SpacecraftModel::latch(Tick tick)
 {
     bool changed = latch_external(tick);
     const BodyRate rate{get(x_, at_omega), get(dx_, at_omega)};
+    drives_ = 0;
     for (const Part &part : parts_) {
         changed |= part.effector->latch(x_ + part.at, rate, tick_seconds(tick.dt));
+        drives_ += part.effector->drives();
     }
     rotors_ = turned_ ? turned_->rotors() : nullptr;
     if (rotors_ && rotors_->n != state_block) {
@@ -400,6 +408,88 @@ void SpacecraftModel::advance(Tick tick)
         throw sim::RunError(name_ + ": the state at " + sim::format_time(tick.t) + " is not finite; " +
                             last_good_state());
     }
+}
+
+/// Calls each(governed) for each drive with a limit, its speed as it will be after `ahead` [s] at the present rates.
+template <class Each> void SpacecraftModel::each_drive(double ahead, const Each &each) const
+{
+    const BodyRate rate{get(x_, at_omega), get(dx_, at_omega)};
+    for (const Part &part : parts_) {
+        for (std::size_t i = 0; i < part.effector->drives(); i++) {
+            const Drive drive = part.effector->drive(i, x_ + part.at, rate.omega);
+            if (drive.limit > 0.0 && drive.torque != 0.0) {
+                const double sign = drive.torque > 0.0 ? 1.0 : -1.0;
+                const double gain =
+                    ahead > 0.0 ? ahead * part.effector->drive_rate(i, x_ + part.at, dx_ + part.at, rate) : 0.0;
+                each(Governed{
+                    part.effector, part.at, i, sign, drive.share, sign * (drive.speed + gain), drive.limit, {}});
+            }
+        }
+    }
+}
+
+/// Keep the motors within the limits of their speeds: each gives the share of its torque with which its speed is at the
+/// limit when the update ends. `ahead`: the update begins, and the share follows from the rates of now. When it ends,
+/// the impulse follows that is left to the limit, or too much, so that the speed is the limit whatever the step.
+void SpacecraftModel::govern(Ns t, double dt, bool ahead)
+{
+    bool acts = false;
+    each_drive(ahead ? dt : 0.0, [&](const Governed &drive) {
+        const double over = drive.speed - drive.limit, rounding = 1e-14 * drive.limit;
+        acts |= (over > rounding && drive.share > 0.0) || (over < -rounding && drive.share < 1.0);
+    });
+    if (acts) {
+        share_out(t, dt, ahead);
+    }
+}
+
+/// The shares, between 0 and 1, by which each speed is at its limit, or below it with all of the torque, or beyond it
+/// without any: by Gauss and Seidel's method, as what one motor does to the body moves the others.
+void SpacecraftModel::share_out(Ns t, double dt, bool ahead)
+{
+    derive(t, 0.0, x_, dx_);
+    std::vector<Governed> all;
+    each_drive(ahead ? dt : 0.0, [&](const Governed &drive) { all.push_back(drive); });
+    const auto n = all.size();
+    std::vector<double> gains(n * n), without(n_);
+    const auto rate_of = [&](const Governed &k, const double *dx) {
+        return k.sign * k.effector->drive_rate(k.i, x_ + k.at, dx + k.at, {get(x_, at_omega), get(dx, at_omega)});
+    };
+    std::vector<double> shares(n);
+    for (std::size_t j = 0; j < n; j++) {
+        shares[j] = all[j].share;
+        all[j].effector->give(all[j].i, shares[j] - 1.0);
+        derive(t, 0.0, x_, without.data());
+        all[j].effector->give(all[j].i, shares[j]);
+        all[j].response.resize(n_);
+        for (std::size_t k = 0; k < n_; k++) {
+            all[j].response[k] = dx_[k] - without[k];
+        }
+        for (std::size_t k = 0; k < n; k++) {
+            gains[k * n + j] = dt * (rate_of(all[k], dx_) - rate_of(all[k], without.data()));
+        }
+    }
+    double moved = 1.0;
+    for (int round = 0; round < 1000 && moved > 1e-16; round++) {
+        moved = 0.0;
+        for (std::size_t j = 0; j < n; j++) {
+            Governed &drive = all[j];
+            const double share = std::clamp(drive.share + (drive.limit - drive.speed) / gains[j * n + j], 0.0, 1.0);
+            const double change = share - drive.share;
+            drive.share = share;
+            for (std::size_t k = 0; k < n; k++) {
+                all[k].speed += gains[k * n + j] * change;
+            }
+            moved = std::max(moved, std::abs(change));
+        }
+    }
+    for (std::size_t j = 0; j < n; j++) {
+        all[j].effector->give(all[j].i, all[j].share);
+        for (std::size_t k = 0; k < n_ && !ahead; k++) {
+            x_[k] += (all[j].share - shares[j]) * dt * all[j].response[k];
+        }
+    }
+    derive(t, 0.0, x_, dx_);
 }
 
 /// A step begins at t, which ends at the instant at which a part's loads jump or bend, if that is before `end`.
@@ -754,6 +844,8 @@ void SpacecraftModel::follow(Ns dt)
     const Ns t = interface_.out.state.head.t;
     if (dt > 0) {
         latch({t + dt, dt});
+        derive(t, 0.0, x_, dx_);
+        govern(t, tick_seconds(dt), true);
     }
     publish(t);
 }

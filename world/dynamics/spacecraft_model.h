@@ -114,6 +114,16 @@ private:
     bool latch(Tick tick);
     bool latch_external(Tick tick);
     void advance(Tick tick);
+    /// Where a drive's speed would be, or is, at the end of an update.
+    struct Governed {
+        Effector *effector;
+        std::size_t at, i;
+        double sign, share, speed, limit;
+        std::vector<double> response; ///< of all derivatives to its whole torque
+    };
+    template <class Each> void each_drive(double ahead, const Each &each) const;
+    [[gnu::noinline]] void govern(sim::Ns t, double dt, bool ahead);
+    [[gnu::noinline]] void share_out(sim::Ns t, double dt, bool ahead);
     void begin_stretch(sim::Ns t, sim::Ns &end);
     [[gnu::noinline]] void advance_by_stretches(sim::Ns t, sim::Ns until);
     /// One step of dt by Runge and Kutta, and the derivatives at its end, in registers.
@@ -195,6 +205,7 @@ private:
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
     bool parts_push_ = false;          ///< whether some part adds forces
     bool free_ = false;                ///< whether some part has degrees of freedom
+    std::size_t drives_ = 0;           ///< of its parts, in this update
     unsigned needs_ = 0;               ///< what some part needs of the motion
     bool pushed_ = false;              ///< whether there is a force
     bool simple_ = false;              ///< whether there is none, and no coupled part
