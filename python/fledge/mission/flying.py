@@ -8,16 +8,15 @@ pow() are flight's; what it imports flies, too. All else of Python is exact, or 
 """
 from __future__ import annotations
 
+import _ast
 import builtins
 import importlib.util
 import operator
-import re
 import sys
 import threading
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from opcode import opmap
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -90,43 +89,58 @@ def execute(source: str, path: str, names: dict[str, Any]) -> None:
 
 @lru_cache
 def _compiled(source: str, path: str) -> CodeType:
-    code = compile(source, path, "exec", dont_inherit=True)
-    if "**" not in source or _has_only_units(source, code):
-        return code
-    import ast      # late, for it takes as long as to load a small mission
+    if "**" not in source:
+        return compile(source, path, "exec", dont_inherit=True)
+    tree = compile(source, path, "exec", _ast.PyCF_ONLY_AST, dont_inherit=True)
+    if not _has_only_units(tree):
+        from fledge.mission.powers import rewritten     # late, for ast takes as long as to load a small mission
 
-    from fledge.mission.powers import rewritten
-
-    return compile(rewritten(ast.parse(source, path)), path, "exec", dont_inherit=True)
-
-
-def _has_only_units(source: str, code: CodeType) -> bool:
-    """Whether each ** of a file unpacks arguments, or is a power of a unit, as in kg * m**2, whose name has no other
-    meaning in the file."""
-    imported = " ".join(re.findall(r"^from fledge\.units import (\([^()]*\)|.*)$", source, re.MULTILINE))
-    units = set(re.findall(r"\w+", imported)) & set(UNITS)
-    rest = re.sub(r"([(,{]\s*)\*\*", r"\1", source)
-    rest = re.sub(rf"\b({'|'.join(units)})\s*\*\*\s*-?\d+(?![\w.])", "", rest) if units else rest
-    return "**" not in rest and " as " not in imported and units.isdisjoint(_bound_again(code))
+        tree = rewritten(tree)
+    return compile(tree, path, "exec", dont_inherit=True)
 
 
-def _bound_again(code: CodeType) -> Iterable[str]:
-    """Names that some function binds, or a file more than once."""
-    extended, seen = 0, set()
-    for operation, argument in zip(code.co_code[::2], code.co_code[1::2]):
-        if operation in _STORES:
-            name = code.co_names[extended | argument]
-            if name in seen or operation == opmap["STORE_GLOBAL"]:
-                yield name
-            seen.add(name)
-        extended = (extended | argument) << 8 if operation == opmap["EXTENDED_ARG"] else 0
-    yield from (*code.co_varnames, *code.co_cellvars)
-    for inner in code.co_consts:
-        if isinstance(inner, CodeType):
-            yield from _bound_again(inner)
+def _has_only_units(tree: _ast.Module) -> bool:
+    """Whether each power of a file is one of a unit, as in kg * m**2, whose name has no other meaning in the file."""
+    units: set[str] = set()
+    bound: set[str] = set()
+    powers = []
+    todo: list[Any] = [tree]
+    while todo:
+        node = todo.pop()
+        of = type(node)
+        if of is _ast.Name:
+            if type(node.ctx) is not _ast.Load:
+                bound.add(node.id)
+            continue
+        if of is str:       # of a list of names, as that of `global`
+            bound.add(node)
+        if of is str or of is _ast.Constant or node is None:
+            continue
+        if of is _ast.ImportFrom and node.module == "fledge.units" and node.level == 0:
+            found = {alias.name for alias in node.names if not alias.asname and alias.name in UNITS}
+            units |= found
+            bound.update(alias.asname or alias.name for alias in node.names if alias.name not in found)
+            continue
+        if of is _ast.alias:
+            bound.add(node.asname or node.name.partition(".")[0])
+        elif (of is _ast.BinOp or of is _ast.AugAssign) and type(node.op) is _ast.Pow:
+            powers.append(node)
+        for value in vars(node).values():
+            if type(value) is list:
+                todo += value
+            elif isinstance(value, _ast.AST):
+                todo.append(value)
+            elif type(value) is str and of is not _ast.Attribute and of is not _ast.keyword:
+                bound.add(value)        # the name of a function, class, parameter, exception or pattern
+    return all(_is_power_of_unit(node, units) for node in powers) and "*" not in bound and units.isdisjoint(bound)
 
 
-_STORES = {opmap["STORE_NAME"], opmap["STORE_GLOBAL"]}
+def _is_power_of_unit(node: Any, units: set[str]) -> bool:
+    """Whether it is m**2 or m**-2."""
+    if not (isinstance(node, _ast.BinOp) and isinstance(node.left, _ast.Name) and node.left.id in units):
+        return False
+    y = node.right.operand if isinstance(node.right, _ast.UnaryOp) else node.right
+    return isinstance(y, _ast.Constant) and type(y.value) is int
 
 
 # --- imports ---------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ def rewritten(tree: ast.Module) -> ast.Module:
 
 
 class Powers(ast.NodeTransformer):
-    """The transformer."""
+    """Makes calls of the powers in a tree, in place; the parts of a target of **= are computed once."""
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
