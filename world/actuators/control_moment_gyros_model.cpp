@@ -283,11 +283,7 @@ void ControlMomentGyrosModel::publish(sim::Ns t, const double *x, const Vec3 &)
         applied.u[i] = state_.motors.wheel[i];
         gimbals_applied.u[i] = seen_.torque[i];
     }
-    bool limited = state_.motors.limited != 0.0;
-    for (std::size_t i = 0; i < drives_; i++) {
-        limited |= state_.motors.share[i] < 1.0 - 1e-9;
-    }
-    interface_.mem.saturated += limited;
+    interface_.mem.saturated += (state_.motors.limited != 0.0 || shares_less(state_.motors.share));
     speeds.head = speeds_speak ? head_next(speeds.head, t, QUALITY_GOOD) : head_held(speeds.head);
     gimbals.head = angles_speak ? head_next(gimbals.head, t, QUALITY_GOOD) : head_held(gimbals.head);
     for (Head *head : {&applied.head, &gimbals_applied.head}) {

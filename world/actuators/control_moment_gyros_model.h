@@ -43,6 +43,7 @@ public:
     Drive drive(std::size_t i, const double *x, const Vec3 &omega) const override;
     double drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const override;
     void give(std::size_t i, double share) override;
+    std::size_t most_drives() const override { return 2 * n_; }
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
     /// Four gyros, `i` and the next three, as a part of a CoupledCraft.

@@ -19,6 +19,7 @@
 #include "flight/math/vec.h"
 #include "sim/model.h"
 
+#include <algorithm>
 #include <cstddef>
 
 namespace fledge::world {
@@ -296,6 +297,10 @@ public:
     /// The number of its motors that the craft keeps within the limits of their speeds in this update. latch() lets
     /// each give all of its torque.
     std::size_t drives() const { return drives_; }
+
+    /// The largest number that drives() returns. It is constant, and valid before prepare() of the craft.
+    virtual std::size_t most_drives() const { return 0; }
+
     virtual Drive drive(std::size_t i, const double *x, const Vec3 &omega) const
     {
         (void)i, (void)x, (void)omega;
@@ -309,7 +314,8 @@ public:
         return 0.0;
     }
 
-    /// From now on a drive gives this share of its torque; derive() is linear in it. At an update's end: it has given.
+    /// From now on a drive gives this share of its torque; derive() is linear in it. When
+    /// an update has ended, the craft says by it which share the drive gave.
     virtual void give(std::size_t i, double share) { (void)i, (void)share; }
 
     /// Whether its loads jump or bend at times of its own, as those of valves. It is constant, and valid before
@@ -348,6 +354,12 @@ public:
     void update(Tick) final {}
 
 protected:
+    /// Whether a limit of speed takes from a torque. A share that is 1 but for rounding takes nothing.
+    bool shares_less(const double *share) const
+    {
+        return std::any_of(share, share + drives_, [](double each) { return each < 1.0 - 1e-9; });
+    }
+
     std::size_t drives_ = 0; ///< by latch()
 
 private:

@@ -352,11 +352,7 @@ void ReactionWheelsModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
 {
     auto &out = interface_.out;
     sim::in_registers<&ReactionWheelsModel::show>(*this, x, omega);
-    bool limited = wheels_.limited != 0.0;
-    for (std::size_t i = 0; i < drives_; i++) {
-        limited |= wheels_.share[i] < 1.0 - 1e-9;
-    }
-    interface_.mem.saturated += limited;
+    interface_.mem.saturated += (wheels_.limited != 0.0 || shares_less(wheels_.share));
     const bool speaks = !begin_faults(t) || measure_faultily(out.speeds);
     out.speeds.head = speaks ? head_next(out.speeds.head, t, QUALITY_GOOD) : head_held(out.speeds.head);
     out.applied.head = head_next(out.applied.head, t, QUALITY_GOOD);

@@ -70,6 +70,7 @@ public:
         return speed(i, dx, rate.domega);
     }
     void give(std::size_t i, double share) override;
+    std::size_t most_drives() const override { return n_; }
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
     /// The wheels in blocks of state_block; entries that fill a block up have no axis and no torque.

@@ -256,6 +256,24 @@ TEST(ReactionWheels, AWheelBeyondItsLimitIsNotBraked)
     EXPECT_EQ(f.applied(0), 0.0);
 }
 
+TEST(ReactionWheels, ATorqueThatUnderflowsAtTheLimitLeavesTheStateFinite)
+{
+    Flyer f;
+    one_wheel(f, 10.0);
+    f.wheel_interface.par.Omega_max[0] = 10.0;
+    f.prepare();
+    f.command(0, 0.2);
+    f.fly(second, 100 * ms);
+    f.command(0, 1e-300);
+    f.push().torque_B = vec3(0, 0, -1.0); // so that it is beyond its limit
+    f.fly(second, 100 * ms);
+    f.push().torque_B = vec3(0, 0, 0);
+    f.command(0, 5e-324);
+    f.fly(second, 100 * ms);
+    EXPECT_GT(f.Omega(0), 10.0);
+    EXPECT_LT(f.Omega(0), 11.0);
+}
+
 TEST(ReactionWheels, ViscousFrictionRunsAWheelDownExponentially)
 {
     // J (dOmega + domega) = -c Omega and I domega = c Omega: dOmega = -c (1/J + 1/I) Omega

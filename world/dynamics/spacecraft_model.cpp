@@ -99,6 +99,7 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
     needs_ = 0;
     whole_ = {};
     switching_.clear();
+    std::size_t drives = 0;
     std::stable_partition(parts_.begin(), parts_.end(), [](const Part &part) { return !part.effector->carrier(); });
     for (Part &part : parts_) {
         if (!part.effector->claim(*this)) {
@@ -106,6 +107,7 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
         }
         part.at = n_;
         n_ += part.effector->states();
+        drives += part.effector->most_drives();
         part.couples = part.effector->couples();
         parts_push_ |= part.effector->pushes();
         free_ |= part.effector->is_free();
@@ -120,6 +122,11 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
             throw sim::SetupError(name_ + ".parts: one of them is mounted on a part that is not among them");
         }
     }
+    governed_.reserve(drives);
+    gains_.resize(drives * drives);
+    responses_.resize(drives * n_);
+    shares_.resize(drives);
+    without_.resize(n_);
     if ((parts_push_ || coupled_) && interface_.par.mass == 0.0) {
         throw sim::SetupError(name_ + ".mass is 0, but one of its parts " +
                               (coupled_ ? "moves masses" : "adds forces") + ": give the spacecraft its mass");
@@ -421,8 +428,7 @@ template <class Each> void SpacecraftModel::each_drive(double ahead, const Each 
                 const double sign = drive.torque > 0.0 ? 1.0 : -1.0;
                 const double gain =
                     ahead > 0.0 ? ahead * part.effector->drive_rate(i, x_ + part.at, dx_ + part.at, rate) : 0.0;
-                each(Governed{
-                    part.effector, part.at, i, sign, drive.share, sign * (drive.speed + gain), drive.limit, {}});
+                each(Governed{part.effector, part.at, i, sign, drive.share, sign * (drive.speed + gain), drive.limit});
             }
         }
     }
@@ -448,25 +454,23 @@ void SpacecraftModel::govern(Ns t, double dt, bool ahead)
 void SpacecraftModel::share_out(Ns t, double dt, bool ahead)
 {
     derive(t, 0.0, x_, dx_);
-    std::vector<Governed> all;
+    std::vector<Governed> &all = governed_;
+    all.clear();
     each_drive(ahead ? dt : 0.0, [&](const Governed &drive) { all.push_back(drive); });
     const auto n = all.size();
-    std::vector<double> gains(n * n), without(n_);
     const auto rate_of = [&](const Governed &k, const double *dx) {
         return k.sign * k.effector->drive_rate(k.i, x_ + k.at, dx + k.at, {get(x_, at_omega), get(dx, at_omega)});
     };
-    std::vector<double> shares(n);
     for (std::size_t j = 0; j < n; j++) {
-        shares[j] = all[j].share;
-        all[j].effector->give(all[j].i, shares[j] - 1.0);
-        derive(t, 0.0, x_, without.data());
-        all[j].effector->give(all[j].i, shares[j]);
-        all[j].response.resize(n_);
+        shares_[j] = all[j].share;
+        all[j].effector->give(all[j].i, shares_[j] - 1.0);
+        derive(t, 0.0, x_, without_.data());
+        all[j].effector->give(all[j].i, shares_[j]);
         for (std::size_t k = 0; k < n_; k++) {
-            all[j].response[k] = dx_[k] - without[k];
+            responses_[j * n_ + k] = dx_[k] - without_[k];
         }
         for (std::size_t k = 0; k < n; k++) {
-            gains[k * n + j] = dt * (rate_of(all[k], dx_) - rate_of(all[k], without.data()));
+            gains_[k * n + j] = dt * (rate_of(all[k], dx_) - rate_of(all[k], without_.data()));
         }
     }
     double moved = 1.0;
@@ -474,11 +478,15 @@ void SpacecraftModel::share_out(Ns t, double dt, bool ahead)
         moved = 0.0;
         for (std::size_t j = 0; j < n; j++) {
             Governed &drive = all[j];
-            const double share = std::clamp(drive.share + (drive.limit - drive.speed) / gains[j * n + j], 0.0, 1.0);
+            const double own = gains_[j * n + j];
+            if (!(own > 0.0)) { // a torque so small that it changes no speed
+                continue;
+            }
+            const double share = std::clamp(drive.share + (drive.limit - drive.speed) / own, 0.0, 1.0);
             const double change = share - drive.share;
             drive.share = share;
             for (std::size_t k = 0; k < n; k++) {
-                all[k].speed += gains[k * n + j] * change;
+                all[k].speed += gains_[k * n + j] * change;
             }
             moved = std::max(moved, std::abs(change));
         }
@@ -486,7 +494,7 @@ void SpacecraftModel::share_out(Ns t, double dt, bool ahead)
     for (std::size_t j = 0; j < n; j++) {
         all[j].effector->give(all[j].i, all[j].share);
         for (std::size_t k = 0; k < n_ && !ahead; k++) {
-            x_[k] += (all[j].share - shares[j]) * dt * all[j].response[k];
+            x_[k] += (all[j].share - shares_[j]) * dt * responses_[j * n_ + k];
         }
     }
     derive(t, 0.0, x_, dx_);

@@ -119,7 +119,6 @@ private:
         Effector *effector;
         std::size_t at, i;
         double sign, share, speed, limit;
-        std::vector<double> response; ///< of all derivatives to its whole torque
     };
     template <class Each> void each_drive(double ahead, const Each &each) const;
     [[gnu::noinline]] void govern(sim::Ns t, double dt, bool ahead);
@@ -202,6 +201,13 @@ private:
     // in the last update (force_N, force_B, torque_B).
     std::vector<double> memory_;
     std::size_t n_ = 0;
+
+    // Of share_out(), which takes nothing from the heap.
+    std::vector<Governed> governed_;
+    std::vector<double> gains_;     ///< of each speed to each whole torque
+    std::vector<double> responses_; ///< of all derivatives to each whole torque
+    std::vector<double> shares_;    ///< as they were
+    std::vector<double> without_;   ///< the derivatives without one torque
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
     bool parts_push_ = false;          ///< whether some part adds forces
     bool free_ = false;                ///< whether some part has degrees of freedom
