@@ -19,7 +19,7 @@ struct Function {
     Number (*of)(N x1, N x2) = nullptr; ///< instead of of_reals; neither: it moves values
 };
 
-/// The whole number whose bits are operated on; nothing: it has more than 64 bits.
+/// The whole number whose bits are operated on; nothing: a double beyond 64 bits, or NaN.
 std::optional<Wide> bits_in(N x)
 {
     constexpr double limit = 18446744073709551616.0;
@@ -37,20 +37,24 @@ template <class Bits> Number by_bits(N x1, N x2, Bits bits)
 Number shifted(N x1, N x2, bool left)
 {
     const double by = std::trunc(left ? x2.real() : -x2.real());
+    const auto whole = bits_in(x1);
+    if (whole && by < 0) {
+        return *whole >> static_cast<int>(std::min(-by, 127.0));
+    }
     if (!(std::abs(by) < 64)) {
         return std::nan("");
     }
-    const auto whole = bits_in(x1);
     if (!whole) {
         return std::floor(std::ldexp(std::trunc(x1.real()), static_cast<int>(by)));
     }
-    return by >= 0 ? Number(*whole) * Number(Wide(1) << static_cast<int>(by)) : *whole >> static_cast<int>(-by);
+    return Number(*whole) * Number(Wide(1) << static_cast<int>(by));
 }
 
 /// A quotient, rounded to a whole number if `round` says so: down, or up if it is divided by a negative number.
 Number divided(N a, N b, bool round)
 {
-    if (a.is_whole() && b.is_whole() && b != 0) {
+    constexpr Wide least = Wide(1) << 127;
+    if (a.is_whole() && b.is_whole() && b != 0 && !(a == least && b == -1)) { // whose quotient has 128 bits
         const Wide rest = a.whole() % b.whole(), quotient = a.whole() / b.whole();
         if (rest == 0 || round) {
             return quotient - (rest < 0 ? b.whole() > 0 ? 1 : -1 : 0);
@@ -81,7 +85,7 @@ constexpr Function functions[] = {
     {"/", 2, nullptr, [](N a, N b) { return divided(a, b, false); }},
     {"%", 2, nullptr,
      [](N a, N b) {
-         return a.is_whole() && b.is_whole() && b != 0 ? Number(a.whole() % b.whole())
+         return a.is_whole() && b.is_whole() && b != 0 ? b == -1 ? Number(0) : Number(a.whole() % b.whole())
                                                        : Number(std::fmod(a.real(), b.real()));
      }},
     {"^", 2, nullptr, power},

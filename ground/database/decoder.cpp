@@ -529,12 +529,20 @@ std::optional<Number> Decoder::number(const Reference &reference)
 std::string Decoder::failing(const Condition &condition)
 {
     std::optional<std::size_t> at;
+    effort_ = 0;
     return failing(condition, at, true);
+}
+
+bool Decoder::applies(const Condition &condition)
+{
+    effort_ = 0; // a packet may have used up its own
+    return holds(condition, true);
 }
 
 std::optional<bool> Decoder::judge(const Condition &condition)
 {
     const bool any = condition.kind == Condition::Kind::any;
+    effort_ = 0;
     if (condition.kind == Condition::Kind::compare) {
         const bool known =
             find(condition.left, true) && (condition.right.of == Reference::Of::nothing || find(condition.right, true));

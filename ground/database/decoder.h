@@ -108,7 +108,7 @@ public:
     }
 
     /// Whether a condition of the database, as of an alarm, holds for the newest values.
-    bool applies(const Condition &condition) { return holds(condition, true); }
+    bool applies(const Condition &condition);
 
     /// Whether it holds; nothing: that depends on a value that no packet had.
     std::optional<bool> judge(const Condition &condition);

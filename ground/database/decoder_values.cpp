@@ -13,7 +13,6 @@ namespace {
 constexpr std::size_t most_held = 256; // members and elements of a parameter to which others refer
 
 using Sort = Type::Sort;
-using std::bit_cast;
 
 } // namespace
 
@@ -264,6 +263,10 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
     case Sort::real:
     case Sort::absolute_time:
     case Sort::relative_time:
+        if (const auto ns = time_of(type, text)) {
+            value = static_cast<std::uint64_t>(*ns);
+            return Status::good;
+        }
         if (number) {
             kind = Kind::real, raw = word(number->real());
             return std::nullopt;
@@ -304,7 +307,10 @@ Status Decoder::convert_time(const Type &type, const Number &number, std::uint64
     }
     const Number since = number * exactly(type.scale) + exactly(type.offset);
     if (since.is_whole()) {
-        sum += since.whole();
+        constexpr Wide most = Wide(1) << 64; // so that leap seconds may be added
+        if (__builtin_add_overflow(sum, since.whole(), &sum) || sum > most || sum < -most) {
+            return Status::uncalibrated;
+        }
     } else { // a product of 64 bits and a scale as 2^-32 s needs more than a double
         const long double ns = number.extended() * type.scale + type.offset;
         if (!(std::abs(ns) < 9e18L)) {

@@ -4,6 +4,7 @@
 #include "ground/database/calibrate.h"
 #include "ground/database/operand.h"
 #include "ground/database/times.h"
+#include "ground/database/xtce/xml.h"
 
 #include <algorithm>
 #include <cmath>
@@ -74,11 +75,13 @@ public:
     std::vector<Placed> places;
 
 private:
+    /// A text of the database.
     static Given text(const std::string &value)
     {
         Given result;
         result.kind = Given::Kind::text;
         result.text = value;
+        result.of_database = true;
         return result;
     }
 
@@ -392,16 +395,21 @@ private:
             }
             number = is_true ? std::optional<Number>(*is_true) : number;
         }
-        if (is_text && is_time(type) && !number) {
-            const auto ns = time_of(type, given.text);
-            if (!ns) {
+        if (is_text && is_time(type)) {
+            const std::string words = xtce::trimmed(given.text);
+            const auto ns = time_of(type, words);
+            const bool in_ns = words.find_first_not_of("+-0123456789") == std::string::npos;
+            if (!ns && (!number || !(in_ns || given.of_database))) {
                 throw Refusal(name +
                               (value_kind(type) == Kind::time
                                    ? " must be a date, as 2026-03-01T12:00:00.5Z, or [ns] since 1970 UTC"
                                    : " must be a duration, as 1.5 s or PT1.5S, or [ns]") +
                               "; found " + given.text);
             }
-            number = *ns;
+            number = ns ? Number(*ns) : given.of_database ? *number * one_second : *number;
+        } else if (is_time(type) && number && std::isfinite(number->real()) &&
+                   number->real() != std::trunc(number->real())) {
+            throw Refusal(name + " must be whole ns; found " + text_of(*number));
         }
         if (!number || (*number != *number && type.encoding.kind != Encoding::Kind::real)) {
             throw Refusal(name + " must be a number");
@@ -714,10 +722,10 @@ private:
     std::map<std::pair<Id, std::vector<std::uint32_t>>, Given> restrictions_;
     std::map<const std::string *, Given> constants_; ///< texts of the database
     std::vector<std::string> used_;
-    const Given members_{Given::Kind::members, {}, {}, {}, {}, {}, {}}; ///< none: they may have initial values
-    std::deque<Known> known_;                                           ///< values that were written, in their order
-    std::map<const Given *, Known> ahead_;                              ///< values to which others refer
-    std::vector<std::uint32_t> steps_;                                  ///< into the parameter that is being written
+    const Given members_{Given::Kind::members, {}, {}, {}, {}, {}, {}, {}}; ///< none: they may have initial values
+    std::deque<Known> known_;              ///< values that were written, in their order
+    std::map<const Given *, Known> ahead_; ///< values to which others refer
+    std::vector<std::uint32_t> steps_;     ///< into the parameter that is being written
     Id parameter_ = no_id;
     std::size_t entries_ = 0;
 };

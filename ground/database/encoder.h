@@ -18,6 +18,7 @@ struct Given {
     std::vector<std::uint8_t> bytes;
     std::vector<Given> list;        ///< elements, or the values of members
     std::vector<std::string> names; ///< of members
+    bool of_database = false;       ///< a text that the database has: a time without a unit is in seconds
 };
 
 /// The place of an argument or of a parameter of the header in a packet.

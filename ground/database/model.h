@@ -192,6 +192,8 @@ struct Dimension {
 struct Epoch {
     std::int64_t ns;   ///< since 1970-01-01T00:00:00 of TAI with leap seconds, else of UTC
     bool leap_seconds; ///< are counted
+
+    bool operator==(const Epoch &) const = default;
 };
 
 struct Type : Named {

@@ -116,8 +116,9 @@ std::optional<std::uint64_t> whole_bits(const Encoding &encoding, Wide number)
     case NumberForm::sign_magnitude:
         holds = number > -half_range && number < half_range;
         if (number < 0) {
-            bits = encoding.form == NumberForm::ones_complement ? ~static_cast<std::uint64_t>(-number) & mask(n)
-                                                                : static_cast<std::uint64_t>(half_range - number);
+            bits = encoding.form == NumberForm::ones_complement
+                       ? ~(0 - static_cast<std::uint64_t>(number)) & mask(n)
+                       : static_cast<std::uint64_t>(half_range) - static_cast<std::uint64_t>(number);
         }
         break;
     case NumberForm::bcd:

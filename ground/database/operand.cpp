@@ -5,11 +5,11 @@
 #include "ground/database/times.h"
 #include "ground/database/xtce/xml.h"
 
+#include <algorithm>
+
 namespace fledge::ground {
 
 namespace {
-
-constexpr std::int64_t one_second = 1'000'000'000;
 
 bool ordered(Operator op, std::partial_ordering order)
 {
@@ -66,6 +66,9 @@ std::string shown(const Operand &operand)
 {
     if (operand.kind == Kind::text || (operand.kind == Kind::label && operand.word != no_id)) {
         return std::string(name_of(operand));
+    }
+    if (operand.kind == Kind::label && !operand.text.empty()) { // of no enumerator
+        return std::string(operand.text);
     }
     if (operand.kind == Kind::boolean) {
         return operand.word ? operand.type->one_label : operand.type->zero_label;

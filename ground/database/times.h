@@ -7,6 +7,8 @@
 
 namespace fledge::ground {
 
+inline constexpr std::int64_t one_second = 1'000'000'000; // [ns]
+
 /// [ns] since 1970-01-01T00:00:00 of TAI, to UTC and back.
 Wide utc_of_tai(Wide tai);
 Wide tai_of_utc(Wide utc);

@@ -269,6 +269,87 @@ TEST(Times, ACommandHasItsTimesByTheSameEpoch)
                             {4}}));
 }
 
+TEST(Times, ANumberOfTheDatabaseIsInSecondsAndOneOfAUserInNanoseconds)
+{
+    std::string text =
+        "<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>@TYPE</ParameterTypeSet><ParameterSet>"
+        "<Parameter name='d' parameterTypeRef='t'/></ParameterSet><ContainerSet><SequenceContainer "
+        "name='H'><EntryList><ParameterRefEntry parameterRef='d'/></EntryList></SequenceContainer>"
+        "</ContainerSet></TelemetryMetaData><CommandMetaData><ArgumentTypeSet>@ARGUMENT</ArgumentTypeSet>"
+        "<MetaCommandSet><MetaCommand name='C'><ArgumentList><Argument name='a' argumentTypeRef='t' "
+        "initialValue='1.5'/></ArgumentList><CommandContainer name='CC'><EntryList><ArgumentRefEntry "
+        "argumentRef='a'/></EntryList><BaseContainer containerRef='H'><RestrictionCriteria><Comparison "
+        "parameterRef='d' value='5'/></RestrictionCriteria></BaseContainer></CommandContainer>"
+        "</MetaCommand></MetaCommandSet></CommandMetaData></SpaceSystem>";
+    const std::string type = time_type("RelativeTimeParameterType", "", u32, "scale='0.5'");
+    text.replace(text.find("@TYPE"), 5, type);
+    text.replace(text.find("@ARGUMENT"), 9, std::regex_replace(type, std::regex("Parameter"), "Argument"));
+    const Database db = read_xtce_text(text, "s.xml");
+    const auto refusal = [&](const Given &given) -> std::string {
+        try {
+            encode(db, db.command("C"), {{"a", given}});
+        } catch (const Refusal &reason) {
+            return reason.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(encode(db, db.command("C"), {}), (Bytes{0, 0, 0, 10, 0, 0, 0, 3}));
+    Given given;
+    given.integer = 2 * second;
+    EXPECT_EQ(encode(db, db.command("C"), {{"a", given}}), (Bytes{0, 0, 0, 10, 0, 0, 0, 4}));
+    given.kind = Given::Kind::text;
+    given.text = "2000000000";
+    EXPECT_EQ(encode(db, db.command("C"), {{"a", given}}), (Bytes{0, 0, 0, 10, 0, 0, 0, 4}));
+    for (const char *words : {"1.5", "0x10", "1e9"}) { // a unit is missing, or a whole number
+        given.text = words;
+        EXPECT_THAT(refusal(given), HasSubstr("a must be a duration")) << words;
+    }
+    given.kind = Given::Kind::real;
+    given.real = 1.5;
+    EXPECT_EQ(refusal(given), "a must be whole ns; found 1.5");
+}
+
+TEST(Times, ATimeThatIsTextMayBeADate)
+{
+    const std::string xml =
+        time_type("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>",
+                  "<StringDataEncoding><SizeInBits><Fixed><FixedValue>160</FixedValue></Fixed></SizeInBits>"
+                  "</StringDataEncoding>");
+    const std::string words = "2026-03-01T12:00:00Z";
+    EXPECT_EQ(value(xml, Bytes(words.begin(), words.end())), "a=" + std::to_string(utc(2026, 3, 1, 12)));
+    const std::string digits = "00000000001000000000", none = "2026-03-01T25:00:00Z";
+    EXPECT_EQ(value(xml, Bytes(digits.begin(), digits.end())), "a=" + std::to_string(utc(2011, 9, 14, 1, 46, 25)));
+    EXPECT_EQ(value(xml, Bytes(none.begin(), none.end())), "a=malformed");
+}
+
+TEST(Times, ATimeBeyondAllNumbersIsNone)
+{
+    const std::string far = time_type("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>", u64, "scale='9e9'");
+    EXPECT_EQ(value(far, Bytes(8, 0xFF)), "a=none");
+}
+
+TEST(Times, ATypeThatCountsFromMembersOfOtherEpochsIsRefused)
+{
+    const auto aggregate = [](const std::string &name, const std::string &from) {
+        return "<AggregateParameterType name='" + name + "'><MemberList><Member name='c' typeRef='" + from +
+               "'/><Member name='m' typeRef='t'/></MemberList></AggregateParameterType>";
+    };
+    const auto named = [](const std::string &name, const std::string &epoch) {
+        return std::regex_replace(time_type("AbsoluteTimeParameterType", "<Epoch>" + epoch + "</Epoch>", u32),
+                                  std::regex("'t'"), "'" + name + "'");
+    };
+    const auto read = [&](const std::string &second_epoch) {
+        return read_xtce_text(file(named("gps", "GPS") + named("other", second_epoch) +
+                                       time_type("AbsoluteTimeParameterType", "<OffsetFrom parameterRef='c'/>", u32) +
+                                       aggregate("first", "gps") + aggregate("second", "other"),
+                                   "a:first b:second", container("P", "a b")),
+                              "s.xml");
+    };
+    EXPECT_NO_THROW(read("GPS"));
+    EXPECT_THAT([&] { read("UNIX"); },
+                ThrowsMessage<Refusal>(HasSubstr("count from c, which has another epoch in second")));
+}
+
 TEST(Times, AnEpochThatIsNoneIsRefused)
 {
     try {

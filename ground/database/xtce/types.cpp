@@ -336,15 +336,24 @@ std::optional<Epoch> TypeReader::epoch_before(Id id, std::size_t depth) const
         }
         return from.calibrated ? epoch_before(at, depth + 1) : std::nullopt;
     }
+    std::optional<std::optional<Epoch>> found;
     for (const Type &type : db_.types) { // a member of the same aggregate
         const auto &all = type.members;
         const auto named = std::find_if(all.begin(), all.end(), [&](auto &member) { return member.name == from.name; });
         if (from.of == Reference::Of::argument && named != all.end() &&
             std::any_of(all.begin(), all.end(), [&](auto &member) { return member.type == id; })) {
-            return epoch_before(named->type, depth + 1);
+            const auto epoch = epoch_before(named->type, depth + 1);
+            if (depth > 0) { // the types before are judged by themselves
+                return epoch;
+            }
+            if (found && *found != epoch) {
+                refuse(declared_.types[id].node, "the times of " + db_.types[id].name + " count from " + from.name +
+                                                     ", which has another epoch in " + type.name);
+            }
+            found = epoch;
         }
     }
-    return std::nullopt;
+    return found.value_or(std::nullopt);
 }
 
 void TypeReader::find_epochs()

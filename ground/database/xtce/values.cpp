@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "ground/database/xtce.h"
 #include "ground/database/xtce/readers.h"
 
 namespace fledge::ground::xtce {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The commands of a database as forms that an operator fills in.
+#include "ground/database/operand.h"
 #include "ground/database/times.h"
 #include "ground/loaded.h"
 
@@ -36,9 +37,15 @@ const char *kind_of(const Type &type)
     }
 }
 
-template <class Text> py::object text_or_none(const Text &text)
+/// As a user gives it: in a database a time without a unit is in seconds, from a user in ns.
+py::object initial_value(const Type &type, const std::optional<std::string> &text)
 {
-    return text ? py::object(py::str(*text)) : py::object(py::none());
+    const Kind kind = value_kind(type);
+    if (!text || (kind != Kind::time && kind != Kind::duration) || !number_in(*text)) {
+        return text ? py::object(py::str(*text)) : py::object(py::none());
+    }
+    const auto ns = static_cast<std::int64_t>(constant(type, *text).word);
+    return py::str(time_text(kind, ns) + (kind == Kind::duration ? " s" : ""));
 }
 
 py::dict argument_form(const Database &db, const Argument &argument)
@@ -63,7 +70,7 @@ py::dict argument_form(const Database &db, const Argument &argument)
         labels.append(type.one_label);
     }
     result["labels"] = labels;
-    result["initial"] = text_or_none(argument.initial ? argument.initial : type.initial);
+    result["initial"] = initial_value(type, argument.initial ? argument.initial : type.initial);
     result["description"] = argument.description.empty() ? type.description : argument.description;
     const Quantity &size = type.encoding.size; // an argument with the number of bytes needs no entry by an operator
     result["counted_by"] = size.from.of == Reference::Of::argument && size.slope == 8 ? size.from.name : std::string();

@@ -350,8 +350,7 @@ void bind_monitor(py::module_ &m)
             "returns the number that the notes have. arguments: as text. Raises SetupError if it cannot be computed.")
         .def("judge", &Watcher::judge, py::arg("command"), py::arg("arguments"),
              "(holds, text, timeout [s], suspendable) of each constraint of a command, by the newest values. holds: "
-             "None "
-             "if it cannot be judged; text: what does not hold, with the values. arguments: as text.")
+             "None if it cannot be judged; text: what does not hold, with the values. arguments: as text.")
         .def(
             "forget",
             [](Watcher &watcher, std::uint32_t number) { released([&] { watcher.monitor().forget(number); }); },

@@ -147,3 +147,5 @@ def test_the_console_takes_the_dates_and_durations_that_the_encoder_takes(tmp_pa
                 craft.encode("C", **arguments)
             else:
                 assert "is needed" in answer["problem"]
+                with pytest.raises(SetupError):
+                    craft.encode("C", **arguments)

@@ -127,8 +127,9 @@ class Commanding:
         return next((str(form["hazardous"]) for form in self._forms_in(packet, "hazardous")), "")
 
     def unchecked_in(self, packet: bytes, unchecked: bool) -> str:
-        """As `_unchecked`, of a packet that was made elsewhere and the commands that it stores."""
-        return "; ".join(filter(None, (self._unchecked(form, {}, unchecked)
+        """As `_unchecked`, of a packet that was made elsewhere and the commands that it stores. What depends on their
+        arguments cannot be judged."""
+        return "; ".join(filter(None, (self._unchecked(form, None, unchecked)
                                        for form in self._forms_in(packet, "constraints"))))
 
     def _forms_in(self, packet: bytes, key: str) -> Iterator[Form]:
@@ -147,12 +148,13 @@ class Commanding:
         note = self._unchecked(form, arguments, unchecked)
         return self.uplink.numbered(packet), note
 
-    def _unchecked(self, form: Form, arguments: dict[str, Any], unchecked: bool) -> str:
+    def _unchecked(self, form: Form, arguments: dict[str, Any] | None, unchecked: bool) -> str:
         """What a command does not wait for, as a note for the journal. A constraint that does not hold stops it, unless
         it is suspendable, or cannot be judged, and the operator says that it is not checked. Raises Constrained."""
         if not form["constraints"]:
             return ""
-        failing = [row for row in self._telemetry.monitor.judge(form["path"], words_of(form, arguments)) if not row[0]]
+        words = {} if arguments is None else words_of(form, arguments)
+        failing = [row for row in self._telemetry.monitor.judge(form["path"], words) if not row[0]]
         if not failing:
             return ""
         text = " and ".join(row[1] for row in failing)

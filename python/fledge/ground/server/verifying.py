@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
+from fledge.ground.database import time_text
 
 if TYPE_CHECKING:
     from fledge.ground.database import Form, Verifier
@@ -23,9 +24,21 @@ SEQUENCE = "/yamcs/cmdHist/ccsds-seqcount"      # which a verifier may compare, 
 
 def words_of(form: Form, arguments: dict[str, Any]) -> dict[str, str]:
     """The arguments of a command as the monitor takes them: as text."""
-    values = {argument["name"]: arguments.get(argument["name"], argument["initial"]) for argument in form["arguments"]}
-    return {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in values.items()
-            if value is not None}
+    values = {argument["name"]: (argument["type"], arguments.get(argument["name"], argument["initial"]))
+              for argument in form["arguments"]}
+    return {name: word_of(kind, value) for name, (kind, value) in values.items() if value is not None}
+
+
+def word_of(kind: str, value: Any) -> str:
+    """A time in ns has its unit, for the monitor takes numbers without one as seconds."""
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    if kind in ("time", "duration") and isinstance(value, (int, float, str)):
+        try:
+            ns = int(value)
+            return f"{ns} ns" if kind == "duration" else time_text(kind, ns)
+        except (ValueError, TypeError, OverflowError):      # a text with its unit, or beyond 64 bits
+            return text
+    return text
 
 
 @dataclass
