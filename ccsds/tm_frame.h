@@ -117,7 +117,9 @@ typedef struct TmReceiver {
 int tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user);
 
 /** Take a frame of this virtual channel. One that repeats one of the last TM_RECALLED, by count and CRC, is passed
- * over: a repetition is no gap of all other counts. */
+ * over; else its count, which is not the expected one, would tell of almost all counts as missing. The limit: after a
+ * gap, frames with equal content (idle data) within TM_RECALLED counts are taken for repetitions, so that `missing` is
+ * too small then. */
 void tm_receive(TmReceiver *receiver, const TmFrame *frame);
 
 #ifdef __cplusplus

@@ -438,7 +438,7 @@ void Judge::take(Ns t)
     }
 }
 
-/// One that ends the run does so at the end of an instant; so do events and packets become known.
+/// A rule that ends the run does so at the end of an instant. Events and packets become known there, too.
 bool Judge::is_early(const std::function<bool(const Instance &)> &waits) const
 {
     return !stops && std::ranges::all_of(

@@ -258,7 +258,7 @@ static int is_whole(double y)
 static double power_of_positive(double x, double y)
 {
     const double size = fabs(y);
-    if (!(x > 0.0 && x <= DBL_MAX && size <= 0x1p65)) { /* log x is 2^-53 at least, if not -2^-54 */
+    if (!(x > 0.0 && x <= DBL_MAX && size <= 0x1p65)) { /* |log x| >= 2^-54 */
         return (x > 1.0) == (y > 0.0) ? INFINITY : 0.0;
     }
     if (size < 0x1p-65) {

@@ -9,6 +9,8 @@
 #define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
 #include <numpy/arrayobject.h>
 
+#include <bit>
+
 namespace fledge::core {
 
 namespace {
@@ -136,13 +138,14 @@ int store_at(PyObject *self, PyObject *index, PyObject *value)
     if (value && PyTypeNum_ISINTEGER(type) && is_plain_number(value)) {
         const AssignNumber number = number_of(value);
         std::uint64_t aside;
-        int of = FLEDGE_I8;
-        while (numpy_type(static_cast<FledgeType>(of)) != type) {
-            of++;
-        }
-        if (PyErr_Occurred() || !assign_number(static_cast<FledgeType>(of), &aside, number)) {
+        // By size and sign: C has more than one type of the same size, and numpy has a number for each.
+        static const FledgeType types[][2] = {
+            {FLEDGE_U8, FLEDGE_I8}, {FLEDGE_U16, FLEDGE_I16}, {FLEDGE_U32, FLEDGE_I32}, {FLEDGE_U64, FLEDGE_I64}};
+        const auto size = static_cast<unsigned>(PyArray_ITEMSIZE(reinterpret_cast<PyArrayObject *>(self)));
+        const FledgeType of = types[std::countr_zero(size)][PyTypeNum_ISSIGNED(type)];
+        if (PyErr_Occurred() || !assign_number(of, &aside, number)) {
             PyErr_Format(setup_error(), "expected a whole number that an element of %d bits holds; found %R",
-                         8 * static_cast<int>(element_size(static_cast<FledgeType>(of))), value);
+                         8 * static_cast<int>(size), value);
             return -1;
         }
     }

@@ -290,6 +290,9 @@ def count(m, t, dt):
     n = m.times.burns
     n[0], n[1] = 2, 5.0
     SEEN.extend([n[0] - n[1], n[1] * 2**40, -sum(n)])
+    wide = n.astype('q')
+    wide[0] = 2**40
+    SEEN.append(wide[0])
     for wrong in WRONG:
         n[1] = wrong
     m.publish(m.times)
@@ -308,7 +311,7 @@ def test_an_update_sees_numbers_of_python_in_arrays(tmp_path):
     flight = sys.modules[next(name for name in reversed(sys.modules) if name.endswith(".flight")
                               and name.startswith("_mission_"))]
     sim.run(0.5 * s)
-    assert flight.SEEN == [0.25, 0.25, 0, 0, 0.25, 0.25, 0, 0, 0, 0.25, 0.5, 0, 1.5, -3, 5 * 2**40, -7]
+    assert flight.SEEN == [0.25, 0.25, 0, 0, 0.25, 0.25, 0, 0, 0, 0.25, 0.5, 0, 1.5, -3, 5 * 2**40, -7, 2**40]
     assert {type(x) for x in flight.SEEN} == {float, int}
     assert type(sim.flight.a.reference.sigma_RN) is np.ndarray
     for wrong in (0.5, 2**32, -1, -1.0, float("nan")):
