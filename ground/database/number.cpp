@@ -94,7 +94,12 @@ std::optional<Number> number_in(std::string_view text)
         digits.remove_prefix(base == 10 ? 0 : 2);
     }
     std::uint64_t size = 0;
-    if (parse(digits, size, base) && (!negative || size <= std::uint64_t(1) << 63)) {
+    std::string_view whole = digits;
+    if (const auto point = digits.find('.'); base == 10 && point != std::string_view::npos && !negative &&
+                                             digits.find_first_not_of('0', point + 1) == std::string_view::npos) {
+        whole = digits.substr(0, point); // a double may have too few digits for 9007199254740993.0; -0.0 keeps its sign
+    }
+    if (parse(whole, size, base) && (!negative || size <= std::uint64_t(1) << 63)) {
         return negative ? Number(-Wide(size)) : Number(size);
     }
     double real = 0;

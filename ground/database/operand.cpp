@@ -39,6 +39,12 @@ std::string_view name_of(const Operand &operand)
                                       : std::string_view();
 }
 
+/// The lowest number of a label; of none, the number itself.
+std::optional<Number> place_of(const Operand &label)
+{
+    return label.word != no_id ? Number(label.type->enumerators[label.word].low) : number_of(label);
+}
+
 } // namespace
 
 std::optional<std::string> bytes_in(const std::string &text)
@@ -160,11 +166,14 @@ bool compare(Operator op, const Operand &left, const Literal &literal)
         }
         return number && ordered(op, *number_of(left) <=> *number);
     case Kind::label: {
-        const bool known = std::any_of(type.enumerators.begin(), type.enumerators.end(),
-                                       [&](const Enumerator &enumerator) { return enumerator.label == literal.text; });
+        const auto named = std::find_if(type.enumerators.begin(), type.enumerators.end(),
+                                        [&](const Enumerator &enumerator) { return enumerator.label == literal.text; });
+        if (named != type.enumerators.end()) {
+            return compare(op, left, operand_of(type, named->low));
+        }
         const auto raw = number_of(left);
-        return known || !number ? ordered(op, name_of(left) <=> std::string_view(literal.text))
-                                : raw && ordered(op, *raw <=> *number);
+        return number ? raw && ordered(op, *raw <=> *number)
+                      : ordered(op, name_of(left) <=> std::string_view(literal.text));
     }
     case Kind::boolean: {
         const auto is_true = truth(type, literal.text);
@@ -189,6 +198,10 @@ bool compare(Operator op, const Operand &left, const Literal &literal)
 bool compare(Operator op, const Operand &left, const Operand &right)
 {
     const auto is = [&](Kind kind) { return (left.kind == kind) + (right.kind == kind); };
+    if (is(Kind::label) == 2 && op != Operator::equal && op != Operator::unequal) { // in the order of their numbers
+        const auto a = place_of(left), b = place_of(right);
+        return a && b && ordered(op, *a <=> *b);
+    }
     if (is(Kind::text) + is(Kind::label) == 2) {
         return ordered(op, name_of(left) <=> name_of(right));
     }

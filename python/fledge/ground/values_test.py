@@ -294,11 +294,25 @@ def test_limits_of_a_label_judge_its_raw_number(tmp_path):
         assert monitor.newest(0)[5] == concern, raw
 
 
+def test_labels_are_in_the_order_of_their_numbers(tmp_path):
+    labels = [("SAFE", 0, 3), ("NADIR", 4, 4), ("BURN", 2**63 - 1, 2**63 - 1)]      # not of the alphabet
+    types = "<EnumeratedParameterType name='K'><IntegerDataEncoding sizeInBits='64'/><EnumerationList>" + "".join(
+        f"<Enumeration value='{low}' maxValue='{high}' label='{label}'/>" for label, low, high in labels) + \
+        "</EnumerationList></EnumeratedParameterType>"
+    for label, low, high in labels:
+        database = telemetry(tmp_path, types, {"k": "K"}, "".join(
+            heir(name, ("k", op, label)) for op, name in {"==": "SAME", "<": "LESS", ">": "MORE"}.items()))
+        for raw in (0, 1, 3, 4, 5, 2**63 - 2, 2**63 - 1):
+            own = next((first for _, first, last in labels if first <= raw <= last), raw)
+            expected = "SAME" if own == low else "LESS" if own < low else "MORE"
+            assert database.decode(raw.to_bytes(8, "big")).container == f"/S/{expected}", (label, raw)
+
+
 def test_comparisons_of_whole_numbers_are_exact_in_each_notation(tmp_path):
     chance = random.Random(5)
     whole = [number for number in SPECIAL if 0 <= number < 2**64]
     for literal in chance.sample(whole, 12):
-        for written in (str(literal), hex(literal), oct(literal), bin(literal), f" {literal} "):
+        for written in (str(literal), hex(literal), oct(literal), bin(literal), f" {literal} ", f"{literal}.00"):
             names = {"==": "SAME", "<": "LESS", ">": "MORE"}
             database = telemetry(tmp_path, integer("U"), {"u": "U"},
                                  "".join(heir(name, ("u", op, written)) for op, name in names.items()))
