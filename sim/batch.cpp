@@ -449,7 +449,8 @@ void Batch::see_period(const Instance &instance, const std::string &path)
     period_ = period;
 }
 
-/// What a step ends before is not there yet: it is observed as of the instant before.
+/// A step ends before the first module that has an action: what runs from there on is observed as of the instant
+/// before.
 void Batch::find_late()
 {
     const auto order = in_order(*nominal_);

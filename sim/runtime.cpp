@@ -64,7 +64,8 @@ Ns Runtime::next_of(Modules modules) const
     for (const RunTask &task : tasks_) {
         if (first_of(task, modules) != task.last_step) {
             const Ns due = next_of(task);
-            t = exec_sooner(t, due > now ? due : exec_later(due, task.rate.period)); // else it is held elsewhere
+            // A task that is due in the instant that is held at another module runs with the rest of it.
+            t = exec_sooner(t, due > now ? due : exec_later(due, task.rate.period));
         }
     }
     return t < never ? t : -1;

@@ -93,7 +93,8 @@ class Database:
     def encode(self, name: str, /, **arguments: Any) -> bytes:
         """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
         lists and dicts; times are numbers [ns] since 1970 UTC or dates, as "2026-03-01T12:00:00.5Z", durations numbers
-        [ns] or texts, as "1.5 s" and "PT1.5S". Raises SetupError."""
+        [ns] or texts, as "1.5 s" and "PT1.5S". The control room checks a command's constraints; encode() does not.
+        Raises SetupError."""
         return self._read.encode(name, arguments)
 
     def decode_command(self, packet: bytes, header: str = "none") -> _ground.CommandPacket:
