@@ -196,7 +196,7 @@ bool ControlMomentGyrosModel::latch(const double *, const BodyRate &, double dt)
     return std::memcmp(&motors, &before, sizeof motors) != 0;
 }
 
-Drive ControlMomentGyrosModel::drive(std::size_t i, const double *x, const Vec3 &omega) const
+Drive ControlMomentGyrosModel::drive_at(std::size_t i, const double *x, const Vec3 &omega) const
 {
     const auto &par = interface_.par;
     const Motors &motors = state_.motors;
@@ -226,7 +226,9 @@ void ControlMomentGyrosModel::give(std::size_t i, double share)
 {
     Motors &motors = state_.motors;
     motors.share[i] = share;
-    (i < n_ ? motors.wheel : motors.gimbal)[i % n_] = share * motors.whole[i];
+    const bool is_wheel = i < n_;
+    double *const torques = is_wheel ? motors.wheel : motors.gimbal;
+    torques[is_wheel ? i : i - n_] = share * motors.whole[i];
 }
 
 void ControlMomentGyrosModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)

@@ -40,7 +40,7 @@ public:
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
-    Drive drive(std::size_t i, const double *x, const Vec3 &omega) const override;
+    Drive drive_at(std::size_t i, const double *x, const Vec3 &omega) const override;
     double drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const override;
     void give(std::size_t i, double share) override;
     std::size_t most_drives() const override { return 2 * n_; }

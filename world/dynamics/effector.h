@@ -301,7 +301,7 @@ public:
     /// The largest number that drives() returns. It is constant, and valid before prepare() of the craft.
     virtual std::size_t most_drives() const { return 0; }
 
-    virtual Drive drive(std::size_t i, const double *x, const Vec3 &omega) const
+    virtual Drive drive_at(std::size_t i, const double *x, const Vec3 &omega) const
     {
         (void)i, (void)x, (void)omega;
         return {};

@@ -61,7 +61,7 @@ public:
     void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole) override;
     void accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const override;
     void normalize(double *x) const override;
-    Drive drive(std::size_t i, const double *x, const Vec3 &omega) const override
+    Drive drive_at(std::size_t i, const double *x, const Vec3 &omega) const override
     {
         return {wheels_.motor[i], wheels_.share[i], speed(i, x, omega), interface_.par.Omega_max[i]};
     }

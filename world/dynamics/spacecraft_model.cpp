@@ -423,7 +423,7 @@ template <class Each> void SpacecraftModel::each_drive(double ahead, const Each 
     const BodyRate rate{get(x_, at_omega), get(dx_, at_omega)};
     for (const Part &part : parts_) {
         for (std::size_t i = 0; i < part.effector->drives(); i++) {
-            const Drive drive = part.effector->drive(i, x_ + part.at, rate.omega);
+            const Drive drive = part.effector->drive_at(i, x_ + part.at, rate.omega);
             if (drive.limit > 0.0 && drive.torque != 0.0) {
                 const double sign = drive.torque > 0.0 ? 1.0 : -1.0;
                 const double gain =
