@@ -23,8 +23,10 @@ struct Function {
 std::optional<Wide> bits_in(N x)
 {
     constexpr double limit = 18446744073709551616.0;
-    return x.is_whole() || std::abs(x.real()) < limit ? (x.is_whole() ? x : Number(std::trunc(x.real()))).nearest()
-                                                      : std::nullopt;
+    if (x.is_whole()) {
+        return x.whole();
+    }
+    return std::abs(x.real()) < limit ? Number(std::trunc(x.real())).nearest() : std::nullopt;
 }
 
 /// Operations on the bits of whole numbers, which are those of two's complement without an end.

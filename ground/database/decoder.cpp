@@ -493,7 +493,8 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
 
 // --- reasons
 
-/// The comparisons of a condition that do not hold, with the actual values; at: place of the first value in the packet.
+/// The comparisons of a condition that do not hold, with the actual values. at: the place of the first value in the
+/// packet; earlier: values of earlier packets count, too.
 std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at, bool earlier)
 {
     if (holds(condition, earlier)) {

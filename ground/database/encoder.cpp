@@ -4,7 +4,6 @@
 #include "ground/database/calibrate.h"
 #include "ground/database/operand.h"
 #include "ground/database/times.h"
-#include "ground/database/xtce/xml.h"
 
 #include <algorithm>
 #include <cmath>
@@ -396,7 +395,7 @@ private:
             number = is_true ? std::optional<Number>(*is_true) : number;
         }
         if (is_text && is_time(type)) {
-            const std::string words = xtce::trimmed(given.text);
+            const std::string_view words = trimmed(given.text);
             const auto ns = time_of(type, words);
             const bool in_ns = words.find_first_not_of("+-0123456789") == std::string::npos;
             if (!ns && (!number || !(in_ns || given.of_database))) {

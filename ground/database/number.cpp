@@ -78,11 +78,28 @@ Number exactly(double x)
     return x == std::trunc(x) && std::abs(x) < 0x1p63 ? Number(static_cast<std::int64_t>(x)) : Number(x);
 }
 
+std::string_view trimmed(std::string_view text)
+{
+    const auto first = text.find_first_not_of(" \t\r\n"), last = text.find_last_not_of(" \t\r\n");
+    return first == std::string_view::npos ? "" : text.substr(first, last - first + 1);
+}
+
+std::optional<std::vector<std::uint8_t>> octets_in(std::string_view digits)
+{
+    const std::string whole = (digits.size() % 2 == 0 ? "" : "0") + std::string(digits);
+    std::vector<std::uint8_t> bytes(whole.size() / 2);
+    for (std::size_t i = 0; i < bytes.size(); i++) {
+        const char *const end = &whole[2 * i] + 2;
+        if (std::from_chars(&whole[2 * i], end, bytes[i], 16).ptr != end) {
+            return std::nullopt;
+        }
+    }
+    return bytes;
+}
+
 std::optional<Number> number_in(std::string_view text)
 {
-    const auto first = text.find_first_not_of(" \t\r\n");
-    text = first == std::string_view::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") + 1 - first);
-    std::string_view digits = text;
+    std::string_view digits = trimmed(text);
     const bool negative = digits.starts_with('-');
     if (negative || digits.starts_with('+')) {
         digits.remove_prefix(1);

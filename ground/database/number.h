@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 namespace fledge::ground {
 
@@ -55,6 +56,12 @@ Number exactly(double x);
 
 /// A number as databases and users write it: decimal, 0x1F, 0o17, 0b11, 1.5e3; whole numbers have at most 64 bits.
 std::optional<Number> number_in(std::string_view text);
+
+/// A text without the blanks around it.
+std::string_view trimmed(std::string_view text);
+
+/// The bytes of hexadecimal digits, of which the first byte may have one; nothing: there are others.
+std::optional<std::vector<std::uint8_t>> octets_in(std::string_view digits);
 
 /// The shortest decimal text.
 std::string text_of(const Number &number);

@@ -25,6 +25,12 @@ enum class Kind : std::uint8_t {
     duration ///< [ns]
 };
 
+/// Whether a value is in ns.
+constexpr bool is_time(Kind kind)
+{
+    return kind == Kind::time || kind == Kind::duration;
+}
+
 /// A range of bytes: the place in the upper 32 bits, the number in the lower 32.
 constexpr std::uint64_t slice(std::size_t at, std::size_t n)
 {

@@ -3,7 +3,6 @@
 
 #include "ground/database/decoder.h"
 #include "ground/database/times.h"
-#include "ground/database/xtce/xml.h"
 
 #include <algorithm>
 
@@ -49,14 +48,10 @@ std::optional<Number> place_of(const Operand &label)
 
 std::optional<std::string> bytes_in(const std::string &text)
 {
-    std::string digits = xtce::trimmed(text);
-    digits.erase(0, digits.starts_with("0x") || digits.starts_with("0X") ? 2 : 0);
-    try {
-        const auto bytes = xtce::hexadecimal({}, digits);
-        return std::string(bytes.begin(), bytes.end());
-    } catch (const Refusal &) {
-        return std::nullopt;
-    }
+    std::string_view digits = trimmed(text);
+    digits.remove_prefix(digits.starts_with("0x") || digits.starts_with("0X") ? 2 : 0);
+    const auto bytes = octets_in(digits);
+    return bytes ? std::optional(std::string(bytes->begin(), bytes->end())) : std::nullopt;
 }
 
 std::optional<Number> number_of(const Operand &operand)
@@ -79,7 +74,7 @@ std::string shown(const Operand &operand)
     if (operand.kind == Kind::boolean) {
         return operand.word ? operand.type->one_label : operand.type->zero_label;
     }
-    if (operand.kind == Kind::time || operand.kind == Kind::duration) {
+    if (is_time(operand.kind)) {
         return time_text(operand.kind, static_cast<std::int64_t>(operand.word));
     }
     const auto number = number_of(operand);
@@ -138,7 +133,7 @@ Operand constant(const Type &type, std::string_view text)
     case Type::Sort::absolute_time:
     case Type::Sort::relative_time:
         number = number ? std::optional(*number * one_second) : number;
-        if (const auto ns = time_of(type, xtce::trimmed(text))) {
+        if (const auto ns = time_of(type, trimmed(text))) {
             number = *ns;
         }
         break;
@@ -187,7 +182,7 @@ bool compare(Operator op, const Operand &left, const Literal &literal)
     }
     case Kind::time:
     case Kind::duration: {
-        const auto ns = time_of(type, xtce::trimmed(literal.text));
+        const auto ns = time_of(type, trimmed(literal.text));
         const auto right = ns ? std::optional<Number>(*ns) : number ? std::optional(*number * one_second) : number;
         return right && ordered(op, Number(static_cast<std::int64_t>(left.word)) <=> *right);
     }

@@ -255,6 +255,11 @@ std::string time_text(Kind kind, std::int64_t ns)
            fraction + "Z";
 }
 
+std::string time_words(Kind kind, std::int64_t ns)
+{
+    return time_text(kind, ns) + (kind == Kind::duration ? " s" : "");
+}
+
 std::string unit_of(const Type &type)
 {
     const Kind kind = value_kind(type);

@@ -29,6 +29,9 @@ std::optional<std::int64_t> time_of(const Type &type, std::string_view text);
 /// "2026-03-01T12:00:00.5Z" of a time, "1.5" [s] of a duration.
 std::string time_text(Kind kind, std::int64_t ns);
 
+/// The same with its unit, as a user may give it: "1.5 s".
+std::string time_words(Kind kind, std::int64_t ns);
+
 /// The units of a type's values, as time_text() shows them: "UTC", "s", else those of the database.
 std::string unit_of(const Type &type);
 

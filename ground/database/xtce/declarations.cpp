@@ -46,7 +46,7 @@ template <class Do> void Declarations::parts(Node node, const std::string &path,
 {
     for (Node child : elements(node)) {
         if (!faults_.left_out(child)) {
-            const std::string name = trimmed(child.attribute("name").value());
+            const std::string name(trimmed(child.attribute("name").value()));
             attempt(child, name.empty() ? "<" + std::string(tag(child)) + ">" : path + "/" + name,
                     [&] { action(child); });
         }

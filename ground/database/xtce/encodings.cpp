@@ -129,7 +129,7 @@ void EncodingReader::math(Calibrator &result, Node node)
             step.kind = MathStep::Kind::function;
             const auto found = math_function(trimmed(child.text().get()));
             if (!found) {
-                refuse(child, "the operator " + trimmed(child.text().get()) + " is not known");
+                refuse(child, "the operator " + std::string(trimmed(child.text().get())) + " is not known");
             }
             step.function = *found;
             takes = math_takes(*found);

@@ -250,7 +250,7 @@ void TypeReader::part(Type &type, Node child)
         type.units.clear();
         for (Node unit : elements(child)) {
             const std::string power = unit.attribute("power").as_string("1");
-            type.units.push_back(trimmed(unit.text().get()) + (power == "1" ? "" : "^" + power));
+            type.units.push_back(std::string(trimmed(unit.text().get())) + (power == "1" ? "" : "^" + power));
         }
     } else if (name.ends_with("DataEncoding")) {
         type.encoding = encodings_.encoding(child);
@@ -309,7 +309,7 @@ void TypeReader::reference_time(Type &type, Node node)
             type.offset_from = values_.reference(child);
             type.epoch.reset();
         } else if (tag(child) == "Epoch") {
-            const std::string text = trimmed(child.text().get());
+            const std::string text(trimmed(child.text().get()));
             type.offset_from = {};
             type.epoch = epoch_of(text);
             if (!type.epoch) {

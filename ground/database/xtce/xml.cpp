@@ -117,15 +117,9 @@ bool is_common(Node node)
     return one_of(tag(node), {"LongDescription", "AliasSet", "AncillaryDataSet"});
 }
 
-std::string trimmed(View text)
-{
-    const auto first = text.find_first_not_of(" \t\r\n"), last = text.find_last_not_of(" \t\r\n");
-    return first == View::npos ? "" : std::string(text.substr(first, last - first + 1));
-}
-
 std::string needed(Node node, const char *attribute)
 {
-    const std::string text = trimmed(node.attribute(attribute).value());
+    const std::string text(trimmed(node.attribute(attribute).value()));
     return !text.empty()
                ? text
                : refuse_as<std::string>(node, "<" + std::string(tag(node)) + "> needs the attribute " + attribute);
@@ -179,15 +173,9 @@ std::uint32_t count(Node node, View text, std::int64_t low, std::int64_t high)
 
 std::vector<std::uint8_t> hexadecimal(Node node, View text)
 {
-    const std::string digits = (text.size() % 2 == 0 ? "" : "0") + std::string(text);
-    std::vector<std::uint8_t> bytes(digits.size() / 2);
-    for (std::size_t i = 0; i < bytes.size(); i++) {
-        const char *const end = &digits[2 * i] + 2;
-        if (std::from_chars(&digits[2 * i], end, bytes[i], 16).ptr != end) {
-            refuse(node, "'" + std::string(text) + "' is not hexadecimal");
-        }
-    }
-    return bytes;
+    const auto bytes = octets_in(text);
+    return bytes ? *bytes
+                 : refuse_as<std::vector<std::uint8_t>>(node, "'" + std::string(text) + "' is not hexadecimal");
 }
 
 double seconds(Node node, View text)

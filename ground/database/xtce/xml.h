@@ -62,8 +62,6 @@ inline bool one_of(View name, std::initializer_list<View> names)
 
 // --- attributes and texts
 
-std::string trimmed(View text);
-
 std::string needed(Node node, const char *attribute);
 bool is_true(Node node, const char *attribute, bool otherwise);
 std::optional<std::string> initial(Node node);

@@ -41,11 +41,10 @@ const char *kind_of(const Type &type)
 py::object initial_value(const Type &type, const std::optional<std::string> &text)
 {
     const Kind kind = value_kind(type);
-    if (!text || (kind != Kind::time && kind != Kind::duration) || !number_in(*text)) {
+    if (!text || !is_time(kind) || !number_in(*text)) {
         return text ? py::object(py::str(*text)) : py::object(py::none());
     }
-    const auto ns = static_cast<std::int64_t>(constant(type, *text).word);
-    return py::str(time_text(kind, ns) + (kind == Kind::duration ? " s" : ""));
+    return py::str(time_words(kind, static_cast<std::int64_t>(constant(type, *text).word)));
 }
 
 py::dict argument_form(const Database &db, const Argument &argument)

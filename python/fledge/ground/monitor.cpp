@@ -242,14 +242,12 @@ public:
         for (std::size_t i = 0; i < done.fields.size(); i++) {
             const auto [raw, value] = objects(db_, done, i);
             const Field &field = done.fields[i];
-            const bool time = field.value == Kind::time || field.value == Kind::duration;
-            const auto words = [&] {
-                return time_text(field.value, static_cast<std::int64_t>(done.values[i])) +
-                       (field.value == Kind::duration ? " s" : "");
-            };
-            rows.append(py::make_tuple(
-                inspector_.name(done, i), raw, time && !value.is_none() ? Value(py::str(words())) : value,
-                statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at, done.places[i].n));
+            const auto word = static_cast<std::int64_t>(done.values[i]);
+            const Value shown =
+                is_time(field.value) && !value.is_none() ? Value(py::str(time_words(field.value, word))) : value;
+            rows.append(py::make_tuple(inspector_.name(done, i), raw, shown,
+                                       statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at,
+                                       done.places[i].n));
         }
         py::dict result;
         result["container"] = path_of(db_, done.container);
