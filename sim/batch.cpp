@@ -34,31 +34,6 @@ std::shared_ptr<Instance> find(const Simulation &simulation, const std::string &
     throw SetupError("there is no instance " + path);
 }
 
-struct Run {
-    const Process *process;
-    const Task *task;
-    const Instance *instance;
-};
-
-const std::string &path_of(const Run &run)
-{
-    return run.instance->path;
-}
-
-/// What tasks run, in the order of an instant.
-std::vector<Run> in_order(const Simulation &simulation)
-{
-    std::vector<Run> order;
-    for (const auto &process : simulation.processes()) {
-        for (const Task *task : sim::in_order(*process)) {
-            for (const auto &instance : task->run) {
-                order.push_back({process.get(), task, instance.get()});
-            }
-        }
-    }
-    return order;
-}
-
 /// Numbers in the memory of a clone, and their place in its row of an array.
 struct Place {
     std::byte *at;
@@ -294,6 +269,7 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     if (nominal_->prepared()) {
         nominal_->reset();
     }
+    find_order();
     for (const BatchField &action : plan_.actions) {
         add_target(nominal, action);
         actions_ += action.names.size();
@@ -396,26 +372,49 @@ void Batch::add_target(const Simulation &original, const BatchField &action)
     }
 }
 
+void Batch::find_order()
+{
+    for (const auto &process : nominal_->processes()) {
+        for (const Task *task : in_order(*process)) {
+            for (const auto &instance : task->run) {
+                order_.push_back({process.get(), task, instance.get()});
+            }
+        }
+    }
+}
+
+/// The place in the order of an instant; its end if no task runs the instance.
+std::size_t Batch::place_of(const std::string &path) const
+{
+    const auto run = std::ranges::find(order_, path, [](const Run &each) { return each.instance->path; });
+    return static_cast<std::size_t>(run - order_.begin());
+}
+
 /// An action counts when this instance runs; configuration, when what reads it does. A model reads it for the time
 /// since it last ran, so that it counts from the end of an instant on.
 void Batch::count_from(const Instance &instance)
 {
-    if (instance.model()) {
-        return;
-    }
-    const auto order = in_order(*nominal_);
-    const auto run = std::ranges::find(order, instance.path, path_of);
-    if (run == order.end()) {
-        for (const Wire &wire : nominal_->wires()) {
-            if (wire.from.instance->path == instance.path) {
-                count_from(*wire.to.instance);
-            }
+    std::vector<const Instance *> readers{&instance};
+    for (std::size_t i = 0; i < readers.size(); i++) {
+        const std::size_t place = place_of(readers[i]->path);
+        if (readers[i]->model()) {
+            continue;
         }
-        return;
-    }
-    for (const Run &each : order) { // a computer takes all that comes to it before the first of its modules
-        if (each.instance == run->instance || (run->process->flight() && each.process == run->process)) {
-            before_.push_back(each.instance->path);
+        if (place == order_.size()) {
+            for (const Wire &wire : nominal_->wires()) {
+                const Instance *const reader = wire.to.instance.get();
+                if (wire.from.instance->path == readers[i]->path &&
+                    std::ranges::find(readers, reader) == readers.end()) {
+                    readers.push_back(reader);
+                }
+            }
+            continue;
+        }
+        const Run &run = order_[place];
+        for (const Run &each : order_) { // a computer takes all that comes to it before the first of its modules
+            if (each.instance == run.instance || (run.process->flight() && each.process == run.process)) {
+                before_.push_back(each.instance->path);
+            }
         }
     }
 }
@@ -423,10 +422,8 @@ void Batch::count_from(const Instance &instance)
 /// Whether the reader of a wire has a message at the instant at which it is written; else at its next one.
 bool Batch::is_direct(const Wire &wire) const
 {
-    const auto order = in_order(*nominal_);
-    const auto place_of = [&](const Port &port) { return std::ranges::find(order, port.instance->path, path_of); };
-    const auto from = place_of(wire.from);
-    return wire.options.latency == 0 && (from == order.end() || from < place_of(wire.to));
+    const std::size_t from = place_of(wire.from.instance->path);
+    return wire.options.latency == 0 && (from == order_.size() || from < place_of(wire.to.instance->path));
 }
 
 /// The period of what an action replaces.
@@ -434,11 +431,10 @@ void Batch::see_period(const Instance &instance, const std::string &path)
 {
     Ns period = 0;
     const auto process = [](const std::string &of) { return of.substr(0, of.find('.')); };
-    const auto order = in_order(*nominal_);
-    const auto run = std::ranges::find(order, instance.path, path_of);
-    for (const Run &each : order) { // configuration counts at the next instant of its process
-        if (run == order.end() ? process(each.instance->path) == process(instance.path)
-                               : each.instance == run->instance) {
+    const std::size_t place = place_of(instance.path);
+    for (const Run &each : order_) { // configuration counts at the next instant of its process
+        if (place == order_.size() ? process(each.instance->path) == process(instance.path)
+                                   : each.instance == order_[place].instance) {
             period = period > 0 ? std::min(period, each.task->period) : each.task->period;
         }
     }
@@ -453,19 +449,15 @@ void Batch::see_period(const Instance &instance, const std::string &path)
 /// before.
 void Batch::find_late()
 {
-    const auto order = in_order(*nominal_);
-    const auto place_of = [&](const std::string &path) {
-        return std::ranges::find(order, path, path_of) - order.begin();
-    };
-    std::ptrdiff_t place = std::ssize(order);
+    std::size_t place = order_.size();
     for (const std::string &path : before_) {
         place = std::min(place, place_of(path));
     }
     for (const BatchField &observation : plan_.observations) {
         const auto instance = find(*nominal_, observation.instance);
         const FledgeField *field = field_at(instance->type(), observation.offset);
-        const std::ptrdiff_t own = place_of(observation.instance);
-        late_.push_back(own >= place && own < std::ssize(order) && !(field && field->group == FLEDGE_PAR));
+        const std::size_t own = place_of(observation.instance);
+        late_.push_back(own >= place && own < order_.size() && !(field && field->group == FLEDGE_PAR));
     }
 }
 

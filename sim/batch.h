@@ -110,6 +110,8 @@ private:
     class Crew;
 
     void add_target(const Simulation &original, const BatchField &action);
+    void find_order();
+    std::size_t place_of(const std::string &path) const;
     void count_from(const Instance &instance);
     bool is_direct(const Wire &wire) const;
     void see_period(const Instance &instance, const std::string &path);
@@ -131,6 +133,12 @@ private:
     BatchPlan plan_;
     std::unique_ptr<Simulation> nominal_;
     std::vector<Target> targets_;
+    struct Run {
+        const Process *process;
+        const Task *task;
+        const Instance *instance;
+    };
+    std::vector<Run> order_;          ///< what tasks run, in the order of an instant
     std::vector<std::string> before_; ///< a step ends before the first of these modules
     Ns period_ = 0;                   ///< [ns] of what the actions replace; 0: there are none
     Ns delay_ = 0;                    ///< [ns]
