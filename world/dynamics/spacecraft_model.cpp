@@ -852,8 +852,10 @@ void SpacecraftModel::follow(Ns dt)
     const Ns t = interface_.out.state.head.t;
     if (dt > 0) {
         latch({t + dt, dt});
-        derive(t, 0.0, x_, dx_);
-        govern(t, tick_seconds(dt), true);
+        if (drives_ > 0) {
+            derive(t, 0.0, x_, dx_);
+            govern(t, tick_seconds(dt), true);
+        }
     }
     publish(t);
 }
