@@ -719,8 +719,6 @@ class Observer(_Member):
 
     simulation, name, address, keys: as of a Node
     timeout: [s] in which the controller must answer and all nodes must have joined
-    patience: [s] after which a controller whose connection is lost is gone; a stopped one that goes on connects again
-        earlier
 
     One thread uses it, but other threads may call write(). Close it, or use `with`.
     """
@@ -732,7 +730,7 @@ class Observer(_Member):
         self.topics = {}      #: topic -> Schema, of all that there are
         self.missed = 0       #: messages, of all topics
         self.t = 0            #: [ns] of the newest message
-        self.patience = 2
+        self.patience = 2     #: [s] after which a lost controller is gone; a stopped one that goes on connects earlier
         self._positions = {}  # topic -> (count, t) of the last message
         self._counts = {}     # topic -> messages written
         self._lock = threading.Lock()

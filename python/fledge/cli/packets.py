@@ -129,7 +129,7 @@ def _plain(value: Any) -> Any:
 
 
 def _text(database: Database | None) -> Show:
-    from fledge.ground.database import time_text
+    from fledge.ground.database import TIMES, time_text
 
     def line(text: str) -> None:
         print(printable(text, lines=False))     # a value does not look like another line
@@ -155,7 +155,7 @@ def _text(database: Database | None) -> Show:
         width = min(max((len(name) for name, _, _ in packet.rows), default=0), 80) if packet else 0
         for (name, raw, value), (kind, unit) in zip(packet.rows, packet.fields) if packet else ():
             shown = "no value" if value is None else str(_plain(value))
-            if kind in ("time", "duration") and isinstance(value, int):
+            if kind in TIMES and isinstance(value, int):
                 shown = time_text(kind, value)
             beside = f"  (raw {_plain(raw)})" if value is None or (raw != value and str(raw) != str(value)) else ""
             line(f"  {name:{width}}  {shown}{' ' + unit if unit and kind != 'time' else ''}{beside}")

@@ -21,6 +21,8 @@ Monitor = _ground.Monitor
 PacketArchive = _ground.PacketArchive
 time_text = _ground.time_text
 
+TIMES = ("time", "duration")    # kinds of values in ns
+
 
 class Argument(TypedDict):
     """An argument of a Form. size: [bits]; of text and binary, bytes at most."""

@@ -62,8 +62,8 @@ def _unequal(node: ast.AST, around: dict[str, Any]) -> str:
         return f"{value.__name__}() {ELSEWHERE}"
     if not inspect.isbuiltin(value) or value.__module__ != "math" or value.__name__ in target_math.SAME:
         return ""
-    return f"math.{value.__name__} {ELSEWHERE}" if hasattr(vars(target_math)[value.__name__], "__code__") \
-        else f"there is no math.{value.__name__}"
+    of_flight = inspect.isfunction(vars(target_math)[value.__name__])      # else Python's own, in C
+    return f"math.{value.__name__} {ELSEWHERE}" if of_flight else f"there is no math.{value.__name__}"
 
 
 def _reached(function: Callable, folder: Path | None = None) -> Iterator[tuple[Any, dict[str, Any]]]:

@@ -36,7 +36,7 @@ _GIVE_UP = 15.0     # [s] for guards to kill the others
 # reported its own failure does not hang, and has _LEAVE.
 _HUNG = 1.0
 # [s] for a complete observer to notice that the controller was killed, and to take the rest from its record
-_BEREFT = 4.0
+_FROM_RECORD = 4.0
 _SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
 _BUSY = 2.0         # [s] after which the table shows an unanswered request
 _FILES_PER_PROGRAM, _OTHER_FILES = 3, 100    # its log and standard input, one more while it starts; our own
@@ -92,7 +92,7 @@ class Session:
         self._reports = 0                   # of the controller on all nodes
         self._address = ""
         self._ended: str | None = None      # the reason, once the controller has given it
-        self._orphaned = False              # it ended without one
+        self._without_reason = False        # it ended without one
         self._stop_requested_at: float | None = None
         self._signals = 0
         self._signal: int | None = None
@@ -173,7 +173,7 @@ class Session:
         if self._ended is None and self._controller.poll():
             self._receive()
             if self._ended is None:
-                self._orphaned = True
+                self._without_reason = True
                 last = self.logs.last("controller", 1)
                 if (self._controller.code or 0) < 128 and last:
                     self._ended = last[-1].removeprefix("fledge_controller: ")
@@ -195,7 +195,7 @@ class Session:
                 begun = time.monotonic()
             for r in self._running.values():
                 if r.program.asynchronous and r.process and not r.ending and spent > (
-                        _BEREFT if self._orphaned and r.program.complete else _HUNG):
+                        _FROM_RECORD if self._without_reason and r.program.complete else _HUNG):
                     self._end(r)
             select.select([], [], [], 0.02)
             self._check_exits()

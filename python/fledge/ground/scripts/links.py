@@ -14,7 +14,7 @@ from threading import Lock
 from time import monotonic_ns, time_ns
 from typing import Any
 
-from fledge.commands import Timed
+from fledge.commands import Timed, sequence_of
 from fledge.errors import Failure, SetupError
 
 PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
@@ -104,6 +104,7 @@ class Splitter:
         self._rest = bytearray()
         self._begin = 0                                     # [bytes] of the stream before the rest
         self._known: dict[bytes, tuple[int, int]] = {}      # count and size of the last packet, by its first two bytes
+        self._heads: re.Pattern[bytes] | None = None        # where one of these two bytes stands
         self._check = 0                                     # [bytes] of a packet at which to look into it again
         self._lost: tuple[int, str] | None = None           # where the bytes that are being skipped begin, and why
         self.skipped = 0
@@ -130,7 +131,9 @@ class Splitter:
                 break
             self._report(at)
             packets.append(bytes(self._rest[at:end]))
-            self._known[header[:2]] = _count(header), size
+            if header[:2] not in self._known:
+                self._heads = re.compile(b"(?=%s)" % b"|".join(map(re.escape, [*self._known, header[:2]])), re.DOTALL)
+            self._known[header[:2]] = sequence_of(header), size
             at, self._check = end, 0
         del self._rest[:at]
         self._begin += at
@@ -159,8 +162,8 @@ class Splitter:
                 return None
             self._check = (there - at) * 9 // 8 + 64     # seldom, as it is long
         stop = min(end, there) - 6
-        begins = (found.start() for found in re.compile(b"(?=%s)" % b"|".join(map(re.escape, self._known)), re.DOTALL)
-                  .finditer(self._rest, at + 1, stop + 1)) if self._known else range(at + 1, stop)
+        begins = (found.start() for found in self._heads.finditer(self._rest, at + 1, stop + 1)) if self._heads else \
+            range(at + 1, stop)
         least = 1 if self._known and end + 6 <= there and not self._continues(bytes(self._rest[end:end + 6]), {}) else 2
         return next((begin for begin in begins if self._lead(begin, end, least)), None)
 
@@ -170,7 +173,7 @@ class Splitter:
         before = counts.get(header[:2], self._known[header[:2]][0] if header[:2] in self._known else None)
         if not self._accepts(header) or not any(header[:4]):    # zeros are rather data
             return False
-        return None if before is None else 0 < (_count(header) - before) % 0x4000 <= NEAR
+        return None if before is None else 0 < (sequence_of(header) - before) % 0x4000 <= NEAR
 
     def _lead(self, at: int, end: int, least: int) -> bool:
         """Whether lengths lead from packets there beyond an end, or to the end of what has come, and at least so many
@@ -183,7 +186,7 @@ class Splitter:
             if continues is False:
                 return behind >= least and at > end
             behind += continues is True
-            counts[header[:2]] = _count(header)
+            counts[header[:2]] = sequence_of(header)
             at += _size(header)
             if at == end:
                 return False
@@ -192,10 +195,6 @@ class Splitter:
 
 def _size(header: bytes) -> int:
     return int.from_bytes(header[4:6], "big") + PACKET_LEAST
-
-
-def _count(header: bytes) -> int:
-    return int.from_bytes(header[2:4], "big") & 0x3FFF
 
 
 class Raw:

@@ -11,12 +11,12 @@ from aiohttp import web
 
 from fledge.ground.server.alarms import CONCERNS
 from fledge.errors import field, for_json
+from fledge.ground.database import TIMES
 
 if TYPE_CHECKING:
     from fledge.ground.server.past import Series
 
 PART = 8192     # values of a series that become text at once
-TIMES = ("time", "duration")    # kinds of values in ns
 
 
 def dumps(content: object) -> str:

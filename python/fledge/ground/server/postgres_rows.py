@@ -13,6 +13,7 @@ import psycopg
 from numpy.typing import NDArray
 
 from fledge.errors import SetupError
+from fledge.ground.database import TIMES
 from fledge.ground.server.limits import InForce
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ class Tail:
 
         kind = self.codes[slot]
         value = np.where(kind == "real", word.view("<f8"), np.where(kind == "natural", word, word.view("<i8")))
-        value = np.where((kind == "time") | (kind == "duration"), word.view("<i8") / 1e9, value)
+        value = np.where(np.isin(kind, TIMES), word.view("<i8") / 1e9, value)
         worded = (kind == "text") | (kind == "binary") | (values["status"] == UNLABELLED)
         is_number = ~worded & (values["status"] == GOOD) & ~np.isnan(value)
         numbers = np.zeros(int(is_number.sum()), NUMBER)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
-from fledge.ground.database import time_text
+from fledge.commands import sequence_of
+from fledge.ground.database import TIMES, time_text
 
 if TYPE_CHECKING:
     from fledge.ground.database import Form, Verifier
@@ -32,7 +33,7 @@ def words_of(form: Form, arguments: dict[str, Any]) -> dict[str, str]:
 def word_of(kind: str, value: Any) -> str:
     """A time in ns has its unit, for the monitor takes numbers without one as seconds."""
     text = str(value).lower() if isinstance(value, bool) else str(value)
-    if kind in ("time", "duration") and isinstance(value, (int, float, str)):
+    if kind in TIMES and isinstance(value, (int, float, str)):
         try:
             ns = int(value)
             return f"{ns} ns" if kind == "duration" else time_text(kind, ns)
@@ -90,7 +91,7 @@ class Verifying:
 
     def begin(self, row: Command, form: Form, packet: bytes) -> None:
         """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
-        words = words_of(form, row["arguments"]) | {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
+        words = words_of(form, row["arguments"]) | {SEQUENCE: str(sequence_of(packet))}
         release, about = int(row["t_ns"]), row.get("open", {})
         command = Waiting(row, release, int(about.get("passed_ns", release)))
         for place, verifier in enumerate(form["verifiers"]):

@@ -77,7 +77,7 @@ def slot_of(request: web.Request, craft: Spacecraft) -> int:
 async def patiently(request: web.Request, craft: Spacecraft, action: Callable[[], Answer]) -> Answer:
     """As in_thread, again and again while a constraint of a command lets it wait, by the spacecraft's clock."""
     begin = craft.clock.now
-    request["live"].add(asyncio.current_task())     # it ends with the session
+    request["live"].add(asyncio.current_task())     # it ends with the login
     while True:
         try:
             return await in_thread(craft, action)
