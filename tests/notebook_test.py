@@ -2,6 +2,8 @@
 """The notebooks in docs/ run from their first cell to their last, and hold nothing that a run has put out."""
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -9,6 +11,25 @@ from tests.tree import ROOT
 
 SLOW = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="kernels start slowly under the sanitizer")
 NOTEBOOKS = sorted((ROOT / "docs").glob("*.ipynb"))
+EXECUTE = """
+import sys
+import nbclient, nbformat
+notebook = nbformat.reads(sys.stdin.read(), 4)
+nbclient.NotebookClient(notebook, kernel_name="python3").execute()
+print(nbformat.writes(notebook))
+"""
+
+
+def executed(notebook, folder):
+    """The notebook with its outputs. A process of its own runs the client: the client takes over SIGINT, and its
+    imports look through the modules that other threads of a test process may be loading."""
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    run = subprocess.run([sys.executable, "-c", EXECUTE], input=nbformat.writes(notebook), cwd=folder, text=True,
+                         capture_output=True)
+    assert run.returncode == 0, run.stderr
+    return nbformat.reads(run.stdout, 4)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
@@ -20,12 +41,7 @@ def test_the_source_has_no_outputs(path):
 @SLOW
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
 def test_no_cell_fails(path, tmp_path):
-    nbformat = pytest.importorskip("nbformat")
-    client = pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
-    notebook = nbformat.read(path, 4)
-    client.NotebookClient(notebook, kernel_name="python3",
-                          resources={"metadata": {"path": str(tmp_path)}}).execute()
+    notebook = executed(pytest.importorskip("nbformat").read(path, 4), tmp_path)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     kinds = [set(output.get("data", ())) for output in outputs]
     assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
@@ -36,14 +52,11 @@ def test_no_cell_fails(path, tmp_path):
 @SLOW
 def test_a_figure_is_shown_once_in_its_cell_and_again_on_request(tmp_path):
     nbformat = pytest.importorskip("nbformat")
-    client = pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
     begin = "import fledge\nsim = fledge.load('nadir_spin')\nlog = sim.record(sim.flight.tracking.error)\nsim.run(10)\n"
     draw = "figure = log.plot('sigma_BR')\n"
     cells = [begin + draw + "figure", "figure", draw + "1"]
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
-    client.NotebookClient(notebook, kernel_name="python3",
-                          resources={"metadata": {"path": str(tmp_path)}}).execute()
+    notebook = executed(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells]),
+                        tmp_path)
     pictures = [sum("image/png" in output.get("data", ()) for output in cell.outputs) for cell in notebook.cells]
     assert pictures == [1, 1, 1]
 
