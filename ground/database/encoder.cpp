@@ -416,6 +416,10 @@ private:
         if (type.sort == Sort::integer && !number->is_whole()) {
             throw Refusal(name + " must be a whole number; found " + text_of(*number));
         }
+        if (type.sort == Sort::integer && !type.is_signed && type.encoding.kind == Encoding::Kind::text &&
+            *number < 0) {
+            throw Refusal(name + " must not be negative; found " + text_of(*number));
+        }
         return *number;
     }
 

@@ -120,6 +120,24 @@ TEST(Encoder, MissingUnknownOrWrongValuesAreRefused)
     EXPECT_EQ(refusal({}, "D"), "the database has no command D");
 }
 
+TEST(Encoder, AnUnsignedNumberAsTextIsNotNegative)
+{
+    const auto encoded = [](const char *is_signed, const Given &value) {
+        const Database database = read_xtce_text(
+            std::regex_replace(std::string(commands),
+                               std::regex("<IntegerArgumentType name='code'><IntegerDataEncoding/>"),
+                               std::string("<IntegerArgumentType name='code' signed='") + is_signed +
+                                   "'><StringDataEncoding><SizeInBits><Fixed><FixedValue>16</FixedValue></Fixed>"
+                                   "</SizeInBits></StringDataEncoding>"),
+            "s.xml");
+        return encode(database, database.command("C"),
+                      {{"gain", number(1)}, {"sequence", number(3)}, {"opcode", value}});
+    };
+    for (const Given &value : {number(-1), text("-1")}) {
+        EXPECT_THROW(encoded("false", value), Refusal);
+    }
+}
+
 TEST(Encoder, NumbersComeBackFromTheirBits)
 {
     Encoding encoding;

@@ -142,6 +142,31 @@ Operand constant(const Type &type, std::string_view text)
     return number ? operand_of(type, *number) : Operand{.kind = Kind::text, .word = 0, .type = &type, .text = text};
 }
 
+bool has_value(const Type &type, bool calibrated, const Literal &literal)
+{
+    using Sort = Type::Sort;
+    const auto encoded = type.encoding.kind;
+    if (!calibrated && (encoded == Encoding::Kind::integer || encoded == Encoding::Kind::real)) {
+        return literal.number.has_value();
+    }
+    switch (calibrated ? type.sort : encoded == Encoding::Kind::binary ? Sort::binary : Sort::text) {
+    case Sort::integer:
+    case Sort::real: return literal.number.has_value();
+    case Sort::enumerated:
+        return literal.number || std::any_of(type.enumerators.begin(), type.enumerators.end(),
+                                             [&](const Enumerator &each) { return each.label == literal.text; });
+    case Sort::boolean: return literal.number || truth(type, literal.text);
+    case Sort::binary: return bytes_in(literal.text).has_value();
+    case Sort::absolute_time:
+    case Sort::relative_time:
+        return literal.number || encoded == Encoding::Kind::none || time_of(type, trimmed(literal.text));
+    case Sort::text:
+    case Sort::aggregate:
+    case Sort::array: break;
+    }
+    return true;
+}
+
 bool compare(Operator op, const Operand &left, const Literal &literal)
 {
     const Type &type = *left.type;

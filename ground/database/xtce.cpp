@@ -49,6 +49,7 @@ void fill(Database &database, xtce::Declarations &declared)
     containers.refuse_loops();
     commands.refuse_loops();
     containers.refuse_doubtful_ends();
+    values.note_constants();
     for (Id i = 0; i < database.containers.size(); i++) {
         if (database.containers[i].base != no_id) {
             database.containers[database.containers[i].base].heirs.push_back(i);

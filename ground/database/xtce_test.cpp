@@ -13,7 +13,9 @@ namespace fledge::ground {
 namespace xtce_test {
 
 using namespace testing;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 
 /// Why a text is refused; "" if it is read.
 std::string refusal(const std::string &xml)
@@ -366,6 +368,59 @@ TEST(Xtce, AlarmsRangesUnitsAndVerifiersAreKept)
     EXPECT_EQ(database.commands[0].consequence, "critical");
     EXPECT_EQ(database.commands[0].verifiers[0].stage, "Complete");
     EXPECT_EQ(database.commands[0].verifiers[0].stop, 60.5);
+}
+
+/// For each kind of value, texts that a condition finds and texts that none equals, of which a note tells.
+TEST(Xtce, AConstantThatNoValueEqualsGivesANote)
+{
+    const std::string types =
+        integer("u8", 8) +
+        "<EnumeratedParameterType name='mode'><IntegerDataEncoding/><EnumerationList><Enumeration value='1' "
+        "label='SAFE'/></EnumerationList></EnumeratedParameterType><BooleanParameterType name='flag' "
+        "oneStringValue='ON' zeroStringValue='OFF'><IntegerDataEncoding sizeInBits='8'/></BooleanParameterType>"
+        "<BinaryParameterType name='bytes'><BinaryDataEncoding><SizeInBits><FixedValue>16</FixedValue></SizeInBits>"
+        "</BinaryDataEncoding></BinaryParameterType><StringParameterType name='name'><StringDataEncoding><SizeInBits>"
+        "<Fixed><FixedValue>32</FixedValue></Fixed></SizeInBits></StringDataEncoding></StringParameterType>"
+        "<AbsoluteTimeParameterType name='t'><Encoding><IntegerDataEncoding sizeInBits='32'/></Encoding><ReferenceTime>"
+        "<Epoch>GPS</Epoch></ReferenceTime></AbsoluteTimeParameterType><AggregateParameterType name='pair'><MemberList>"
+        "<Member name='n' typeRef='u8'/></MemberList></AggregateParameterType>";
+    const auto notes = [&](const std::string &parameter, const std::string &value, const std::string &more = "") {
+        return read_xtce_text(
+                   file(
+                       types, "n:u8 m:mode f:flag b:bytes s:name t:t g:pair",
+                       container("P", "n m f b s t g", "", "abstract='true'") +
+                           container("Q", "n",
+                                     "<BaseContainer containerRef='P'><RestrictionCriteria><Comparison parameterRef='" +
+                                         parameter + "' value='" + value + "' " + more +
+                                         "/></RestrictionCriteria></BaseContainer>")),
+                   "s.xml")
+            .notes;
+    };
+    const std::string raw = "useCalibratedValue='false'";
+    const std::vector<std::vector<std::string>> values = {{"n", "0x1F"},
+                                                          {"n", "2.5"},
+                                                          {"m", "SAFE"},
+                                                          {"m", "9"},
+                                                          {"m", "1", raw},
+                                                          {"f", "ON"},
+                                                          {"f", "true"},
+                                                          {"f", "1"},
+                                                          {"b", "f00d"},
+                                                          {"s", "any\xC3\xA9"},
+                                                          {"t", "2026-02-28T01:00:00Z"},
+                                                          {"t", "12"},
+                                                          {"g.n", "3"}};
+    for (const auto &value : values) {
+        EXPECT_TRUE(notes(value[0], value[1], value.size() > 2 ? raw : "").empty()) << value[0] << " " << value[1];
+    }
+    const std::vector<std::vector<std::string>> others = {{"n", "abc"},        {"n", ""},       {"m", "SAVE"},
+                                                          {"m", "SAFE", raw},  {"f", "OPEN"},   {"b", "xyz"},
+                                                          {"t", "2026-02-30"}, {"t", "monday"}, {"g.n", "three"}};
+    for (const auto &value : others) {
+        EXPECT_THAT(notes(value[0], value[1], value.size() > 2 ? raw : ""),
+                    ElementsAre(MatchesRegex("s.xml:[0-9]+: '" + value[1] + "' is no value of " + value[0] +
+                                             "( as a raw number)?: nothing equals it")));
+    }
 }
 
 /// Text with random bytes changed, removed, or repeated is read or refused; a database that is read decodes. A lenient

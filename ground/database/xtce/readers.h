@@ -13,19 +13,22 @@ inline constexpr std::uint64_t most_values = 1 << 20; // of a type; of all entri
 /// Reads references to values, conditions, and numbers that follow from values.
 class ValueReader {
 public:
-    ValueReader(Database &database, const Declarations &declared) : db_(database), declared_(declared) {}
+    ValueReader(Database &database, Declarations &declared) : db_(database), declared_(declared) {}
 
     Reference reference(Node node) const;
 
     /// The condition that is the only child of a node; and a condition's own node.
-    Condition condition(Node node) const;
-    Condition condition_of(Node node, std::size_t depth = 0) const;
+    Condition condition(Node node);
+    Condition condition_of(Node node, std::size_t depth = 0);
     static bool is_condition(Node node)
     {
         return one_of(tag(node), {"Comparison", "ComparisonList", "BooleanExpression"});
     }
-    Quantity quantity(Node node) const;
-    std::vector<Dimension> dimensions(Node node) const;
+    Quantity quantity(Node node);
+    std::vector<Dimension> dimensions(Node node);
+
+    /// Note constants that no value of a parameter equals, once all types are complete.
+    void note_constants();
 
     std::set<std::string> members; ///< a reference may name one of these members of the same aggregate
     bool outside = false;          ///< a reference may mean a value of another program
@@ -33,11 +36,12 @@ public:
 private:
     std::optional<Reference> parameter(Node node, const std::string &text) const;
     void add_steps(Reference &to, Node node, View steps) const;
-    Condition comparison(Node node) const;
-    Condition two_values(Node node) const;
+    Condition comparison(Node node);
+    Condition two_values(Node node);
 
     Database &db_;
-    const Declarations &declared_;
+    Declarations &declared_;
+    std::vector<std::pair<Node, Condition>> comparisons_; ///< of parameters with constants
 };
 
 /// Shared by the readers of items.

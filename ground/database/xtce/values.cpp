@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "ground/database/operand.h"
 #include "ground/database/xtce/readers.h"
 
 namespace fledge::ground::xtce {
@@ -90,7 +91,7 @@ Reference ValueReader::reference(Node node) const
 
 // --- conditions
 
-Condition ValueReader::comparison(Node node) const
+Condition ValueReader::comparison(Node node)
 {
     Condition result;
     result.kind = Condition::Kind::compare;
@@ -105,7 +106,7 @@ Condition ValueReader::comparison(Node node) const
     return result;
 }
 
-Condition ValueReader::two_values(Node node) const
+Condition ValueReader::two_values(Node node)
 {
     Condition result;
     result.kind = Condition::Kind::compare;
@@ -133,14 +134,18 @@ Condition ValueReader::two_values(Node node) const
     return result;
 }
 
-Condition ValueReader::condition_of(Node node, std::size_t depth) const
+Condition ValueReader::condition_of(Node node, std::size_t depth)
 {
     const View name = tag(node);
     if (depth > deepest) {
         refuse(node, "conditions are nested deeper than " + std::to_string(deepest));
     }
     if (name == "Comparison" || name == "Condition") {
-        return name == "Comparison" ? comparison(node) : two_values(node);
+        Condition result = name == "Comparison" ? comparison(node) : two_values(node);
+        if (result.left.of == Reference::Of::parameter && result.right.of == Reference::Of::nothing) {
+            comparisons_.emplace_back(node, result);
+        }
+        return result;
     }
     Condition result;
     result.kind = name == "ORedConditions" ? Condition::Kind::any : Condition::Kind::all;
@@ -156,7 +161,7 @@ Condition ValueReader::condition_of(Node node, std::size_t depth) const
     return result;
 }
 
-Condition ValueReader::condition(Node node) const
+Condition ValueReader::condition(Node node)
 {
     const auto inside = elements(node);
     if (inside.size() != 1 || !is_condition(inside[0])) {
@@ -167,9 +172,28 @@ Condition ValueReader::condition(Node node) const
     return condition_of(inside[0]);
 }
 
+void ValueReader::note_constants()
+{
+    for (const auto &[node, condition] : comparisons_) {
+        const Reference &left = condition.left;
+        Id type = db_.parameters[left.parameter].type;
+        if (type == no_id) { // it is left out
+            continue;
+        }
+        for (const std::uint32_t step : left.steps) {
+            const Type &outer = db_.types[type];
+            type = outer.sort == Type::Sort::array ? outer.element : outer.members[step].type;
+        }
+        if (!has_value(db_.types[type], left.calibrated, condition.literal)) {
+            declared_.note(node, "'" + condition.literal.text + "' is no value of " + left.name +
+                                     (left.calibrated ? "" : " as a raw number") + ": nothing equals it");
+        }
+    }
+}
+
 // --- quantities
 
-Quantity ValueReader::quantity(Node node) const
+Quantity ValueReader::quantity(Node node)
 {
     Quantity result;
     for (Node child : elements(node)) {
@@ -212,7 +236,7 @@ Quantity ValueReader::quantity(Node node) const
     refuse(node, "<" + std::string(tag(node)) + "> has no value");
 }
 
-std::vector<Dimension> ValueReader::dimensions(Node node) const
+std::vector<Dimension> ValueReader::dimensions(Node node)
 {
     std::vector<Dimension> result;
     for (Node child : elements(node)) {
