@@ -117,6 +117,11 @@ def test_a_unit_has_its_secondary_header_once_and_a_repeated_part_once():
                                 "1 units are whole, of 3 parts")
     (packet, _), = joined(twice)[0]
     assert packet[6:] == b"12abc12de12fghi" and "--secondary N" in joined(twice)[1]
+    assert joined(map(twice.__getitem__, (0, 2, 0, 2, 4)), 2)[0] == [(unit + b"12abcdefghi", parts)]
+    assert joined(twice, 4)[0][0][0][6:] == b"12abchi"      # of the middle part nothing is left
+    joiner = Joiner(5)
+    assert [unit.problem for piece in twice if (unit := joiner.take(piece))] == [
+        "a part of it is shorter than a secondary header of 5 bytes: it is not decoded"]
     long = [Piece(0, part) for part in parts_of(bytes(70000), [65536, 4464], 0)]
     joiner = Joiner()
     joiner.take(long[0])

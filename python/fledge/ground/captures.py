@@ -102,7 +102,8 @@ class Joiner:
         if head.part == WHOLE:
             return None
         counts = [found.sequence for part in before if (found := header(part.packet))]
-        again = piece.packet == self._last.get(key)
+        place = (head.sequence - counts[0]) % 0x4000 if counts else 0
+        again = piece.packet == self._last.get(key) or piece.packet in [part.packet for part in before[place:place + 1]]
         self._last[key] = piece.packet
         stays = len(counts) > 1 and counts[0] == counts[-1]     # the count; then parts may be equal
         if again and not stays:
@@ -138,6 +139,9 @@ class Joiner:
         head = header(parts[1].packet)
         self._headed += bool(head and head.secondary and not self._secondary)
         skip = 6 + (self._secondary if head and head.secondary else 0)
+        if min(len(part.packet) for part in parts[1:]) < skip:
+            return Unit(b"", parts, f"a part of it is shorter than a secondary header of {self._secondary} bytes: it "
+                        "is not decoded")
         data = first[6:] + b"".join(part.packet[skip:] for part in parts[1:])
         if len(data) > 1 << 16:
             return Unit(b"", parts, f"it has {len(data) + 6} bytes, more than the length of a packet can say: it is "
