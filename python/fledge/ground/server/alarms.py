@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict, cast
 
 from fledge.errors import SetupError
+from fledge.ground.database import TIMES, time_text
 
 if TYPE_CHECKING:
     from fledge.ground.server.journal import Row
@@ -29,7 +30,7 @@ class Alarm(TypedDict):
     t_ns: str
     count: int              # how often it became worse
     value: Any              # the newest beyond its limits
-    text: str
+    text: str               # the value; a time as its limits are: a date, or in s
     acknowledged: dict[str, str] | None     # user, note, t_ns, received_ns
     shelved_until_ns: str
     ended_ns: str
@@ -94,7 +95,8 @@ class Alarms:
             if new:
                 newest = self._telemetry.monitor.newest(slot)
                 alarm["value"] = value = newest[3] if newest else None
-                alarm["text"] = str(value)
+                kind = self._telemetry.monitor.slots(slot, 1)[0]["kind"]
+                alarm["text"] = time_text(kind, value) if kind in TIMES and isinstance(value, int) else str(value)
             if worse:
                 alarm["acknowledged"] = None
             if worse or self._ends(alarm, t):

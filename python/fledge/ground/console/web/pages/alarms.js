@@ -33,8 +33,9 @@ export async function open(context) {
             const alarm = alarms[row];
             [alarm.concern, alarm.worst].forEach((level, k) => putLevel(cells[k], level, CONCERNS[0]));
             put(cells[2], alarm.name);
-            const {single} = live.store(craft).slots[alarm.slot] ?? {};
-            put(cells[3], typeof alarm.value === "number" ? real(alarm.value, single) : String(alarm.value ?? ""));
+            const {single, kind} = live.store(craft).slots[alarm.slot] ?? {};
+            put(cells[3], kind === "time" || kind === "duration" ? alarm.text :
+                typeof alarm.value === "number" ? real(alarm.value, single) : String(alarm.value ?? ""));
             stamp(cells[4], time.text(alarm.since_ns));
             put(cells[5], state(alarm));
             dress(element,
