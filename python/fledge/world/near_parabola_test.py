@@ -112,6 +112,9 @@ def test_sizes_are_those_that_were_given():
     assert Orbit(body, a=-7e14, e=1 + 1e-8).a == -7e14
     assert Orbit(body, p=1.4e7, e=1).a == Orbit(body, p=1.4e7, e=1).period == math.inf
     assert Orbit(body, p=1e7, e=0.5).a == 1e7 / 0.75
+    far = Orbit(body, rp=7e6, ra=1e25)      # e rounds to 1; the size says more
+    assert far.period == pytest.approx(2 * math.pi * math.sqrt(far.a**3 / body.mu), rel=1e-15)
+    assert Orbit(body, a=1e300, e=1 - 2**-53).period == math.inf      # beyond the range of double
 
 
 @pytest.mark.parametrize("r, speed", [(7e15, 0.99), (7e12, 0.9), (1e13, 1.5), (7e9, 1 - 1e-9), (7e6, 1 - 1e-12),

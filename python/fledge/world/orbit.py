@@ -313,7 +313,7 @@ class Orbit:
         """The orbital period [s]; infinite for open orbits."""
         from math import pi, sqrt
 
-        return 2.0 * pi * sqrt(self.a**3 / self.body.mu) if self.e < 1.0 else float("inf")
+        return 2.0 * pi * self.a * sqrt(self.a / self.body.mu) if 0.0 < self.a < float("inf") else float("inf")
 
     def __repr__(self) -> str:
         from math import degrees
