@@ -245,8 +245,8 @@ std::optional<IcgemDate> parse_date(std::string_view word)
     if (!mjd) {
         return {};
     }
-    return IcgemDate{*mjd - mjd_2000 + (*clock / 100 * 60 + *clock % 100) / 1440.0,
-                     static_cast<double>(*mjd_of(year, 1, 1) - mjd_2000)};
+    const int minutes = *clock / 100 * 60 + *clock % 100;
+    return IcgemDate{*mjd - mjd_2000 + minutes / 1440.0, static_cast<double>(*mjd_of(year, 1, 1) - mjd_2000)};
 }
 
 /// Takes the rows behind the head: what changes, as it is at the epoch.

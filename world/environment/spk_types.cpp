@@ -148,7 +148,7 @@ BodyState by_conics(const EphemerisSegment &s, const Instant &t)
         return along_conic(triple_at(record), triple_at(record + 3), s.mu, t.since(s.epochs[i]));
     };
     const std::size_t i = record_before(s, t);
-    const BodyState left = from(i);
+    BodyState left = from(i);
     if (i + 1 == s.count || t.total() < s.epochs[0]) {
         return left;
     }

@@ -31,7 +31,7 @@ void SunlightModel::prepare(const sim::Setup &setup)
             }) > 1) {
             refuse(".shadows: " + body.name + " is there twice: name each body once");
         }
-        Shape &shape = shapes_.emplace_back(Ellipsoid::of(body));
+        Shape &shape = shapes_.emplace_back(Shape{Ellipsoid::of(body), {}});
         if (sky() && shape.ellipsoid.b != shape.ellipsoid.a && !body.pole_stays) {
             shape.orientation = sky()->orientation(*body.naif);
         }
