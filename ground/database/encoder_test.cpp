@@ -122,18 +122,21 @@ TEST(Encoder, MissingUnknownOrWrongValuesAreRefused)
 
 TEST(Encoder, AnUnsignedNumberAsTextIsNotNegative)
 {
-    const auto encoded = [](const char *is_signed, const Given &value) {
+    const auto encoded = [](const std::string &is_signed, const Given &value) {
         const Database database = read_xtce_text(
-            std::regex_replace(std::string(commands),
-                               std::regex("<IntegerArgumentType name='code'><IntegerDataEncoding/>"),
-                               std::string("<IntegerArgumentType name='code' signed='") + is_signed +
-                                   "'><StringDataEncoding><SizeInBits><Fixed><FixedValue>16</FixedValue></Fixed>"
-                                   "</SizeInBits></StringDataEncoding>"),
+            "<SpaceSystem name='S'><CommandMetaData><ArgumentTypeSet><IntegerArgumentType name='n' signed='" +
+                is_signed +
+                "'><StringDataEncoding><SizeInBits><Fixed><FixedValue>16</FixedValue></Fixed></SizeInBits>"
+                "</StringDataEncoding></IntegerArgumentType></ArgumentTypeSet><MetaCommandSet><MetaCommand name='C'>"
+                "<ArgumentList><Argument name='x' argumentTypeRef='n'/></ArgumentList><CommandContainer name='CC'>"
+                "<EntryList><ArgumentRefEntry argumentRef='x'/></EntryList></CommandContainer></MetaCommand>"
+                "</MetaCommandSet></CommandMetaData></SpaceSystem>",
             "s.xml");
-        return encode(database, database.command("C"),
-                      {{"gain", number(1)}, {"sequence", number(3)}, {"opcode", value}});
+        return encode(database, database.command("C"), {{"x", value}});
     };
+    EXPECT_EQ(encoded("false", number(12)), (Bytes{'1', '2'}));
     for (const Given &value : {number(-1), text("-1")}) {
+        EXPECT_EQ(encoded("true", value), (Bytes{'-', '1'}));
         EXPECT_THROW(encoded("false", value), Refusal);
     }
 }
