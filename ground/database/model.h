@@ -316,6 +316,9 @@ struct Database {
     /// The constraints of a command: those that it inherits first.
     std::vector<const Constraint *> constraints(Id command) const;
 
+    /// The type of a parameter, or of its member or element.
+    Id type_of(const Reference &reference) const;
+
     std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }
 
     /// A container or command by its path, or by its name if that is unique. Throws Refusal.
@@ -360,6 +363,15 @@ inline std::vector<const Verifier *> Database::verifiers(Id command) const
         }
     }
     return result;
+}
+
+inline Id Database::type_of(const Reference &reference) const
+{
+    Id id = parameters[reference.parameter].type;
+    for (const std::uint32_t step : reference.steps) {
+        id = types[id].sort == Type::Sort::array ? types[id].element : types[id].members[step].type;
+    }
+    return id;
 }
 
 inline std::vector<const Constraint *> Database::constraints(Id command) const

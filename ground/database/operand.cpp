@@ -150,21 +150,19 @@ bool has_value(const Type &type, bool calibrated, const Literal &literal)
         return literal.number.has_value();
     }
     switch (calibrated ? type.sort : encoded == Encoding::Kind::binary ? Sort::binary : Sort::text) {
-    case Sort::integer:
-    case Sort::real: return literal.number.has_value();
-    case Sort::enumerated:
-        return literal.number || std::any_of(type.enumerators.begin(), type.enumerators.end(),
-                                             [&](const Enumerator &each) { return each.label == literal.text; });
-    case Sort::boolean: return literal.number || truth(type, literal.text);
+    case Sort::text:
+    case Sort::aggregate:
+    case Sort::array: return true;
     case Sort::binary: return bytes_in(literal.text).has_value();
     case Sort::absolute_time:
     case Sort::relative_time:
-        return literal.number || encoded == Encoding::Kind::none || time_of(type, trimmed(literal.text));
-    case Sort::text:
-    case Sort::aggregate:
-    case Sort::array: break;
+        if (encoded == Encoding::Kind::none) { // in no packet: whether it is a date or a duration is not known
+            return true;
+        }
+        break;
+    default: break;
     }
-    return true;
+    return constant(type, literal.text).kind != Kind::text;
 }
 
 bool compare(Operator op, const Operand &left, const Literal &literal)

@@ -36,7 +36,7 @@ Operand constant(const Type &type, std::string_view text);
 /// The value of a type in units, from a number: of a label its raw number, of a time [ns].
 Operand operand_of(const Type &type, const Number &number);
 
-/// Whether the text of a database can be a value of a type, raw or calibrated: else compare() never finds it.
+/// Whether a value of a type, calibrated or raw, can equal a constant of a condition.
 bool has_value(const Type &type, bool calibrated, const Literal &literal);
 
 bool compare(Operator op, const Operand &left, const Literal &literal);

@@ -370,7 +370,7 @@ TEST(Xtce, AlarmsRangesUnitsAndVerifiersAreKept)
     EXPECT_EQ(database.commands[0].verifiers[0].stop, 60.5);
 }
 
-/// For each kind of value, texts that a condition finds and texts that none equals, of which a note tells.
+/// For each kind of value: constants that a value may equal, and others, which notes name.
 TEST(Xtce, AConstantThatNoValueEqualsGivesANote)
 {
     const std::string types =

@@ -36,8 +36,8 @@ public:
 private:
     std::optional<Reference> parameter(Node node, const std::string &text) const;
     void add_steps(Reference &to, Node node, View steps) const;
-    Condition comparison(Node node);
-    Condition two_values(Node node);
+    Condition comparison(Node node) const;
+    Condition two_values(Node node) const;
 
     Database &db_;
     Declarations &declared_;

@@ -330,11 +330,7 @@ std::optional<Epoch> TypeReader::epoch_before(Id id, std::size_t depth) const
         return db_.types[id].epoch;
     }
     if (from.of == Reference::Of::parameter) {
-        Id at = db_.parameters[from.parameter].type;
-        for (const std::uint32_t step : from.steps) {
-            at = db_.types[at].sort == Type::Sort::array ? db_.types[at].element : db_.types[at].members[step].type;
-        }
-        return from.calibrated ? epoch_before(at, depth + 1) : std::nullopt;
+        return from.calibrated ? epoch_before(db_.type_of(from), depth + 1) : std::nullopt;
     }
     std::optional<std::optional<Epoch>> found;
     for (const Type &type : db_.types) { // a member of the same aggregate

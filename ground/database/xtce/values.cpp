@@ -91,7 +91,7 @@ Reference ValueReader::reference(Node node) const
 
 // --- conditions
 
-Condition ValueReader::comparison(Node node)
+Condition ValueReader::comparison(Node node) const
 {
     Condition result;
     result.kind = Condition::Kind::compare;
@@ -106,7 +106,7 @@ Condition ValueReader::comparison(Node node)
     return result;
 }
 
-Condition ValueReader::two_values(Node node)
+Condition ValueReader::two_values(Node node) const
 {
     Condition result;
     result.kind = Condition::Kind::compare;
@@ -176,15 +176,8 @@ void ValueReader::note_constants()
 {
     for (const auto &[node, condition] : comparisons_) {
         const Reference &left = condition.left;
-        Id type = db_.parameters[left.parameter].type;
-        if (type == no_id) { // it is left out
-            continue;
-        }
-        for (const std::uint32_t step : left.steps) {
-            const Type &outer = db_.types[type];
-            type = outer.sort == Type::Sort::array ? outer.element : outer.members[step].type;
-        }
-        if (!has_value(db_.types[type], left.calibrated, condition.literal)) {
+        const bool left_out = db_.parameters[left.parameter].type == no_id;
+        if (!left_out && !has_value(db_.types[db_.type_of(left)], left.calibrated, condition.literal)) {
             declared_.note(node, "'" + condition.literal.text + "' is no value of " + left.name +
                                      (left.calibrated ? "" : " as a raw number") + ": nothing equals it");
         }

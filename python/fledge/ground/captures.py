@@ -102,8 +102,7 @@ class Joiner:
         if head.part == WHOLE:
             return None
         counts = [found.sequence for part in before if (found := header(part.packet))]
-        place = (head.sequence - counts[0]) % 0x4000 if counts else 0
-        again = piece.packet == self._last.get(key) or piece.packet in [part.packet for part in before[place:place + 1]]
+        again = piece.packet == self._last.get(key) or any(part.packet == piece.packet for part in before)
         self._last[key] = piece.packet
         stays = len(counts) > 1 and counts[0] == counts[-1]     # the count; then parts may be equal
         if again and not stays:
