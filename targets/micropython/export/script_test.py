@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which Python flies, and what is refused before anything is built, with its line."""
 
+import sys
+
 import pytest
 
 import fledge
@@ -75,6 +77,7 @@ def test_own_python_of_the_mission_s_folder_flies_too(tmp_path, monkeypatch):
     (folder / "gains_of_mine.py").write_text("K = 2\n")
     monkeypatch.syspath_prepend(str(folder))
     assert names(folder) == ["small/flight.py", "gains_of_mine.py"]
+    del sys.modules["gains_of_mine"]
 
 
 @pytest.mark.parametrize("text, line, message", [
