@@ -43,7 +43,7 @@ IN_RELEASE = [ROOT / path for path in (
     "tests/flight_symbols_test.py", "tests/format_test.py", "tests/hygiene_test.py",
     "tests/include_direction_test.py", "tests/install_test.py", "tests/launcher_test.py",
     "tests/leon3_programs_test.py", "tests/links_test.py", "tests/mistakes_test.py", "tests/module_hash_test.py",
-    "tests/notebook_test.py", "tests/project_test.py")]
+    "tests/mutants_test.py", "tests/notebook_test.py", "tests/project_test.py")]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
