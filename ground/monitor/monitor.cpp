@@ -441,6 +441,22 @@ std::optional<Monitor::Shown> Monitor::newest(std::uint32_t slot) const
     return value.text == no_id ? Shown{value, "", ""} : Shown{value, texts_[value.text].raw, texts_[value.text].value};
 }
 
+std::vector<std::pair<std::uint32_t, std::uint32_t>> Monitor::missing() const
+{
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> result;
+    const std::lock_guard shown(shown_);
+    for (std::uint32_t slot = 0; slot < newest_.size(); slot++) {
+        if (newest_[slot].count > 0) {
+            continue;
+        }
+        if (result.empty() || result.back().second + 1 != slot) {
+            result.emplace_back(slot, slot);
+        }
+        result.back().second = slot;
+    }
+    return result;
+}
+
 Slot Monitor::slot(std::uint32_t slot) const
 {
     const std::lock_guard shown(shown_);

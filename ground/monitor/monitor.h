@@ -102,6 +102,8 @@ public:
         std::string raw, value; ///< of texts and bytes
     };
     std::optional<Shown> newest(std::uint32_t slot) const;
+    /// The slots that have no value yet: (first, last) of each stretch.
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> missing() const;
     std::uint64_t version() const;
     Slot slot(std::uint32_t slot) const;
     /// The values that are newer than a version; slots: only of these.

@@ -170,6 +170,26 @@ public:
         return result;
     }
 
+    /// The label of a raw number of a slot; nothing: it has none.
+    std::optional<std::string> label(std::uint32_t slot, double raw) const
+    {
+        const Id type = released([&] { return monitor_.slot(slot); }).type;
+        if (type != no_id) {
+            for (const Enumerator &known : db_.types[type].enumerators) {
+                if (static_cast<double>(known.low) <= raw && raw <= static_cast<double>(known.high)) {
+                    return known.label;
+                }
+            }
+        }
+        return std::nullopt;
+    }
+
+    /// (first, last) of each stretch of slots without a value
+    auto missing() const
+    {
+        return released([&] { return monitor_.missing(); });
+    }
+
     /// (t, received, raw, value, status, concern, count)
     using NewestRow = std::tuple<std::int64_t, std::int64_t, Value, Value, const char *, int, std::uint64_t>;
 
@@ -335,6 +355,9 @@ void bind_monitor(py::module_ &m)
         .def("newest", &Watcher::newest, py::arg("slot"),
              "(t, received, raw, value, status, concern, count), or None before the first value. status: good, "
              "uncalibrated, unlabelled or malformed.")
+        .def("label", &Watcher::label, py::arg("slot"), py::arg("raw"),
+             "The label of a raw number of an enumerated slot; None: it has none.")
+        .def("missing", &Watcher::missing, "The slots that have no value yet: (first, last) of each stretch.")
         .def_property_readonly("version",
                                [](Watcher &watcher) { return released([&] { return watcher.monitor().version(); }); })
         .def("changes", &Watcher::changes, py::arg("since"), py::arg("slots") = py::none(),
