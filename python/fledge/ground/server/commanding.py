@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from fledge.errors import SetupError, did_you_mean
-from fledge.ground.server.stages import Stages
+from fledge.ground.server.stages import COMMANDS, Stages
 from fledge.ground.server.uplink import DatabaseUplink, FlightUplink, Uplink, finished
 from fledge.ground.server.verifying import words_of
 
@@ -39,14 +39,18 @@ class ArgumentError(SetupError):
 class Hazardous(SetupError):
     """The command must be confirmed."""
 
+    def __init__(self, why: str, command: str) -> None:
+        super().__init__(why)
+        self.command = command
+
 
 class Constrained(SetupError):
     """A constraint of the command does not hold, or cannot be judged. suspendable: an operator may send it unchecked;
-    timeout [s]: it may wait for the constraint."""
+    timeout [s]: it may wait for the constraint; hazardous: its name, if it is."""
 
-    def __init__(self, text: str, suspendable: bool, timeout: float) -> None:
+    def __init__(self, text: str, suspendable: bool, timeout: float, hazardous: str) -> None:
         super().__init__(text)
-        self.suspendable, self.timeout = suspendable, timeout
+        self.suspendable, self.timeout, self.hazardous = suspendable, timeout, hazardous
 
 
 class Commanding:
@@ -144,7 +148,7 @@ class Commanding:
         ArgumentError, Hazardous, Constrained, SetupError."""
         form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
-            raise Hazardous(form["hazardous"])
+            raise Hazardous(form["hazardous"], name)
         note = self._unchecked(form, arguments, unchecked)
         return self.uplink.numbered(packet), note
 
@@ -160,7 +164,8 @@ class Commanding:
         text = " and ".join(row[1] for row in failing)
         suspendable = all(holds is None or can for holds, _, _, can in failing)
         if not (unchecked and suspendable):
-            raise Constrained(text, suspendable, min(timeout for _, _, timeout, _ in failing))
+            raise Constrained(text, suspendable, min(timeout for _, _, timeout, _ in failing),
+                              form["name"] if form["hazardous"] else "")
         return f"not checked: {text}"
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
@@ -173,11 +178,15 @@ class Commanding:
             raise SetupError(f"{name_of_craft}: {connection.silent}; so nothing was sent")
         row: Command = {"craft": name_of_craft, "t_ns": str(self._clock.now), "user": user, "name": name,
                         "arguments": arguments, "hex": " ".join(packet.hex() for packet in packets), "stages": []}
+        if why := form["hazardous"] if form else next(filter(None, map(self.hazard, packets)), ""):
+            row["hazardous"] = why
         if self.uplink.follows(form):
             row["open"] = {}
         several = f"{len(packets)} packets" if len(packets) > 1 else ""
         self._stages.add(row, "released", True, "; ".join(filter(None, (several, note))))
         self._reporter.save("sent", row)    # before it leaves
+        if why:
+            self._reporter.event("watch", COMMANDS, f"{user} sends {name}, which is hazardous: {why}")
         try:
             self.uplink.send(row, packets, form, then)
         except OSError as error:

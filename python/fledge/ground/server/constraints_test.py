@@ -28,6 +28,7 @@ def significant(text, level):
     return text.replace("<CommandContainer", f'<DefaultSignificance consequenceLevel="{level}"/><CommandContainer')
 
 
+CALM = 27       # the code of a command that always leaves
 COMMANDS = (
     constrained(command("FIRE", 20, ""), (WORK, ""))
     + constrained(command("SOFT", 21, ""), (WORK, 'suspendable="true"'))
@@ -36,7 +37,7 @@ COMMANDS = (
     + constrained(command("TWO", 24, ""), (WORK, ""), (MANY, 'suspendable="true"'))
     + constrained(command("THEIRS", 25, ""), ('<CustomAlgorithm name="theirs"/>', ""))
     + constrained(command("ECHOED", 26, "", arguments=[("n", "n")]), (ARGUMENT, ""))
-    + significant(command("CALM", 27, ""), "normal") + significant(command("GRAVE", 28, ""), "critical"))
+    + significant(command("CALM", CALM, ""), "normal") + significant(command("GRAVE", 28, ""), "critical"))
 DATABASE = verifying_test.DATABASE.replace('<MetaCommand name="Sound"', COMMANDS + '<MetaCommand name="Sound"')
 
 
@@ -91,9 +92,13 @@ class Desk(verifying_test.Desk):
     async def refused(self, name, **more):
         """The answer that says why it did not leave."""
         answer = await self.c.post("crafts/sat/send", {"name": f"/Sat/{name}"} | more, status=409)
-        await asyncio.sleep(0.05)
-        assert self.craft.got.empty(), name
+        await self.nothing_left(name)
         return answer
+
+    async def nothing_left(self, name):
+        """The link keeps the order: the packet that comes next is that of the next command."""
+        _, got = await self.send("CALM")
+        assert got[6] == CALM, name
 
     async def unchecked(self, name):
         """The note in the journal."""
@@ -122,7 +127,6 @@ def test_a_command_leaves_when_its_constraints_hold(desk):
         assert "counter > 0x8 (found 8)" in str(await console.refused("TWO"))
         assert await console.unchecked("TWO") == "not checked: counter > 0x8 (found 8)"
         await console.send("ECHOED", n=8)
-        await console.send("CALM")
         assert "hazardous" in str(await console.refused("GRAVE"))
         assert sum("unchecked" in str(line) for line in await console.c.get("log")) >= 4
 
@@ -133,10 +137,28 @@ def test_a_command_waits_for_its_constraint_until_its_timeout(desk):
     async def test(console, craft):
         await console.mode(0)
         waits = asyncio.ensure_future(console.send("PATIENT"))
-        await asyncio.sleep(0.5)
-        assert not waits.done() and craft.got.empty()
+        for _ in range(3):
+            await console.nothing_left("PATIENT")
+        assert not waits.done()
         await console.mode(1)
         _, got = await waits
         assert got[6] == 22
+
+    desk(test)
+
+
+def test_modes_and_hazardous_commands_are_events(desk):
+    async def test(console, craft):
+        await console.mode(0)
+        await console.mode(1)
+        await console.refused("GRAVE")
+        await console.c.post("crafts/sat/send", {"name": "/Sat/GRAVE", "confirmed": True})
+        await console.send("CALM")
+        events = await console.c.get("crafts/sat/events")
+        assert [(event["severity"], event["source"], event["text"]) for event in reversed(events)][1:] == [
+            ("info", "mode", "the mode is SAFE"), ("watch", "mode", "the mode is WORK; before, it was SAFE"),
+            ("info", "commands", "operator asks for /Sat/GRAVE, which is hazardous: critical; not sent, for it is not "
+             "confirmed"),
+            ("watch", "commands", "operator sends /Sat/GRAVE, which is hazardous: critical")]
 
     desk(test)

@@ -203,6 +203,11 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         for packet in (*load, packets.store(1, 0, 0, load[-1])):    # stages, commit, table, and a stored one
             refusal = await page.post("crafts/plays/raw", {"hex": packet.hex()}, 409)
             assert refusal["hazardous"].startswith("the body is another one")
+        texts = [event["text"] for event in await page.get("crafts/plays/events") if event["source"] == "commands"]
+        assert sum("not confirmed" in text for text in texts) == 7 + 6
+        assert [text for text in reversed(texts) if "sends" in text] == [
+            "operator sends write flight.control.K, which is hazardous: the loop may oscillate",
+            "operator sends store, which is hazardous: the loop may oscillate"]
         names = [sent["name"] for sent in await page.get("crafts/plays/sent")
                  if sent["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]

@@ -26,6 +26,7 @@ from fledge.ground.server.contacts import Contacts
 from fledge.ground.server.limits import SetLimits
 from fledge.ground.server.link import AGAIN, TURN, Connection
 from fledge.ground.server.mission import LoadedMission
+from fledge.ground.server.modes import Modes
 from fledge.ground.server.past import Past
 from fledge.ground.server.reporter import Reporter
 from fledge.ground.server.run_control import Pace, RunControl
@@ -91,6 +92,7 @@ class Spacecraft:
         commanding = self.commanding = Commanding(settings, dictionary, bool(self.run), link, telemetry, self.past,
                                                   reporter)
         self.alarms = Alarms(telemetry, reporter)
+        self.modes = None if source else Modes(telemetry.monitor, reporter)    #: None: the source has the events
         self.limits.begin()
         self.transfers = Transfers(folder / "files" / self.name, settings.light_time, link, reporter)
         self.tables = Tables(blocks, link, commanding, reporter)
@@ -318,6 +320,8 @@ class Spacecraft:
         """The database is a new one."""
         self.limits.begin()
         self.alarms.anew()
+        if self.modes:
+            self.modes.begin(self.telemetry.monitor)
         self.commanding.load()
         self.reporter.event("info", "database", f"the database has changed and was read anew: "
                             f"{len(self.telemetry.slot_names)} parameters")
@@ -328,6 +332,8 @@ class Spacecraft:
         """Archive and decode a batch of packets, then handle its notes."""
         self.handle(self.telemetry.decode(packets))
         self.handle(self.telemetry.derived.turn())
+        if self.modes:
+            self.modes.poll()
         self.telemetry.count(packets)
 
     def handle(self, notes: Iterable[Note]) -> None:
@@ -345,6 +351,8 @@ class Spacecraft:
                 self.commanding.uplink.verified(*rest)
             elif kind == "slots":
                 self.telemetry.extend(rest[0])
+                if self.modes:
+                    self.modes.learn(rest[0])
                 self.handle(self.limits.in_force.learn(rest[0]))
                 self.reporter.publish("slots", {"first": rest[0]})
             elif kind == "archive":

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.clock import Clock
     from fledge.ground.server.reporter import Reporter
 
+COMMANDS = "commands"       # the source of events about them
 DELIVERED = "the link knows that it is there"
 GIVEN_UP = "the link gave it up after its last transmission; it may have arrived"
 
@@ -31,6 +32,7 @@ class Command(TypedDict):
     arguments: dict[str, Any]
     hex: str                # of its packets
     stages: list[Stage]
+    hazardous: NotRequired[str]         # why; absent: it is not
     open: NotRequired[dict[str, Any]]   # what a server that starts waits for; absent: no more will be known
     data: NotRequired[str]  # that it read back, in hex
 
@@ -48,6 +50,10 @@ class Stages:
             row["stages"] = [entry for entry in row["stages"] if entry["stage"] != stage]
         row["stages"].append({"stage": stage, "t_ns": str(self.clock.now if t is None else t), "good": good,
                               "text": text})
+        if stage in ("failed", "unknown") and "hazardous" in row:
+            outcome = "failed" if stage == "failed" else "has an unknown end"
+            self._reporter.event("warning", COMMANDS, f"{row['name']} of {row['user']}, which is hazardous, {outcome}: "
+                                 f"{text}", t)
 
     def add_overdue(self, row: Command, stage: str, text: str, begin: int, t: int | None = None) -> None:
         """Add that a stage was not reported in time since `begin`: it failed, or it is not known, because telemetry is

@@ -63,7 +63,7 @@ class Tables:
         process, _, module = name.partition(".")
         why = self._commanding.hazard_of(*(f"{process}.write.{module}.{key}" for key in given))
         if why and not confirmed:
-            raise Hazardous(why)
+            raise Hazardous(why, f"load {name}")
         data = bytes(whole)
         return self._commanding.release(user, "load", {"module": name, **given}, craft.packets("load", name, data),
                                         lambda _: self._keep(block, data))

@@ -30,6 +30,7 @@ from fledge.ground.server.room import Room, owner
 from fledge.ground.server.settings import read, stamp
 from fledge.ground.server.routes import RUN, Row, add_routes, row_of, rows, whole
 from fledge.ground.server.spacecraft import Spacecraft
+from fledge.ground.server.stages import COMMANDS
 from fledge.errors import Failure, SetupError
 
 _log = logging.getLogger("fledge.ground.server")
@@ -172,8 +173,13 @@ class Server:
         except ArgumentError as error:
             raise Refusal(400, str(error), argument=error.argument) from None
         except Hazardous as error:
+            await asyncio.to_thread(request["craft"].reporter.event, "info", COMMANDS, f"{user_of(request)} asks for "
+                                    f"{error.command}, which is hazardous: {error}; not sent, for it is not confirmed")
             raise Refusal(409, f"this command is hazardous: {error}", hazardous=str(error)) from None
         except Constrained as error:
+            if error.hazardous:
+                await asyncio.to_thread(request["craft"].reporter.event, "watch", COMMANDS, f"{error.hazardous} of "
+                                        f"{user_of(request)}, which is hazardous, does not leave: {error}")
             raise Refusal(409, f"this command may leave when its constraint holds: {error}", constraint=str(error),
                           suspendable=error.suspendable) from None
         except (JournalError, Failure) as error:

@@ -51,7 +51,7 @@ async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.St
     if not 8 <= len(packet) <= 1 << 16:
         raise Refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
     if not body["confirmed"] and (why := await server.aside(craft.commanding.hazard, packet)):
-        raise Hazardous(f"{why}; a script says confirmed=True in its command")
+        raise Hazardous(f"{why}; a script says confirmed=True in its command", flight.dictionary.command(packet))
     await patiently(request, craft, lambda: craft.commanding.unchecked_in(packet, body["unchecked"]))
     # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
     if not flight.in_step and not craft.probed:
