@@ -84,6 +84,8 @@ def test_newest_values_and_frames_of_random_packets_are_what_the_decoder_gives(t
                     assert frame[slot][0] == when and (same(frame[slot][3], value) or row[4] == "unlabelled"), name
                 seen += 1
             assert not newest or last == t
+            missing = {slot for first, end in monitor.missing() for slot in range(first, end + 1)}
+            assert missing == {slot for slot in range(known) if monitor.newest(slot) is None}
     assert seen > 3 * CASES and undecoded > CASES / 20 and grown > 5
 
 

@@ -103,6 +103,25 @@ await run({
         return page;
     },
 
+    async "before a choice, the newest packet is shown, with what to do"() {
+        const page = await open("packets");
+        await page.locator(".inspect .tip", {hasText: "The newest packet when this page was opened"}).waitFor();
+        await row(page.locator(".inspect"), "voltage").waitFor();
+        await row(page.locator(".list"), "Power").click();
+        await page.locator(".inspect .tip:empty").waitFor({state: "attached"});
+        assert.match(page.url(), /sel=/);
+        return page;
+    },
+
+    async "changes of the mode are events, whose labels are texts"() {
+        const page = await open("events");
+        await page.getByLabel("source").selectOption("mode");
+        await row(page, "the mode is <b>POINT</b>; before, it was SAFE").waitFor();
+        await row(page, "the mode is SAFE; before, it was <b>POINT</b>").waitFor();
+        assert.equal(await page.locator("main b").count(), 0);
+        return page;
+    },
+
     async "a packet's bits, and why another packet did not decode"() {
         const page = await open("packets");
         while (!await page.locator(".inspect h2", {hasText: "Power"}).isVisible()) {

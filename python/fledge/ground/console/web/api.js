@@ -82,7 +82,7 @@ function search(query) {
 export const of = (craft, ...rest) => `/api/crafts/${[craft, ...rest].map(encodeURIComponent).join("/")}`;
 
 const MOST = 100;       // names in one request
-const LOOK_BACK = 600n * 1000000000n;     // [ns] a value at a time is the newest one within this span before it
+export const LOOK_BACK = 600n * 1000000000n;     // [ns] a value at a time is the newest one within this span before it
 
 /** The values of parameters at a time, from the server's history: name -> {t in ns, value, text, concern}. */
 export async function valuesAt(api, craft, names, at, session) {

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The values of a spacecraft at the time that is shown: the newest, or those that the archive has of that time.
-import {valuesAt} from "./api.js";
+import {LOOK_BACK, valuesAt} from "./api.js";
+import {h} from "./dom.js";
+import {seconds, span} from "./format.js";
 import {ageOf, isStale, valueText} from "./store.js";
 
+const LOOKED = span(seconds(LOOK_BACK));
+
 export class Shown {
-    constructor({api, craft, time}, store) {
-        Object.assign(this, {api, craft, time, store, past: null});
+    constructor({api, craft, time, onTime}, store) {
+        const note = h("span", {class: "soft", hidden: time.isLive}, `each value is the newest of the ${LOOKED} before`);
+        Object.assign(this, {api, craft, time, store, past: null, /** For the page's head, at a past time. */ note});
+        onTime(() => { note.hidden = time.isLive; });
         this.get = this.get.bind(this);
     }
 
@@ -15,6 +21,12 @@ export class Shown {
         const old = this.past?.get(slot);
         return old && {number: old.value ?? NaN, text: valueText(this.store.slots[slot], old), level: old.concern,
             t: old.t};
+    }
+
+    /** The words instead of a value that is not there. there: whether it will be, of a live one. */
+    none(there) {
+        return this.time.isLive ? there ? "" : "no value yet" :
+            this.past ? `none in ${LOOKED}` : "\u2026";
     }
 
     /** [s] The age of a slot's value, and whether it is stale; a missing value is. */

@@ -34,6 +34,11 @@ async def slots(server: Server, request: web.Request, craft: Spacecraft) -> web.
     return await server.answer(craft.telemetry.slots, number_of(request, "first", 0, 0))
 
 
+@route("GET", "/api/crafts/{c}/missing", "view")
+async def missing(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    return await server.answer(lambda: craft.telemetry.monitor.missing())
+
+
 @route("PUT", "/api/crafts/{c}/limits/{slot}", "administer")
 async def limits(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     body = await body_of(request, limits=(dict, type(None)), persistence=1)

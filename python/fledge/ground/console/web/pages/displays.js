@@ -29,7 +29,7 @@ export async function open(context) {
     const wish = context.want([]), values = new Shown(context, store);
     const tabs = h("div", {class: "row tabs", role: "group", "aria-label": "displays"}),
           holder = h("div", {class: "display"});
-    root.append(tabs, holder);
+    root.append(tabs, values.note, holder);
 
     function choose(display) {
         for (const end of ends) end();

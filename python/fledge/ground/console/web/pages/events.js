@@ -22,7 +22,7 @@ export async function open(context) {
             label: "events", empty: "No event fits",
             columns: [{title: "Time", width: "12rem", class: "tab", narrow: "5.6rem"},
                       {title: "Severity", width: "6.5rem", narrow: "1.2rem", class: "shape"},
-                      {title: "Source", width: "minmax(7rem, 1fr)", narrow: "minmax(3rem, 1fr)"},
+                      {title: "Source", width: "minmax(7rem, 1.4fr)", narrow: "minmax(3rem, 1fr)"},
                       {title: "Text", width: "minmax(12rem, 4fr)", narrow: "minmax(0, 3fr)"}],
             fill: (cells, event) => {
                 stamp(cells[0], time.text(event.t_ns));

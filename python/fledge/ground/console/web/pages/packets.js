@@ -19,9 +19,9 @@ export async function open(context) {
     let rows = [], bytes = [], request = 0, undecoded = null;
     const bad = toggle("Not decoded", (pressed) => {
         undecoded = pressed ? 1 : null;
-        list.load();
+        load();
     });
-    const kind = choice("container", [["", "all packets"]], () => list.load());
+    const kind = choice("container", [["", "all packets"]], () => load());
     const list = new List(context, {
         path: of(craft, "packets"),
         query: () => ({undecoded, container: kind.value}),
@@ -43,7 +43,8 @@ export async function open(context) {
     });
 
     // --- one packet ---
-    const name = h("h2", {}, "Choose a packet"), why = h("p", {class: "problem", hidden: true});
+    let chosen = false;     // by the user; else the newest one is shown
+    const name = h("h2", {}, "No packet yet"), tip = h("p", {class: "soft tip"}, "It will be shown here."), why = h("p", {class: "problem", hidden: true});
     const dump = h("div", {class: "hex", role: "img", "aria-label": "bytes of the packet"}),
           where = h("p", {class: "soft bits"}, "\u00a0");
     const fields = new Table({
@@ -85,6 +86,9 @@ export async function open(context) {
 
     function fill(packet, text) {
         put(name, text);
+        put(tip, chosen ? "" : "The newest packet when this page was opened. Choose another one in the list, or give bytes in hex; " +
+            "point at a field or a byte to see its place.");
+        fields.element.hidden = false;
         rows = (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) =>
             ({name, raw, value, status, bit, bits}));
         const octets = (packet.hex ?? "").match(/../g) ?? [],
@@ -107,9 +111,10 @@ export async function open(context) {
         fields.set(rows.length);
     }
 
-    async function show(id) {
+    async function show(id, offered = false) {
         const turn = ++request;
-        context.select(String(id));
+        chosen ||= !offered;
+        if (!offered) context.select(String(id));
         const packet = await attempt(list.problem, () => api.exact(of(craft, "packets", id)));
         if (packet && turn === request)
             fill(packet, `${short(packet.container) ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
@@ -120,21 +125,27 @@ export async function open(context) {
             const hex = typed.value.replace(/0x|[\s,:]/g, "");
             if (!hex) return;
             request++;
+            chosen = true;
             const packet = await attempt(list.problem, () => api.exact(of(craft, "inspect"), {hex}));
             if (packet) fill({...packet, hex}, short(packet.container) ?? "Not decoded");
         }});
     root.append(head(title, kind, bad, typed),
         h("div", {class: "split packets"}, list.element,
-            h("div", {class: "panel inspect"}, name, why, dump, where, fields.element)));
+            h("div", {class: "panel inspect"}, name, tip, why, dump, where, fields.element)));
     keys.add("u", "only what did not decode", () => bad.click());
     keys.add("x", "decode bytes in hex", () => typed.focus());
     context.every(1000, async () => {
         if (!time.isLive || document.hidden) return;
         const newest = await list.request({});
         if (newest) list.add(newest);
+        if (!bytes.length) await offer();
     });
-    await list.load();
-    if (context.selection) await show(context.selection);
+    /** Show the newest packet of the list, until the user chooses one. */
+    const offer = async () => chosen || !list.entries.length || show(list.entries[0].id, true);
+    const load = () => list.load().then(offer);
+    fields.element.hidden = true;
+    if (context.selection) await Promise.all([list.load(), show(context.selection)]);
+    else await load();
     return () => {
         list.close();
         fields.close();

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Parameters by packet, tree and search: value, unit, age and state by limits; live, or back in time. Those that matter
-// most come first; headers of packets and heads of messages are hidden at first.
+// most come first, those without a value last; headers of packets and heads of messages are hidden at first.
+import {of as path} from "../api.js";
 import {attempt, dress, h, hint, put} from "../dom.js";
 import {bare, matcher, span} from "../format.js";
 import {Glance} from "../glance.js";
+import {packets, rowsOf} from "../groups.js";
 import {editLimits, limitsText} from "../limits.js";
 import {Facts, button, head, putLevel, search, toggle} from "../parts.js";
 import {Shown} from "../shown.js";
@@ -12,9 +14,13 @@ import {Table} from "../table.js";
 
 export const title = "Parameters", key = "p";
 
+const AGAIN = 5000;     // [ms] between two requests for the parameters that have no value yet
+
 export async function open(context) {
-    const {root, live, time, craft, keys} = context, store = await live.slots(craft);
+    const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
     let shown = [], pending = null, [folder, word] = split(context.selection);
+    let missing = new Uint8Array(0), said = "";      // the slots that have no value yet; as the server said it
+    const there = (slot) => Boolean(store.seen[slot] || !missing[slot]);
     let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
     const values = new Shown(context, store), {get} = values;
 
@@ -56,17 +62,18 @@ export async function open(context) {
             if (group) return write(group, "", "", 0, "", "");
             if (first) {
                 const {text, unit, level, age, stale, slot: from} = glance.read(first, get, time.at);
-                return write(first.label, text, unit, level, "", get(from) ? span(age) : "", stale);
+                const value = get(from);
+                return write(first.label, value ? text : values.none(there(from)) || text, value ? unit : "", level, "",
+                    value ? span(age) : "", stale || !value);
             }
             const value = get(slot), [age, stale] = values.age(slot);
-            return write(name, value?.text ?? (time.isLive ? "" : values.past ? "\u2013" : "\u2026"), bare(of.unit),
-                value?.level ?? 0, time.isLive && STATUSES[store.status[slot]] || "", value ? span(age) : "", stale);
+            return write(name, value?.text ?? values.none(there(slot)), bare(of.unit), value?.level ?? 0, time.isLive && STATUSES[store.status[slot]] || "", value ? span(age) : "", stale);
         },
         moved: (row) => choose(shown[row]),
         viewed: () => request(),
         empty: "No parameter fits",
     });
-    root.append(head(title, wanted, bad, folded, counted),
+    root.append(head(title, wanted, bad, folded, counted, values.note),
         h("div", {class: "with-tree"}, tree, table.element, detail));
 
     const wish = context.want([]);
@@ -97,16 +104,10 @@ export async function open(context) {
             (!folder || slot.name === folder || slot.name.startsWith(`${folder}.`)) &&
             (!only || store.concern[slot.slot]) &&
             all(`${slot.name} ${slot.unit} ${slot.description}`);
-        const matches = groups.map((group) => ({...group, slots: group.slots.filter(fits)}))
-                          .filter(({slots}) => slots.length);
-        const apart = !words && !only;       // by packets; a search gives a list of whole names
-        shown = matches.flatMap(({name, about, slots}) => [
-            ...apart && name ? [{group: name, about}] : [],
-            ...slots.map(({slot, name: whole}) => ({slot, name: apart ? within(whole, name) : whole}))]);
-        if (apart && !folder && glance.rows.length)
-            shown.unshift({group: "At a glance", about: "what matters first"},
-                ...glance.rows.map((row) => ({glance: row, slot: row.slots[0]})));
-        put(counted, `${matches.reduce((sum, {slots}) => sum + slots.length, 0)} of ${listed().length}`);
+        const cursor = shown[table.at], apart = !words && !only;     // by packets; a search gives a list of whole names
+        shown = rowsOf(groups, {fits, there, apart, glance: folder ? [] : glance.rows});
+        if (cursor) table.at = shown.findIndex(({slot, glance: row}) => slot === cursor.slot && row === cursor.glance);
+        put(counted, `${shown.filter(({group, glance: row}) => !group && !row).length} of ${listed().length}`);
         put(folded, `Headers (${store.slots.filter((slot) => slot?.header).length})`);
         context.select([folder, word].filter((part, k) => k === 0 || part).join("/"));
         table.set(shown.length);
@@ -183,6 +184,16 @@ export async function open(context) {
         if (time.isLive) table.draw();
         detail.show?.();
     });
+    async function learnMissing() {
+        if (!time.isLive || said === "[]") return;
+        const stretches = await api.get(path(craft, "missing")).catch(() => null), text = JSON.stringify(stretches);
+        if (!stretches || text === said) return;
+        missing = new Uint8Array(store.slots.length);
+        for (const [from, to] of stretches) missing.fill(1, from, to + 1);
+        said = text;
+        filter();
+    }
+    context.every(AGAIN, learnMissing);
     context.every(1000, () => (only && time.isLive ? filter() : time.isLive && table.draw()));
     context.onTime(() => {
         if (time.isLive) values.past = null;
@@ -193,10 +204,12 @@ export async function open(context) {
     context.on("learned", () => {
         glance = new Glance(store);
         groups = packets(store, glance);
+        said = "";
         plant();
         filter();
     });
     plant();
+    await learnMissing();
     filter();
     if (context.selection === "/") {
         wanted.value = word = folder = "";
@@ -208,32 +221,6 @@ export async function open(context) {
         table.close();
     };
 }
-
-/**
- * The packets of a store: [{name, about, slots}]; name: the common beginning of its parameters' names. First those with
- * parameters of the glance, then those of modules' outputs, which have a head, then others; last headers alone.
- */
-function packets(store, glance) {
-    const first = ({slots}) => glance.slots.findIndex((wanted) => slots.some(({slot}) => slot === wanted));
-    const rank = (group) => (group.slots.every(({header}) => header) ? 3e9 :
-        !group.slots.some(({name, header}) => header && name.includes(".head.")) ? 2e9 :
-        first(group) < 0 ? 1e9 : first(group));
-    const containers = new Map();
-    for (const slot of store.slots) {
-        if (!slot) continue;
-        if (!containers.has(slot.container)) containers.set(slot.container, []);
-        containers.get(slot.container).push(slot);
-    }
-    return [...containers].map(([container, slots]) => {
-        const [begin, ...rest] = slots.map(({name}) => name.split(".").slice(0, -1));
-        const same = begin.findIndex((part, k) => rest.some((parts) => parts[k] !== part));
-        const name = begin.slice(0, same < 0 ? begin.length : same).join(".");
-        return {name: name || container?.split("/").at(-1) || "Computed by this server", slots, rank: rank({slots}),
-                about: container ? `packet ${container}` : ""};
-    }).sort((a, b) => a.rank - b.rank);
-}
-
-const within = (name, group) => (name.startsWith(`${group}.`) ? name.slice(group.length + 1) : name);
 
 function split(selection) {
     const at = selection.indexOf("/");
