@@ -251,15 +251,18 @@ class Orbit:
         body = body_of(body, name)
         u, local = to_number(u, f"{name}: u", "rad", ANGLE), to_number(ltan, f"{name}: ltan", "s", TIME)
         a = body.radius + to_number(altitude, f"{name}: altitude", "m", LENGTH)
+        if not a > (surface := body.radius if body.surface is None else body.surface):
+            raise SetupError(f"{name}: the orbit must lie outside {body.name}, of radius {surface:.9g} m; found {a:.9g} m "
+                             "from its centre")
         J2 = body.zonal(2).J[0]
         if body.name not in YEARS or not J2 > 0:
             raise SetupError(f"{name}: expected a planet with a known J2, of {', '.join(YEARS)}; found {body.name}")
-        n, k = sqrt(body.mu / a**3), J2 * (body.radius / a) ** 2 / 2
-        theta = -2 * pi / (YEARS[body.name] * 86400) / (3 * n * k)
-        if not abs(theta) <= 1:
+        n, k = sqrt(body.mu / a**3) if a < 1e100 else 0.0, J2 * (body.radius / a) ** 2 / 2     # a**3 has a bound
+        turn = 2 * pi / (YEARS[body.name] * 86400)      # [rad/s]
+        if not turn <= (fastest := 3 * n * k):
             raise SetupError(f"{name}: {(a - body.radius) / 1e3:g} km over {body.name} no plane turns fast enough to "
                              "follow the Sun")
-        i = acos(theta)
+        i = acos(-turn / fastest)
         frame = sky.true_of_date() if body.naif == EARTH.naif else sky.equator(body)
         r, v = _osculating(n, a, k, i, u)
         node = _node_at(sky, 0, local, body, apparent, frame)
