@@ -34,7 +34,18 @@ if TYPE_CHECKING:
     import os
     from typing import Any
 
+    from fledge.files import ck, ephemeris, mean_elements, ndm, sclk, spk, stk
     from fledge.files.sections import Message
+
+__all__ = ["ck", "ephemeris", "mean_elements", "ndm", "read", "read_all", "sclk", "spk", "stk", "write"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"fledge.files has no '{name}'; there are {', '.join(__all__)}")
+    from importlib import import_module
+
+    return import_module(f"fledge.files.{name}")
 
 
 def _reader(source: str | os.PathLike[str]) -> Any:

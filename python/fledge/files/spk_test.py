@@ -2,6 +2,8 @@
 """Kernels of positions as Fledge writes them: their bytes, read by Fledge's reader of kernels, and by jplephem."""
 
 import struct
+import subprocess
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -133,5 +135,13 @@ def test_damaged_files_are_refused(tmp_path):
 
 
 def test_files_read_says_what_reads_kernels(tmp_path):
+def test_the_readers_are_attributes_of_files():
+    code = "from fledge import files; print(files.ck.read, files.ndm.read, files.spk.read)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.count("<function read ") == 3
+    with pytest.raises(AttributeError, match="fledge.files has no 'oem'; there are ck, "):
+        getattr(files, "oem")
+
+
     with pytest.raises(SetupError, match="x.bsp: is a kernel of SPICE.*: read it with files.spk.read"):
         files.read(wrote(tmp_path / "x.bsp"))
