@@ -71,10 +71,11 @@ class _Builder:
         elif index > self.meta and not self.segments:
             refuse(self.where, line, f"{block.name}: expected {self.blocks[self.meta].name} before it")
         place = self.segments[-1] if index >= self.meta else self.front
-        last = self.blocks.index(place[-1].block) if place else -1
-        if index < last or (index == last and not block.many):
-            refuse(self.where, line, f"{block.name} is given twice" if index == last else
-                   f"{block.name}: expected before {self.blocks[last].name}")
+        before = [self.blocks.index(raw.block) for raw in place]
+        if index in before and not block.many:
+            refuse(self.where, line, f"{block.name} is given twice")
+        if index < max(before, default=-1) and not block.marked:
+            refuse(self.where, line, f"{block.name}: expected before {self.blocks[max(before)].name}")
         self.at = _Raw(block, line)
         place.append(self.at)
         return self.at
@@ -189,6 +190,7 @@ class _Builder:
         segments = []
         for raws in self.segments:
             self._check(raws, self.blocks[self.meta:])
+            raws.sort(key=lambda raw: self.blocks.index(raw.block))     # those with marks may come in any order
             keys = raws[0].tokens
             self._check_theory({key: token for raw in raws for key, token in raw.tokens.items()})
             scale, zero = (keys[key].text if key in keys else other for key, other in (
