@@ -27,7 +27,7 @@ from typing import NamedTuple
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import kvn, xml
 from fledge.files.kvn import Token, refuse, refuse_at
-from fledge.files.values import NUMBER
+from fledge.files.values import NUMBER, Clock
 
 DAY = 86_400_000_000_000                    # [ns]
 J2000 = datetime(2000, 1, 1, 12)
@@ -306,13 +306,17 @@ def _epoch(text: str, place: str) -> int:
         if not match:
             raise ValueError
         year, month, day, of_year, hours, minutes, seconds = (int(part or 1) for part in match.groups()[:7])
-        whole = datetime(year, month, day, hours, minutes, seconds) + timedelta(days=of_year - 1)
+        if leap := seconds == 60:       # the calendar counts it as the second after it, as SGP4 does
+            Clock("UTC").ns(text)
+        whole = datetime(year, month, day, hours, minutes, seconds - leap) + timedelta(days=of_year - 1)
         if not 1957 <= whole.year == year <= 2200:
             raise ValueError
+    except SetupError as error:
+        refuse_at(place, f"EPOCH: {error}")
     except ValueError:
         refuse_at(place, f"EPOCH: expected UTC from 1957 to 2200, '2020-10-13T04:52:48.472320'; found {text!r}")
     since = whole - J2000
-    return since.days * DAY + since.seconds * 10**9 + int(f"{match.group(8) or '':0<9}"[:9])
+    return since.days * DAY + (since.seconds + leap) * 10**9 + int(f"{match.group(8) or '':0<9}"[:9])
 
 
 def _kvn(text: str, where: str) -> Iterator[MeanElements]:

@@ -139,6 +139,14 @@ def test_numbers_and_years():
     assert mean_elements.read(KVN.replace("2020-10-13T", "2020-287T")).epoch == mean_elements.read(KVN).epoch
 
 
+def test_an_epoch_in_a_leap_second_is_counted_as_the_second_after_it():
+    after = mean_elements.read(KVN.replace("2020-10-13T04:52:48.472320", "2017-01-01T00:00:00.25")).parameters()
+    for epoch in ("2016-12-31T23:59:60.25Z", "2016-366T23:59:60.25"):
+        assert mean_elements.read(KVN.replace("2020-10-13T04:52:48.472320", epoch)).parameters() == after
+    refused(KVN.replace("04:52:48.47", "23:59:60.47"), "line 12: EPOCH: time \"2020-10-13T23:59:60 UTC\": second 60 "
+                                                       "exists only at 23:59 UTC before a leap second")
+
+
 def test_one_of_several():
     second = changed("25544", "00005", "0 VANGUARD 1\n" + ISS.split("\n", 1)[1])
     both = ISS + "\n" + second
