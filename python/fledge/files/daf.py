@@ -16,7 +16,7 @@ from typing import NoReturn
 import numpy as np
 
 from fledge.disk import Part
-from fledge.errors import SetupError
+from fledge.files import kvn
 
 RECORD = 1024               # bytes
 COMMENT = 1000              # characters of a record of comments
@@ -48,7 +48,7 @@ class Daf:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise SetupError, with the file."""
-        raise SetupError(f"{self.where}: {text}")
+        kvn.refuse_at(self.where, text)
 
 
 def read(path: str | os.PathLike[str], kind: str) -> Daf:
@@ -69,7 +69,8 @@ def read(path: str | os.PathLike[str], kind: str) -> Daf:
     if (doubles, integers) != (2, INTEGERS[kind]):
         found.refuse(f"is damaged: expected summaries of 2 doubles and {INTEGERS[kind]} integers; found {doubles} and "
                      f"{integers}")
-    text = b"".join(data[i * RECORD:i * RECORD + COMMENT] for i in range(1, max(record - 1, 1)))
+    comments = range(RECORD, min((record - 1) * RECORD, len(data)), RECORD)
+    text = b"".join(data[at:at + COMMENT] for at in comments)
     found.comments = text.split(b"\x04")[0].decode("latin-1").split("\0")[:-1]
     words = np.frombuffer(data[:len(data) // 8 * 8], order + "f8").astype(float)
     visited: set[int] = set()

@@ -43,8 +43,8 @@ def refuse(where: str, line: int, text: str) -> NoReturn:
 
 def refuse_at(place: str, text: str) -> NoReturn:
     """Raise SetupError; a long text is cut in its middle. place: the file and its line."""
-    text = text if len(text) <= MOST else f"{text[:MOST - 100]} ... {text[-100:]}"
-    raise SetupError(printable(f"{place}: {text}"))
+    text = printable(text)
+    raise SetupError(f"{printable(place)}: {text if len(text) <= MOST else f'{text[:MOST - 100]} ... {text[-100:]}'}")
 
 
 def content(source: str | os.PathLike[str]) -> tuple[bytes, str]:

@@ -34,7 +34,7 @@ J2000 = datetime(2000, 1, 1, 12)
 RADIUS, MU = 6378.135e3, 398600.8e9         # of WGS 72, as SGP4 has them
 
 TURN = 2 * math.pi
-TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d)(?:\.(\d+))?Z?")
+TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d)(?:\.(\d+))?Z?", re.ASCII)
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"        # of Alpha-5: from 10 on, without I and O
 
 
@@ -78,14 +78,14 @@ def read(source: str | os.PathLike[str], name: str | int | None = None) -> MeanE
     matches = [e for e in sets if name is None or _is_named(e, name)]
     if not matches:
         names = [e.name or str(e.number) for e in sets]
-        raise SetupError(f"{kvn.content(source)[1]}: has no object {name!r}{did_you_mean(str(name), names)} it has "
-                         f"{listed([e.title for e in sets], 10)}")
+        refuse_at(kvn.content(source)[1], f"has no object {name!r}{did_you_mean(str(name), names)} it has "
+                                          f"{listed([e.title for e in sets], 10)}")
     if len(matches) > 1:
         several = len({e.number for e in matches}) > 1
         what = ("objects; give the name or the number of one" if several else
                 "element sets of one object; give a file of one, or choose among read_all(...)")
-        raise SetupError(f"{kvn.content(source)[1]}: has {len(matches)} {what}: "
-                         f"{listed([e.title if several else f'{e.title} of {e.utc}' for e in matches], 10)}")
+        found = [e.title if several else f"{e.title} of {e.utc}" for e in matches]
+        refuse_at(kvn.content(source)[1], f"has {len(matches)} {what}: {listed(found, 10)}")
     return matches[0]
 
 
@@ -101,7 +101,7 @@ def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
 
 def _is_named(elements: MeanElements, name: object) -> bool:
     text = str(name).strip()
-    return elements.name.casefold() == text.casefold() or (text.isdecimal() and elements.number == int(text))
+    return elements.name.casefold() == text.casefold() or text.lstrip("0") == str(elements.number)
 
 
 def _reader(text: str) -> Callable[[str, str], Iterator[MeanElements]]:
@@ -292,7 +292,7 @@ def _of_omm(fields: Mapping[str, Token], where: str, line: int, strict: bool) ->
     if value("DECAY_DATE"):
         refuse_at(place("DECAY_DATE"), f"{value('OBJECT_NAME')} decayed on {value('DECAY_DATE')}")
     catalogue = value("NORAD_CAT_ID") or "0"
-    if not re.fullmatch(f"\\d{{1,9}}|[{LETTERS}]\\d{{4}}", catalogue):
+    if not re.fullmatch(f"[0-9]{{1,9}}|[{LETTERS}][0-9]{{4}}", catalogue):
         refuse_at(place("NORAD_CAT_ID"), f"NORAD_CAT_ID: expected up to nine digits, or Alpha-5; found {catalogue!r}")
     return _elements(place, value("OBJECT_NAME"), _catalogue(catalogue), value("OBJECT_ID"),
                      _epoch(value("EPOCH"), place("EPOCH")), {key: number(key) for key in _REQUIRED if key != "EPOCH"},
@@ -357,7 +357,7 @@ def _add(fields: dict[str, Token], token: Token, where: str) -> None:
 
 def _json(text: str, where: str) -> Iterator[MeanElements]:
     try:
-        sets = json.loads(text.lstrip("\ufeff"))
+        sets = json.loads(text.lstrip("\ufeff"), parse_int=str, parse_float=str)      # numbers as they are written
     except (json.JSONDecodeError, RecursionError) as error:
         refuse(where, getattr(error, "lineno", 1), f"expected JSON; {getattr(error, 'msg', error)}")
     at = 0

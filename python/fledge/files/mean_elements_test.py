@@ -150,7 +150,9 @@ def test_an_epoch_in_a_leap_second_is_counted_as_the_second_after_it():
 def test_one_of_several():
     second = changed("25544", "00005", "0 VANGUARD 1\n" + ISS.split("\n", 1)[1])
     both = ISS + "\n" + second
-    assert mean_elements.read(both, "vanguard 1").number == 5 and mean_elements.read(both, 25544).name == "ISS (ZARYA)"
+    assert [mean_elements.read(both, name).number for name in ("vanguard 1", 5, "00005")] == [5] * 3
+    refused(both, "has no object '999", "9" * 5000)
+    assert mean_elements.read(both, 25544).name == "ISS (ZARYA)"
     assert [elements.source for elements in mean_elements.read_all(both)] == ["the text, line 2", "the text, line 6"]
     refused(both, "the text: has 2 objects; give the name or the number of one: ISS (ZARYA) (25544), VANGUARD 1 (5)")
     refused(both, "the text: has no object 'VANGARD 1'; did you mean 'VANGUARD 1'? it has ISS (ZARYA) (25544), "
@@ -192,7 +194,11 @@ XML = (FOLDER / "sample_omm.xml").read_text()
     (KVN + "DECAY_DATE = 2021-01-01\n", "line 21: VANGUARD 1 decayed on 2021-01-01"),
     ("\n" + XML.replace("<BSTAR>-.22483E-4</BSTAR>", ""), "line 4: expected BSTAR in the OMM of VANGUARD 1"),
     (XML.replace("</omm>", ""), "expected XML; mismatched tag"),
-    ('[{"OBJECT_NAME": "A",\n "MEAN_MOTION": [1]}]', "line 1: MEAN_MOTION: expected a text or a number; found [1]"),
+    ("[" + "9" * 5000 + "]", "line 1: expected an object with the fields of an OMM; found '999"),
+    (KVN.replace("= 5\n", "= \u0665\n"), "line 19: NORAD_CAT_ID: expected up to nine digits, or Alpha-5"),
+    (KVN.replace("= .184", "= .\u0661"), "line 14: ECCENTRICITY: expected a number"),
+    (KVN.replace("= 2020-10", "= 202\u0660-10"), "line 12: EPOCH: expected UTC from"),
+    ('[{"OBJECT_NAME": "A",\n "MEAN_MOTION": [1]}]', "line 1: MEAN_MOTION: expected a text or a number; found ['1']"),
     ('[\n{"OBJECT_NAME": "A"}]', "line 2: expected EPOCH, MEAN_MOTION, ECCENTRICITY, INCLINATION, "),
     ('{"OBJECT_NAME": \n', "line 2: expected JSON; Expecting value"),
     ("EPOCH,MEAN_MOTION\n1\n", "line 2: expected 2 columns, as the first line names; found 1"),

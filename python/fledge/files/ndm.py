@@ -18,9 +18,10 @@ from fledge.disk import Part
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.files import ephemeris, kvn, tables, xml
 from fledge.files.kvn import Token, refuse
-from fledge.files.messages import CHOICES, FORMS, OPTIONAL_ROWS, OTHERS, PAIRS, RIVALS, THEORIES, Block, Form
+from fledge.files.messages import (CHOICES, FORMS, NOT_NEGATIVE, OPTIONAL_ROWS, OTHERS, PAIRS, RIVALS, THEORIES, Block,
+                                   Form)
 from fledge.files.sections import Message, Section, Segment, Value
-from fledge.files.values import TIME, UNITS, Clock, to_si, unit_of
+from fledge.files.values import TIME, UNITS, WHOLE, Clock, to_si, unit_of
 from fledge.files.writer import as_kvn, as_xml
 
 
@@ -189,8 +190,8 @@ class _Builder:
         front = [self._section(raw, utc, None) for raw in self.front]
         segments = []
         for raws in self.segments:
-            self._check(raws, self.blocks[self.meta:])
             raws.sort(key=lambda raw: self.blocks.index(raw.block))     # those with marks may come in any order
+            self._check(raws, self.blocks[self.meta:])
             keys = raws[0].tokens
             self._check_theory({key: token for raw in raws for key, token in raw.tokens.items()})
             scale, zero = (keys[key].text if key in keys else other for key, other in (
@@ -286,15 +287,19 @@ def value_of(kind: str, token: Token, clock: Clock, where: str) -> Value:
         return clock.time(token.name, token.text, token.line, where)
     text, unit = token.split()
     if kind == "int":
-        if not text.lstrip("+-").isdecimal():
-            refuse(where, token.line, f"{token.name}: expected a whole number; found {token.text!r}")
+        if not WHOLE.fullmatch(text):
+            refuse(where, token.line, f"{token.name}: expected a whole number of up to 18 digits; found "
+                                      f"{token.text!r}")
         return int(text)
     if unit and unit_of(unit) != kind:
         refuse(where, token.line, f"{token.name}: expected the unit {kind}, or none; found {unit}: convert the value")
     try:
-        return to_si(text, UNITS[kind])
+        value = to_si(text, UNITS[kind])
     except ValueError:
         refuse(where, token.line, f"{token.name}: expected a number; found {token.text!r}")
+    if value < 0 and token.name in NOT_NEGATIVE:
+        refuse(where, token.line, f"{token.name}: expected a number that is not negative; found {token.text}")
+    return value
 
 
 def messages(source: str | os.PathLike[str]) -> Iterator[Message]:

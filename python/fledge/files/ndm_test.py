@@ -127,7 +127,7 @@ def random_value(generator, name, kind, clock):
         return generator.randint(1, 9)
     if kind == "text":
         return generator.choice(["EARTH", "A B", "a < b & c", "x = [1, 2]"])
-    return generator.uniform(-1, 1) * 10.0 ** generator.randint(-9, 9)
+    return generator.uniform(0 if name in messages.NOT_NEGATIVE else -1, 1) * 10.0 ** generator.randint(-9, 9)
 
 
 def random_section(generator, block, clock, settings):
@@ -300,7 +300,15 @@ EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGL
      "line 4: expected QUATERNION_TYPE, FIRST or LAST, for QUATERNION; there is none"),
     (replaced(AEM, "ATTITUDE_DIR = A2B\n", ""), "line 4: expected ATTITUDE_DIR in META; there is none"),
     (OEM[:OEM.index("COMMENT over")], "line 5: expected STATE in the OEM; there is none"),
-    (replaced(OEM, "INTERPOLATION_DEGREE = 1", "INTERPOLATION_DEGREE = 1.5"), "expected a whole number; found '1.5'"),
+    (replaced(OEM, "DEGREE = 1", "DEGREE = 1.5"), "expected a whole number of up to 18 digits; found '1.5'"),
+    (replaced(OEM, "DEGREE = 1", "DEGREE = " + "9" * 5000), "expected a whole number of up to 18 digits; found '999"),
+    (replaced(OEM, "DEGREE = 1", "DEGREE = ++1"), "expected a whole number of up to 18 digits; found '++1'"),
+    (replaced(OEM, "7000 15", "\u0667 15"), "line 19: X: expected a number; found '\u0667'"),
+    (replaced(OPM, "6878.137", "6878.1\u0663"), "line 12: X: expected a number; found '6878.1\u0663 [km]'"),
+    (replaced(OEM, "STOP_TIME = 2017", "STOP_TIME = 201\u0667"), "line 12: STOP_TIME: expected a time on UTC"),
+    (replaced(OPM, "MASS = 100", "MASS = -100"), "line 18: MASS: expected a number that is not negative; found -100"),
+    (replaced(CDM, "MASS = 250", "MASS = -1e-9"), "MASS: expected a number that is not negative; found -1e-9"),
+    (replaced(APM, "IYY = 20", "IYY = -20"), "IYY: expected a number that is not negative; found -20"),
     (OEM[:OEM.index("META_START")] + "META_STOP\n", "line 5: META_STOP: expected its beginning before it"),
     (replaced(OCM, "0.001 BEE", "x BEE"), "DV_X: expected a number; found 'x'"),
     (replaced(OCM, "1 10 0.001 BEE\n", ""), "expected the lines of MAN; there are none"),

@@ -21,14 +21,15 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from fledge.errors import SetupError, listed, printable
+from fledge.errors import listed
 from fledge.files import text_kernel
+from fledge.files.kvn import refuse_at
 from fledge.files.values import Clock
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-READING = re.compile(r"\s*(?:(\d+)\s*/)?\s*(\d+(?:(?:\s*[.:,-]\s*|\s+)\d+)*)\s*")
+READING = re.compile(r"\s*(?:(\d{1,18})\s*/)?\s*(\d{1,18}(?:(?:\s*[.:,-]\s*|\s+)\d{1,18})*)\s*", re.ASCII)
 DELIMITERS = ".:-, "        # by SCLK01_OUTPUT_DELIM, from 1
 J2000 = "2000-01-01T12:00:00"
 
@@ -54,7 +55,7 @@ class Sclk:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise SetupError, with the file."""
-        raise SetupError(printable(f"{self.where}: {text}"))
+        refuse_at(self.where, text)
 
     @property
     def weights(self) -> list[int]:
@@ -148,7 +149,7 @@ def read(path: str | os.PathLike[str], spacecraft: int | None = None) -> Sclk:
     """The clock of a kernel. spacecraft: its NAIF number, of a kernel with several. Raises SetupError with file and
     line."""
     kernel = text_kernel.read(path)
-    known = [int(name[15:]) for name in kernel.values if re.fullmatch(r"SCLK_DATA_TYPE_\d+", name)]
+    known = [int(name[15:]) for name in kernel.values if re.fullmatch("SCLK_DATA_TYPE_[0-9]{1,9}", name)]
     if len(known) != 1 and spacecraft is None or spacecraft is not None and abs(spacecraft) not in known:
         kernel.refuse("expected the number of a spacecraft whose clock the kernel has, "
                       f"{listed([str(-n) for n in known])}; found {spacecraft}")
@@ -163,15 +164,16 @@ def read(path: str | os.PathLike[str], spacecraft: int | None = None) -> Sclk:
     lasts = [int(x) for x in kernel.numbers(f"SCLK_PARTITION_END_{n}", len(firsts))]
     knots = kernel.numbers(f"SCLK01_COEFFICIENTS_{n}")
     begins, rates = (np.array(knots[i::3], float) for i in (0, 2))
-    parallel = np.array([int(round(x * 10**9)) for x in knots[1::3]], dtype=np.int64)
+    parallel = [int(round(x * 10**9)) for x in knots[1::3]]
     for name, good, expected in (
+            ("SCLK01_N_FIELDS", fields == len(moduli) == len(offsets), "the number of the moduli and offsets"),
             ("SCLK01_MODULI", min(moduli) > 0 and moduli == kernel.numbers(f"SCLK01_MODULI_{n}"), "whole numbers > 0"),
             ("SCLK01_OUTPUT_DELIM", 1 <= delimiter <= len(DELIMITERS), "a number from 1 to 5"),
             ("SCLK01_TIME_SYSTEM", system in (1, 2), "1 (TDB) or 2 (TT)"),
             ("SCLK_PARTITION_END", all(a < b for a, b in zip(firsts, lasts)), "an end after each start"),
-            ("SCLK01_COEFFICIENTS", len(knots) % 3 == 0 and bool(np.all(rates > 0)),
-             "triplets of ticks, a time and a rate > 0")):
+            ("SCLK01_COEFFICIENTS", len(knots) % 3 == 0 and bool(np.all(rates > 0)) and max(map(abs, parallel)) < 2**62,
+             "triplets of ticks, a time within 146 years of 2000 and a rate > 0")):
         if not good:
             kernel.refuse(f"{name}_{n}: expected {expected}", kernel.values[f"{name}_{n}"][0].line)
     return Sclk(kernel.where, n, moduli, offsets, DELIMITERS[delimiter - 1], list(zip(firsts, lasts)),
-                "TDB" if system == 1 else "TT", begins, parallel, rates)
+                "TDB" if system == 1 else "TT", begins, np.array(parallel, dtype=np.int64), rates)

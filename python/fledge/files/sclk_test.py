@@ -115,6 +115,10 @@ def test_damaged_kernels_are_refused_with_their_line(clock, tmp_path):
                            ("DELIM_32   = ( 2 )", "DELIM_32 = 6", "line 9: SCLK01_OUTPUT_DELIM_32: expected a number"),
                            ("2879.9979", "-2879.9979", "line 14: SCLK01_COEFFICIENTS_32: expected triplets"),
                            ("3145728000", "1", "line 12: SCLK_PARTITION_END_32: expected an end after"),
+                           ("N_FIELDS_32       = ( 3 )", "N_FIELDS_32 = 0", "line 6: SCLK01_N_FIELDS_32: expected the"),
+                           ("-646668528.58222842", "1D10", "line 14: SCLK01_COEFFICIENTS_32: expected .*146 years of"),
+                           ("-646668528.58222842", "1D301", "line 14: .*found '1D301'"),
+                           ("-646668528.58222842", "1D-9999999999", "line 14: .*found '1D-9999999999'"),
                            ("SCLK01_OFFSETS_32        =", "SCLK01_OFFSETS_32", "expected NAME = or NAME"),
                            ("-646668528.58222842", "@2000-NOE-01", "found '@2000-NOE-01'")):
         with pytest.raises(SetupError, match=text):

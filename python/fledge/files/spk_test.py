@@ -125,6 +125,7 @@ def test_damaged_files_are_refused(tmp_path):
     for bad, text in [(b"GIF89a", "begins with 'DAF/SPK '"), (data[:500], "cut short"),
                       (data[:4096], "a.bsp: segment 1, FLEDGE: is damaged or cut short"),
                       (data[:76] + b"\x63\0\0\0" + data[80:], "summary record 99"),
+                      (data[:76] + b"\xff\xff\xff\x7f" + data[80:], "summary record 2147483647"),
                       (data[:8] + b"\x03" + data[9:], "found 3 and 6"),
                       (data[:1024 + 24 + 28] + b"\x63" + data[1024 + 24 + 29:], "a.bsp.*99")]:
         path.write_bytes(bad)
@@ -134,7 +135,6 @@ def test_damaged_files_are_refused(tmp_path):
         spk.read(tmp_path / "none.bsp")
 
 
-def test_files_read_says_what_reads_kernels(tmp_path):
 def test_the_readers_are_attributes_of_files():
     code = "from fledge import files; print(files.ck.read, files.ndm.read, files.spk.read)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -143,5 +143,6 @@ def test_the_readers_are_attributes_of_files():
         getattr(files, "oem")
 
 
+def test_files_read_says_what_reads_kernels(tmp_path):
     with pytest.raises(SetupError, match="x.bsp: is a kernel of SPICE.*: read it with files.spk.read"):
         files.read(wrote(tmp_path / "x.bsp"))

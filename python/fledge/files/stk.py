@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
@@ -18,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from fledge.disk import Part
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.errors import SetupError, did_you_mean, listed, printable
 from fledge.files import kvn, ndm
 from fledge.files.ephemeris import A, AemSegment, OemSegment, R, RATES, V
 from fledge.files.kvn import refuse
 from fledge.files.sections import Message, Section
 from fledge.files.tables import ENTRIES
-from fledge.files.values import DEG, NUMBER, Clock, from_si, to_si
+from fledge.files.values import DEG, NUMBER, WHOLE, Clock, from_si, to_si
 
 QUATERNION, BODY, COVARIANCES = ("Q1", "Q2", "Q3", "QC"), "SC_BODY_1", "CovarianceTimePosVel"
 # The columns of the lines of a block, after their time; rates are in deg/s, in axes of the body.
@@ -51,7 +52,8 @@ FRAMES = {**dict.fromkeys(("ICRF", "GCRF"), "ICRF"), **dict.fromkeys(("J2000", "
                                              "B1950", "AlignmentAtEpoch")}}
 OF_ANY_BODY = ("ICRF", "J2000", "Fixed", "Inertial")
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3,9}) (\d{4}) (\d{1,2}): ?(\d{1,2}): ?(\d{1,2})(\.\d*)?")
+DATE = re.compile(r"(\d{1,2}) ([A-Za-z]{3,9}) (\d{4}) (\d{1,2}): ?(\d{1,2}): ?(\d{1,2})(\.\d*)?",
+                  re.ASCII)
 
 
 @dataclass
@@ -73,6 +75,13 @@ class _File:
         """Raise SetupError for the value of a keyword."""
         line, text = self.keys.get(key, (self.line, "none"))
         refuse(self.where, line, f"{key}: expected {expected}; found {text}")
+
+    def whole(self, key: str, default: int, least: int) -> int:
+        """The value of a keyword. Raises SetupError unless it is a whole number from the least."""
+        text = self.get(key, str(default))
+        if not WHOLE.fullmatch(text) or int(text) < least:
+            self.refuse(key, f"a whole number from {least} of up to 18 digits")
+        return int(text)
 
     def choice(self, key: str, known: tuple[str, ...] | dict[str, Any]) -> str:
         """The value of a keyword in capitals; the first of those known without."""
@@ -244,9 +253,19 @@ def _columns(file: _File, clock: Clock) -> dict[str, np.ndarray]:
             refuse(file.where, line, f"expected a number; found {str(error)!r}")
     count = f"NumberOf{file.kind}Points"
     most = file.get(count, str(len(times)))
-    if not most.isdecimal() or int(most) < len(times):      # STK reads no more; many files have fewer
-        file.refuse(count, f"{len(times)} or more, the lines of {file.block}")
+    _check_count(file, f"NumberOf{file.kind}Points", len(times), file.block)
     return {"EPOCH": np.array(times, dtype=np.int64), **dict(zip(names, np.array(numbers).T))}
+
+
+def _check_count(file: _File, key: str, found: int, block: str) -> None:
+    """Raise SetupError where a table has more lines than its file promises, of which STK reads no more. Warn of fewer,
+    which many files have."""
+    promised = file.whole(key, found, 0)
+    if promised < found:
+        file.refuse(key, f"{found} or more, the lines of {block}")
+    if promised > found:
+        warnings.warn(printable(f"{file.where}, line {file.keys[key][0]}: {key} is {promised}, and {block} has {found} "
+                                "lines: the file may be cut"), stacklevel=5)
 
 
 def _covariances(file: _File, clock: Clock) -> list[Section]:
@@ -268,6 +287,7 @@ def _covariances(file: _File, clock: Clock) -> list[Section]:
         except ValueError as error:
             refuse(file.where, line, f"expected a number; found {str(error)!r}")
         found.append(Section("COVARIANCE", values, [], {}, file.where, line))
+    _check_count(file, "NumberOfCovariancePoints", len(found), COVARIANCES)
     return found
 
 
@@ -288,10 +308,7 @@ def _interpolation(file: _File, lines: int) -> dict[str, str | int]:
     """The keywords of an OEM or AEM for the polynomial that STK takes."""
     key = "InterpolationSamplesM1" if "InterpolationSamplesM1" in file.keys else "InterpolationOrder"
     orbit = file.kind == "Ephemeris"
-    text = file.get(key, "5" if orbit else "1")
-    if not text.isdecimal() or int(text) < 1:
-        file.refuse(key, "a whole number from 1")
-    method, more = file.get("InterpolationMethod", "Lagrange").upper().split()[0], int(text)
+    method, more = file.get("InterpolationMethod", "Lagrange").upper().split()[0], file.whole(key, 5 if orbit else 1, 1)
     if method == "HERMITE" and orbit and key.endswith("Order"):     # a degree: two lines with rates give 3
         more = max(more - 1, 2) // 2
     more = min(more, lines - 1)

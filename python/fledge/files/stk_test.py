@@ -188,7 +188,9 @@ def test_what_is_written_is_read_with_its_bits(tmp_path):
 
 def test_units_times_and_frames_are_those_of_the_file():
     segment = files.read(ORBIT).segment
-    assert np.array_equal(files.read(replaced(ORBIT, "Points\t\t 6", "Points\t\t 146")).segment.times, segment.times)
+    with pytest.warns(UserWarning, match="line 7: NumberOfEphemerisPoints is 146, and EphemerisTimePosVel has 6 lines"):
+        fewer = files.read(replaced(ORBIT, "Points\t\t 6", "Points\t\t 146"))
+    assert np.array_equal(fewer.segment.times, segment.times)
     for key, given, degree in (("SamplesM1", 2, 5), ("Order", 5, 5), ("Order", 1, 3), ("Order", 7, 7)):
         text = replaced(ORBIT, "InterpolationSamplesM1\t\t 5", f"Interpolation{key} {given}")
         assert files.read(replaced(text, "Lagrange", "Hermite")).segment.interpolation == ("HERMITE", degree)
@@ -243,7 +245,11 @@ def test_units_times_and_frames_are_those_of_the_file():
     (replaced(ORBIT, "Lagrange", "Hermite").replace("EphemerisTimePosVel", "EphemerisTimePos"), "found 0.0"),
     (replaced(POSITIONS, "Lagrange", "Hermite"), "InterpolationMethod: expected Lagrange, for EphemerisTimePos has no "
      "rates; found Hermite"),
-    (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 five"), "SamplesM1: expected a whole number from 1; found five"),
+    (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 five"), 
+     "SamplesM1: expected a whole number from 1 of up to 18 digits; found five"),
+    (replaced(ORBIT, "Points\t\t 6", "Points\t\t " + "9" * 5000), "Points: expected a whole number from 0 of up to 18"),
+    (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 \u0665"), "expected a whole number from 1"),
+    (replaced(ORBIT, "12 Jan", "\u0661\u0662 Jan"), "ScenarioEpoch: expected a date of UTC"),
     (replaced(ORBIT, "Method\t\t Lagrange", "Method"), "line 9: InterpolationMethod: expected a value; there is none"),
     (replaced(ORBIT, "CentralBody", "CentralBdy"), "line 11: Ephemeris has no CentralBdy; did you mean 'CentralBody'?"),
     (replaced(ORBIT, "    CentralBody", "CentralBody Mars\n    CentralBody"),

@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import NamedTuple, NoReturn
 
-from fledge.errors import SetupError, did_you_mean, printable
+from fledge.errors import did_you_mean
 from fledge.files.kvn import refuse
 from fledge.files.values import NUMBER, Clock
 
 TOKEN = re.compile(r"'(?P<quoted>(?:[^']|'')*)'|(?P<mark>\+?=|[()])|(?P<word>(?:(?!\+=)[^\s,()='])+)|(?P<bad>[^\s,])")
-DATE = re.compile(r"@(\d{4}|\d\d?)-([A-Z]{3,9}|\d\d?)-(\d{4}|\d\d?)(?:[-/T](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?")
+DATE = re.compile(r"@(\d{4}|\d\d?)-([A-Z]{3,9}|\d\d?)-(\d{4}|\d\d?)(?:[-/T](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?", re.ASCII)
+FAR = 1e300         # which whole numbers of any size would follow
 MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")
 
 
@@ -35,9 +36,7 @@ class TextKernel:
 
     def refuse(self, text: str, line: int = 0) -> NoReturn:
         """Raise SetupError, with the file and, where it is known, the line."""
-        if line:
-            refuse(self.where, line, text)
-        raise SetupError(printable(f"{self.where}: {text}"))
+        refuse(self.where, line, text)
 
     def numbers(self, name: str, count: int = 0) -> list[Decimal]:
         """The numbers of a name, as they are written; of a time, @2000-JAN-01-12:00:00, the seconds past that on its
@@ -52,7 +51,7 @@ class TextKernel:
     def _number(self, name: str, value: Value) -> Decimal:
         text = value.text.upper().replace("D", "E") if not value.text.startswith("@") else value.text.upper()
         try:
-            if value.kind == "word" and NUMBER.fullmatch(text):
+            if value.kind == "word" and NUMBER.fullmatch(text) and abs(float(text)) < FAR:
                 return Decimal(text)
             if value.kind == "word" and (date := DATE.fullmatch(text)):
                 return Decimal(_calendar(date)) / 10**9
@@ -77,7 +76,7 @@ def read(path: str | os.PathLike[str]) -> TextKernel:
         with open(path, encoding="latin-1") as file:
             lines = file.read().split("\n")
     except OSError as error:
-        raise SetupError(f"{kernel.where}: cannot be read: {error.strerror}") from None
+        kernel.refuse(f"cannot be read: {error.strerror}")
     tokens, data = [], False
     for number, line in enumerate(lines, 1):
         if line.strip() in (r"\begindata", r"\begintext"):

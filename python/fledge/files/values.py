@@ -16,8 +16,9 @@ from typing import Any
 from fledge.errors import SetupError
 from fledge.files.kvn import refuse
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:T(\d\d):(\d\d):(\d\d)(?:\.(\d*))?)?Z?")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
+WHOLE = re.compile(r"[-+]?\d{1,18}", re.ASCII)      # of 64 bits
+TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))(?:T(\d\d):(\d\d):(\d\d)(?:\.(\d*))?)?Z?", re.ASCII)
 EXACT = Context(prec=40)
 PI = Decimal("3.14159265358979323846264338327950288419716939937510")
 DEG, REV = EXACT.divide(PI, Decimal(180)), 2 * PI
