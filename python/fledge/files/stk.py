@@ -354,7 +354,7 @@ def text_of(message: Message) -> str:
     """An OEM or AEM as text. Raises SetupError as write()."""
     if message.kind not in ("OEM", "AEM"):
         message.header.refuse(f"expected an OEM or AEM, which STK has as .e or .a; found {message.kind}")
-    segments: list[Any] = message.segments
+    segments: list[Any] = sorted(message.segments, key=lambda segment: int(segment.times[0]))
     for before, segment in zip(segments, segments[1:]):
         if segment.times[0] != before.times[-1] or _head(segment) != _head(before):
             segment.meta.refuse("expected a segment that begins where the one before ends, with its axes and center, "

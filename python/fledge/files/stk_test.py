@@ -103,9 +103,11 @@ def test_segments_end_at_the_boundaries():
     first, second = files.read(text).segments
     assert [len(first.times), len(second.times)] == [3, 4] and second.times[0] == first.times[-1]
     assert second.v[0].tolist() == [6.1440495799890250e+03, -3.8505887646286237e+03, -2.3725719698217702e+02]
-    again = files.read(stk.text_of(files.read(text)))
-    assert [len(segment.times) for segment in again.segments] == [3, 4]
-    assert np.array_equal(again.segments[1].v, second.v)
+    for segments in ([first, second], [second, first]):
+        message = ndm.create("OEM", segments, originator="TEAM", created="2026-01-01T00:00:00")
+        again = files.read(stk.text_of(message))
+        assert [len(segment.times) for segment in again.segments] == [3, 4]
+        assert np.array_equal(again.segments[1].v, second.v)
 
 
 def test_covariances_are_those_of_an_oem(tmp_path):
