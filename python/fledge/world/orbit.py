@@ -18,9 +18,11 @@ from fledge.world.sky import TIME, Sky
 
 def _angle(value: Any, name: str) -> float:
     """An angle in rad: the inclination within pi; without a unit within one turn, as more is meant in degrees."""
-    from math import pi
+    from math import isfinite, pi
 
     angle = to_number(value, f"Orbit: {name}", "rad", ANGLE)
+    if not isfinite(angle):
+        raise SetupError(f"Orbit: {name} must be finite; found {angle:g} rad")
     most, text = (pi, "pi") if name == "i" else (2 * pi, "2 pi, or have a unit")
     if abs(angle) > most * (1 + 1e-12) and (name == "i" or not isinstance(value, Quantity)):
         degrees = "" if isinstance(value, Quantity) else f": write {angle:g} * deg for degrees"
@@ -245,11 +247,11 @@ class Orbit:
         Raises SetupError where no plane is fast enough: too high, or about a body whose J2 or year is not known.
         Source: Vallado, section 11.4.1; Spacetrack Report 3 for the short period.
         """
-        from math import acos, cos, pi, sin, sqrt
+        from math import acos, cos, fmod, pi, sin, sqrt
 
         name = "Orbit.sun_synchronous"
         body = body_of(body, name)
-        u, local = to_number(u, f"{name}: u", "rad", ANGLE), to_number(ltan, f"{name}: ltan", "s", TIME)
+        u, local = _angle(u, "u"), to_number(ltan, f"{name}: ltan", "s", TIME)
         a = body.radius + to_number(altitude, f"{name}: altitude", "m", LENGTH)
         if not a > (surface := body.radius if body.surface is None else body.surface):
             raise SetupError(f"{name}: the orbit must lie outside {body.name}, of radius {surface:.9g} m; found {a:.9g} m "
@@ -264,7 +266,7 @@ class Orbit:
                              "follow the Sun")
         i = acos(-turn / fastest)
         frame = sky.true_of_date() if body.naif == EARTH.naif else sky.equator(body)
-        r, v = _osculating(n, a, k, i, u)
+        r, v = _osculating(n, a, k, i, fmod(u, 2 * pi))
         node = _node_at(sky, 0, local, body, apparent, frame)
         x, y = cos(node), sin(node)
         r, v = ([float(dot(column, (x * b[0] - y * b[1], y * b[0] + x * b[1], b[2]))) for column in zip(*frame)]

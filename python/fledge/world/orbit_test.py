@@ -95,6 +95,8 @@ def test_a_node_that_stands_still_gains_what_the_sun_goes(sky):
     ("no plane turns fast enough", {"altitude": 1e308}),
     ("must lie outside EARTH, of radius 6378136.3 m; found -1e\\+103 m", {"altitude": -1e103}),
     ("found 6378036.3 m from its centre", {"altitude": -100}),
+    ("Orbit: u must be finite; found inf rad", {"u": float("inf")}),
+    ("Orbit: u must be within 2 pi, or have a unit; found 90 rad: write 90 \\* deg", {"u": 90}),
     ("expected a planet with a known J2, of MERCURY, ", {"body": world.MOON}),
     ("write apparent=True", {"body": world.MARS}),
     ("ltan", {"ltan": 10 * deg}),
