@@ -181,14 +181,20 @@ flies() {
         step "$1 run earth_imager" inside "$1 run earth_imager" &&
         step "$1 view earth_imager" inside "$1 view earth_imager && test -s runs/earth_imager/handover/view.html" &&
         step "$1 montecarlo nadir_spin --runs 20" inside "$1 montecarlo nadir_spin --runs 20" &&
-        step "$1 ground serve: first answer" serves "$1" || failed "it does not fly"
+        step "$1 ground serve: first answer" serves "$1" &&
+        step "$1 new project" inside "$1 new project sat && $1 --project sat new mission scan --from nadir_spin" &&
+        step "$1 run scan, of the project" inside "$1 --project sat run scan" &&
+        step "$1 montecarlo scan --runs 20, of the project" inside "$1 --project sat montecarlo scan --runs 20" &&
+        step "$1 new mission imager" inside "$1 --project sat new mission imager --from earth_imager" &&
+        inside "sed -i s/earth_imager/imager/ room.toml" &&
+        step "$1 ground serve, of the project: first answer" serves "$1 --project sat" || failed "it does not fly"
     ! inside "command -v gcc || command -v g++ || command -v cc || command -v cmake" || failed "it has a compiler"
 }
 
 # builds FLEDGE, after `flies`: the others name the package of the compiler, and work with it.
 builds() {
     step "$1 fly --on linux, without a compiler" refuses "linux needs gcc" "$1 fly nadir_spin --for 60s --on linux" &&
-        step "$1 new project" inside "$1 new project sat && $1 --project sat new module SunSlew" &&
+        step "$1 new module" inside "$1 --project sat new module SunSlew" &&
         step "$1 list, of the project" refuses "packages are missing" "$1 --project sat list" && show_compiler &&
         step "$advice" inside "$advice -y > /dev/null" &&
         step "$1 list, of the project" inside "$1 --project sat list --ports | grep SunSlew" &&

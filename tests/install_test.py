@@ -312,27 +312,34 @@ def test_the_deb_flies_and_needs_no_compiler(deb, tmp_path):
     subprocess.run(["md5sum", "--quiet", "--check", tmp_path / "control/md5sums"], cwd=tmp_path / "root", check=True)
 
 
-def test_without_a_compiler_it_says_which_package_has_it(prefix, tmp_path):
+def test_a_compiler_is_for_code_alone(prefix, tmp_path):
+    """Without one, a project of missions flies and is tested; what needs one says which package has it."""
     tools = tmp_path / "bin"
     tools.mkdir()
     for path in Path("/usr/bin").iterdir():
-        if path.name not in ("gcc", "g++", "cc", "ninja", "cmake", "dpkg-query"):
+        if path.name not in ("gcc", "g++", "cc", "ninja", "cmake", "ctest", "dpkg-query"):
             (tools / path.name).symlink_to(path)
-    (tools / "dpkg-query").write_text("#!/bin/sh\n")      # there is no package
+    (tools / "dpkg-query").write_text("#!/bin/sh\necho 'installed python3-pytest, '\n")     # and no other package
     (tools / "dpkg-query").chmod(0o755)
 
+    def fledge_(*arguments, code=0):
+        return run(prefix / "bin/fledge", *arguments, cwd=tmp_path, code=code, PATH=str(tools))
+
     def lines(*arguments):
-        done = subprocess.run([prefix / "bin/fledge", *arguments], cwd=tmp_path, env={**CLEAN, "PATH": str(tools)},
-                              capture_output=True, text=True)
-        assert done.returncode
-        return [line for line in done.stderr.splitlines() if "apt-get" in line]
+        return [line for line in fledge_(*arguments, code=1).splitlines() if "apt-get" in line]
 
     assert lines("fly", "nadir_spin", "--for", "10s", "--on", "linux") == [
         "  linux: fly: linux needs gcc and ninja, not installed here; as root, run: apt-get install g++ ninja-build"]
-    run(prefix / "bin/fledge", "new", "project", "sat", cwd=tmp_path)
-    (line,) = lines("--project", "sat", "list")
-    assert line == ("fledge: list: packages are missing; as root, run: apt-get install "
-                    + " ".join(package.partition(" |")[0] for package in fledge_deb.listed("project")))
+    project = ["--project", "sat"]
+    fledge_("new", "project", "sat")
+    fledge_(*project, "new", "mission", "scan", "--from", "nadir_spin")
+    assert "flown    10 s" in fledge_(*project, "run", "scan", "--for", "10s")
+    assert fledge_(*project, "test").splitlines()[-1] == "1 passed, 0 failed, 0 skipped"
+    fledge_(*project, "new", "module", "Own")
+    for command in (["run", "scan"], ["ground", "serve", "room.toml"]):
+        (line,) = lines(*project, *command)
+        assert line == (f"fledge: {command[0]}: packages are missing; as root, run: apt-get install "
+                        + " ".join(package.partition(" |")[0] for package in fledge_deb.listed("project")))
 
 
 # --- beside another Fledge, and another Python ------------------------------------------------------

@@ -517,7 +517,7 @@ def reader(launch):
     (launch.fake / "updated").touch()
     launch("setup")
     (launch.fake / "installed").write_text("".join(
-        f"installed {name}\n" for names in (*map(packages, ("run", "unit", "test", "docs")), *ROOMS.values())
+        f"installed {name}\n" for names in (*map(packages, ("run", "unit", "pytest", "test", "docs")), *ROOMS.values())
         for name in names))
     subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
     (launch.fake / "ninja").chmod(0o666)

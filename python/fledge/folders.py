@@ -20,6 +20,23 @@ def project() -> Path | None:
     return Path(named).resolve()
 
 
+def has_code(project: Path) -> bool:
+    """Whether CMake has something to compile in a project: its CMakeLists.txt does more than `fledge new project`
+    writes, or lists sources in fledge_project()."""
+    import re
+
+    try:
+        text = (project / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        text = ""
+    calls = [(name.lower(), words.split()) for name, words in
+             re.findall(r"(\w+)\s*\(([^()]*)\)", re.sub("#.*", "", text))]
+    of_ours = [set(words[1:]) - {"FLIGHT", "WORLD", "EXISTING", "NOT_FLOWN"} for name, words in calls
+               if name == "fledge_project"]
+    empty = {"cmake_minimum_required", "project", "find_package", "fledge_project"}
+    return not of_ours or any(of_ours) or any(name not in empty for name, _ in calls)
+
+
 def of_missions() -> Iterator[Path]:
     """The folders of missions: the project's, ./missions, then the one beside this package."""
     if own := project():

@@ -134,6 +134,8 @@ def compile(context: Context, parts: Sequence[str], tests: bool = False, program
         own = tests and not project
         Build(ROOT, folder, ["--preset", context.preset]).make(context, [*parts, *programs.split() * own], own)
     if project:
+        folder = project / "build" / context.preset
+    if project and context.builds_project:
         need(context, "project")
         build = _of_project(context, project, package)
         context.project_build = folder = build.folder

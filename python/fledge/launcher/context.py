@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fledge.errors import Failure
 from fledge.disk import ROOT
+from fledge.folders import has_code
 from fledge.launcher.tools import say
 
 PRESETS = ("release", "debug", "asan")      # and tsan, for some tests
@@ -34,6 +35,12 @@ class Context:
     def tree(self) -> Path:
         """What is tested and documented: the project, or Fledge itself."""
         return self.project or ROOT
+
+    @property
+    def builds_project(self) -> bool:
+        """Whether there is a project that is built: without C an installed Fledge needs no compiler for it. A checkout
+        has one, and links for editors what it knows of types."""
+        return self.project is not None and (not self.installed or has_code(self.project))
 
     @property
     def logs(self) -> Path:

@@ -29,7 +29,7 @@ STATUS = Path("/var/lib/dpkg/status")
 OS_RELEASE = Path("/etc/os-release")
 SYSTEMS = {"bookworm": "Debian 12", "trixie": "Debian 13", "noble": "Ubuntu 24.04"}    # by VERSION_CODENAME
 BASIC = ("project", "build", "fly")         # sections: `run`
-BUILDING = ("project", "unit", "docs")      # purposes for which an installed Fledge lacks packages
+BUILDING = ("project", "unit", "pytest", "docs")      # purposes for which an installed Fledge lacks packages
 
 
 def listed(purpose: str) -> list[str]:

@@ -28,7 +28,9 @@ def need_tests(context: Context) -> None:
     """Install the packages for tests; Fledge's own tests need more than a project's."""
     from fledge.targets import TARGETS
 
-    need(context, "unit")
+    need(context, "pytest")
+    if context.builds_project or not context.project:
+        need(context, "unit")
     if not context.project:
         need(context, "test", if_possible=True)
         provide(context, expanded(TARGETS), without=True)
@@ -131,6 +133,8 @@ class Tests:
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of
         GoogleTest."""
+        if self.context.project and not self.context.builds_project:
+            return []
         if self.cases is not None:
             labels = ".*" if self.programs == "tests" else self.programs.replace(" ", "|")
             return [self._ctest(self.cases, "-L", f"^({labels})$")] if labels else []

@@ -16,7 +16,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-from fledge.folders import project as folder
+from fledge.folders import has_code, project as folder
 
 
 def types(part: str) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def files() -> list[Path]:
 def _libraries() -> dict[str, tuple[Path, dict[str, Any]]]:
     """Name -> (file, types by name) of the project's libraries."""
     project = folder()
-    if project is None:
+    if project is None or not has_code(project):
         return {}
     build = Path(os.environ.get("FLEDGE_PROJECT_BUILD")
                  or project / "build" / os.environ.get("FLEDGE_PRESET", "release"))
