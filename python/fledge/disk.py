@@ -137,6 +137,18 @@ def make(folder: Path, mode: int = 0o777) -> list[Path]:
     return created
 
 
+def may_write(*folders: Path) -> bool:
+    """Whether files can be made there. Folders that do not exist are made."""
+    for folder in folders:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            return False
+        if not os.access(folder, os.W_OK):
+            return False
+    return True
+
+
 def build_folder() -> Path:
     """The folder of the build whose extension is loaded: build/release. Its cosim/ has the programs."""
     from fledge import _core

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from fledge.contents import by_contents, changed
 from fledge.errors import Failure
-from fledge.disk import ROOT
+from fledge.disk import ROOT, may_write
 from fledge.launcher.context import Context, same
 from fledge.launcher.packages import need
-from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
+from fledge.launcher.tools import alone, failure, pass_on, run, say
 
 
 class Build:
@@ -102,7 +102,7 @@ class Build:
                 owner = self.tree.owner()
             except KeyError:        # without a name
                 owner = "its owner"
-            how = f"{owner} can: ./fledge{f' --project{self.of}' if self.fledge else ''} setup"
+            how = f"{owner} can, by the same command"
         return Failure(f"{self.tree} must be built, and this user may not write into {self.folder}; {how}", 1)
 
     def _refuse_the_future(self) -> None:
@@ -181,16 +181,22 @@ def need_node(context: Context) -> None:
 
 
 def view(context: Context, if_possible: bool = False) -> None:
-    """Build what shows runs in 3-D; Node is installed, unless there is one. if_possible: without Node, what needs the
-    view says so itself."""
+    """Build what shows runs in 3-D, unless it is built; Node is installed for that, if there is none. if_possible:
+    without Node, what needs the view says so itself."""
     if context.installed:
         return
-    if not if_possible:
-        need_node(context)
-    elif not shutil.which("npm"):
+    log, command = ROOT / "build/view.log", [sys.executable, "-P", "-m", "fledge.scene.bundle"]
+    if not may_write(log.parent):       # then it says itself what is wrong
+        if pass_on(command, environment=context.environment()) and not if_possible:
+            sys.exit(1)
         return
-    log = context.logs / "view.log"
-    if status := run(log, [sys.executable, "-P", "-m", "fledge.scene.bundle"], environment=context.environment()):
-        if not if_possible:
-            raise failure(log, "the 3-D view", status)
+    status = run(log, command, environment=context.environment())
+    if status and not shutil.which("npm"):
+        if if_possible:
+            return
+        need_node(context)
+        status = run(log, command, environment=context.environment())
+    if status and not if_possible:
+        raise failure(log, "the 3-D view", status)
+    if status:
         say(f"the 3-D view was not built; the log is {log}")

@@ -12,11 +12,11 @@ from pathlib import Path
 from shutil import which
 
 from fledge.errors import Failure
-from fledge.disk import ROOT
+from fledge.disk import ROOT, may_write
 from fledge.launcher import build
 from fledge.launcher.context import PRESETS, Context, same
 from fledge.launcher.packages import expanded, need, provide
-from fledge.launcher.tools import failure, may_write, pass_on, run, say
+from fledge.launcher.tools import failure, pass_on, run, say
 
 LAUNCHER = Path(__file__).with_name("__main__.py")
 
@@ -131,8 +131,8 @@ def package(context: Context, options: argparse.Namespace) -> int:
     if context.preset != "release":
         raise Failure(f"package: it is of the build release; leave out --preset {context.preset}")
     context.project = None
-    if not may_write(options.out):
-        raise Failure(f"package: writes into {options.out}, where this user may not", 1)
+    if not may_write(options.out, context.build):
+        raise Failure(f"package: writes into {options.out} and {context.build}, where this user may not", 1)
     need(context, "run")
     build.compile(context, ["all"])
     build.view(context)

@@ -21,9 +21,9 @@ from pathlib import Path
 from shutil import which
 
 from fledge.errors import Failure
-from fledge.disk import ROOT
+from fledge.disk import ROOT, may_write, write_files
 from fledge.launcher.context import Context
-from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
+from fledge.launcher.tools import alone, failure, pass_on, run, say
 
 STATUS = Path("/var/lib/dpkg/status")
 OS_RELEASE = Path("/etc/os-release")
@@ -79,7 +79,7 @@ def need(context: Context, purpose: str, if_possible: bool = False) -> None:
     else:
         say(f"this is {name}: {_lacks(purpose)}")
     if may_write(stamp.parent):
-        stamp.write_text(_checked(purpose), encoding="utf-8")
+        write_files({stamp.name: _checked(purpose)}, stamp.parent)
 
 
 def _other_system() -> str:

@@ -14,11 +14,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from fledge.errors import Failure
-from fledge.disk import ROOT, write_files
+from fledge.disk import ROOT, may_write, write_files
 from fledge.launcher import build
 from fledge.launcher.context import Context
 from fledge.launcher.packages import expanded, need, provide
-from fledge.launcher.tools import alone, may_write, pass_on, run, say
+from fledge.launcher.tools import alone, pass_on, run, say
 
 # Lines of ctest that are left out.
 PASSED = re.compile("Internal ctest|Test project|No tests were found| +Start +[0-9]+:|.* Passed +[0-9.]+ sec")

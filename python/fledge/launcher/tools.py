@@ -72,6 +72,7 @@ def run(log: Path, command: Sequence[str | Path], folder: Path | None = None,
     import subprocess
 
     log.parent.mkdir(parents=True, exist_ok=True)
+    log.unlink(missing_ok=True)     # it may be another user's
     with open(log, "wb") as file, delayed_stops():
         try:
             child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
@@ -162,18 +163,6 @@ def _with_following(lines: Iterable[str], errors: int = 4, following: int = 5) -
 
 
 # --- files -----------------------------------------------------------------------------------------
-
-def may_write(*folders: Path) -> bool:
-    """Whether files can be made there. Folders that do not exist are made."""
-    for folder in folders:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            return False
-        if not os.access(folder, os.W_OK):
-            return False
-    return True
-
 
 @contextmanager
 def alone(lock: Path, what: str) -> Iterator[int]:

@@ -18,6 +18,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from fledge.disk import may_write
 from fledge.errors import SetupError
 from fledge.programs import without_preload
 
@@ -62,7 +63,9 @@ def build() -> None:
     npm = shutil.which("npm")
     if npm is None:
         raise SetupError(ADVICE)
-    out.mkdir(parents=True, exist_ok=True)
+    if not may_write(out.parent, out):
+        raise SetupError(f"the 3-D view must be built, and this user may not write into {out}; its owner can: ./fledge "
+                         "setup --view")
     with open(out.with_name("view.lock"), "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)    # npm deletes files that another process would use
         if is_new():

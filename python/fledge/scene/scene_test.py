@@ -321,12 +321,17 @@ def test_errors_in_a_missions_view_have_their_line(tmp_path, line, why):
         scene.of(log)
 
 
-def test_without_node_the_error_has_the_reason(record, monkeypatch, tmp_path):
+def test_without_node_or_a_folder_for_it_the_error_has_the_reason(record, monkeypatch, tmp_path):
     monkeypatch.setattr(bundle, "folder", lambda: tmp_path)
     with pytest.raises(SetupError, match="need Node when Fledge is built: ./fledge setup --view"):
         scene.view(record, tmp_path / "view.html")
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(SetupError, match="need Node"):
+        bundle.build()
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(bundle, "folder", lambda: tmp_path / "file/view")      # where nobody may write
+    monkeypatch.setattr(shutil, "which", lambda name: name)
+    with pytest.raises(SetupError, match="the 3-D view must be built, and this user may not write into .*/file/view;"):
         bundle.build()
 
 
