@@ -15,10 +15,9 @@ import tempfile
 from pathlib import Path
 
 import fledge_wheel
-from fledge_wheel import PROJECT, ROOT, VERSION
-
-sys.path.insert(0, str(ROOT / "python"))
-from fledge.launcher.packages import listed  # noqa: E402
+from fledge_wheel import PROJECT, ROOT, VERSION     # and finds those of Fledge
+from fledge.disk import Part
+from fledge.launcher.packages import listed
 
 SUGGESTED = ("project", "film", "scheduler", "profile")     # sections of packages.txt
 DESCRIPTION = """ Algorithms in C, composed by Python, fly in closed loop against a simulated spacecraft. This
@@ -73,7 +72,8 @@ def pack(prefix, folder):
             f"{hashlib.md5(path.read_bytes()).hexdigest()}  {path.relative_to(tree)}\n" for path in files))
         for path in (tree, *tree.rglob("*")):       # whatever this user's umask is
             path.chmod(0o755 if path.is_dir() or path.stat().st_mode & 0o100 else 0o644)
-        subprocess.run(["dpkg-deb", "--root-owner-group", "--build", tree, Path(folder) / name], check=True)
+        with Part(Path(folder, name)) as part:
+            subprocess.run(["dpkg-deb", "--root-owner-group", "--build", tree, part], check=True)
     return name
 
 

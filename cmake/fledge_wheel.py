@@ -21,6 +21,9 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "python"))
+from fledge.disk import Part  # noqa: E402
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 VERSION = re.search(r'^__version__ = "(.*)"', (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8"), re.M)[1]
 
@@ -49,7 +52,7 @@ def pack(prefix, folder):
                 f"Summary: {PROJECT['description']}", f"Requires-Python: {PROJECT['requires-python']}",
                 *(f"Requires-Dist: {package}" for package in requirements(home)), ""]
 
-    with zipfile.ZipFile(Path(folder) / f"{name}-{tag}.whl", "w", zipfile.ZIP_DEFLATED) as wheel:
+    with Part(Path(folder, f"{name}-{tag}.whl")) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as wheel:
         record = []
 
         def add(path, content, mode=0o644):

@@ -257,6 +257,30 @@ def deb(prefix, tmp_path_factory):
         return folder / fledge_deb.pack(prefix, folder)
 
 
+def test_a_package_that_is_not_finished_leaves_no_file(tmp_path, monkeypatch):
+    prefix, folder, begun = tmp_path / "prefix", tmp_path / "packages", []
+    for name in ("bin/fledge", "share/bash-completion/x", "share/zsh/site-functions/_fledge", "lib/fledge/x",
+                 "lib/python3/dist-packages/fledge.pth", f"lib/fledge/python/_core{sysconfig.get_config_var('EXT_SUFFIX')}"):
+        (prefix / name).parent.mkdir(parents=True, exist_ok=True)
+        (prefix / name).touch()
+    folder.mkdir()
+
+    def ends(command, **_):
+        begun.extend(path.suffix for path in folder.iterdir())
+        raise subprocess.CalledProcessError(2, command)
+
+    monkeypatch.setattr(fledge_deb, "depends", lambda _: [])
+    monkeypatch.setattr(fledge_deb, "_output", lambda *_: "all")
+    monkeypatch.setattr(fledge_wheel, "requirements", lambda _: [])
+    monkeypatch.setattr(fledge_wheel, "libraries", ends)
+    monkeypatch.setattr(subprocess, "run", ends)
+    for pack in (fledge_wheel.pack, fledge_deb.pack):
+        with pytest.raises(subprocess.CalledProcessError):
+            pack(prefix, folder)
+        assert list(folder.iterdir()) == []
+    assert begun == [".part", ".part"]
+
+
 @pytest.mark.long("pip makes the wheel")
 def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
     python = "cp{0.major}{0.minor}".format(sys.version_info)

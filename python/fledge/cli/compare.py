@@ -89,6 +89,7 @@ def _with_file(options: argparse.Namespace) -> int:
     from fledge.cli.console import counted, say
     from fledge.cli.runs import open_run
     from fledge.columns import columns
+    from fledge.disk import Part
     from fledge.errors import SetupError
 
     run = motion.of_run(open_run(options.runs[0]), options.craft)
@@ -110,7 +111,8 @@ def _with_file(options: argparse.Namespace) -> int:
     if options.csv:
         heads = ",".join(["t [s]", *(f"{name} [{motion.UNITS[name]}]" for name in table)])
         lines = np.stack([t, *table.values()], axis=1)
-        np.savetxt(options.csv, lines, delimiter=",", header=heads, comments="", fmt="%.17g")
+        with Part(options.csv) as part:
+            np.savetxt(part, lines, delimiter=",", header=heads, comments="", fmt="%.17g")
         say(options.csv)
     return int(any(np.abs(values).max() > options.tolerance > 0 for values in table.values()))
 

@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.disk import Part
 from fledge.errors import SetupError
 from fledge.progress import Bar
 from fledge.scene import browser, page
@@ -39,7 +40,8 @@ def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float 
     path = Path(path)
     times = [begin + (end - begin) * k / (frames - 1) for k in range(frames)]
     first, *others = _pictures(scene, path, look, times, "filmed")
-    first.save(path, "WEBP", save_all=True, append_images=others, duration=EACH, loop=0, quality=QUALITY, method=4)
+    with Part(path) as part:
+        first.save(part, "WEBP", save_all=True, append_images=others, duration=EACH, loop=0, quality=QUALITY, method=4)
     return path
 
 
