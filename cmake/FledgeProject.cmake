@@ -7,7 +7,7 @@ include(FledgeIntrospect)
 #
 # Builds one shared library, which `./fledge --project` loads. In FLIGHT, a path such as
 # flight/sun_slew stands for flight/sun_slew.c and flight/sun_slew_test.cpp; in WORLD, a path such as
-# world/gas_leak for world/gas_leak_model.cpp and world/gas_leak_model_test.cpp. Their
+# world/gas_leak for world/gas_leak_model.cpp and world/gas_leak_model_test.cpp. A test need not be there. Their
 # interfaces, and messages, are the headers found in flight/ and world/. EXISTING C comes as it is: no
 # warnings, GNU C11. C of FLIGHT and EXISTING that does not compute the same bits everywhere is refused (see
 # fledge_flight_symbols()); C that only models of the world call is NOT_FLOWN, and may call all.
@@ -20,6 +20,7 @@ function(fledge_project name)
             "It takes a name, then FLIGHT, WORLD, EXISTING and NOT_FLOWN with their lists")
     endif()
     set(loaded "")
+    set(found "")
     if(arg_FLIGHT OR arg_WORLD)
         list(TRANSFORM arg_FLIGHT APPEND .c OUTPUT_VARIABLE modules)
         list(TRANSFORM arg_WORLD APPEND _model.cpp OUTPUT_VARIABLE models)
@@ -71,11 +72,15 @@ function(fledge_project name)
         fledge_observed_objects(${name}_code TARGETS ${built_by})
         fledge_observed(${name} OBJECTS ${name}_code)
 
+        # Without one, the test may be in Python, as `fledge new --from` writes it. The launcher reads the list, and
+        # configures anew where a test has come or gone.
         list(TRANSFORM arg_WORLD APPEND _model OUTPUT_VARIABLE models)
         foreach(path IN LISTS arg_FLIGHT models)
-            if(EXISTS ${PROJECT_SOURCE_DIR}/${path}_test.py AND NOT EXISTS ${PROJECT_SOURCE_DIR}/${path}_test.cpp)
-                continue()     # its test is in Python, as `fledge new --from` writes it
+            if(NOT EXISTS ${PROJECT_SOURCE_DIR}/${path}_test.cpp)
+                string(APPEND found "- ${path}_test.cpp\n")
+                continue()
             endif()
+            string(APPEND found "+ ${path}_test.cpp\n")
             string(REPLACE / _ test ${path}_test)
             fledge_add_test(${test} SOURCES ${path}_test.cpp LIBRARIES ${name}_code fledge::tables)
             if(BUILD_TESTING)
@@ -83,6 +88,7 @@ function(fledge_project name)
             endif()
         endforeach()
     endif()
+    file(WRITE ${PROJECT_BINARY_DIR}/fledge-tests.txt "${found}")
 
     # Editors look for types in one folder of the project: beside its own, links to Fledge's.
     file(GLOB types ${FLEDGE_ROOT}/python/fledge ${FLEDGE_STUBS}/_[cefg]*.pyi)    # not those of a project

@@ -448,6 +448,27 @@ def test_a_project_is_built_anew_for_another_place_or_another_fledge(launch):
         "--project", moved, "list").stderr
 
 
+def test_a_project_is_configured_again_when_a_test_comes_or_goes(launch):
+    (launch.fake / "updated").touch()
+    sat = launch.place / "sat"
+    sat.mkdir()
+    (sat / "CMakeLists.txt").touch()
+
+    def configured():
+        assert launch("--project", sat, "list").returncode == 0
+        return len(launch.calls("cmake"))
+
+    first, found = configured(), sat / "build/release/fledge-tests.txt"
+    found.write_text("+ one_test.cpp\n- two_test.cpp\n")
+    (sat / "one_test.cpp").touch()
+    assert configured() == first
+    (sat / "two_test.cpp").touch()
+    assert configured() == first + 1
+    found.write_text("+ one_test.cpp\n+ two_test.cpp\n")
+    (sat / "one_test.cpp").unlink()
+    assert configured() == first + 2
+
+
 def test_two_fledges_keep_their_builds_of_one_project(launch):
     (launch.fake / "updated").touch()
     other, sat = launch.place / "other", launch.place / "sat"

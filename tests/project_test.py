@@ -430,6 +430,10 @@ def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
     fledge("new", "project", "bad", cwd=tmp_path)
     for name in ("One", "Two"):
         fledge("--project", "bad", "new", "module", name, cwd=tmp_path)
+    for path in (tmp_path / "bad/flight").glob("*_test.cpp"):       # a module need not have a test
+        assert ", 0 failed, " in fledge("--project", "bad", "test", "-k", path.stem, cwd=tmp_path)
+        path.unlink()
+    fledge("--project", "bad", "list", cwd=tmp_path)
     cmake = tmp_path / "bad/CMakeLists.txt"
     replace(cmake, "        flight/two\n", "")
     output = fledge("--project", "bad", "list", cwd=tmp_path, code=1)

@@ -53,10 +53,19 @@ class Build:
             ["ninja", "-C", self.folder, "-n", *targets], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             text=True).stdout
 
+    def _has_its_tests(self) -> bool:
+        """Whether the tests of a project are there, or not, as they were when it was configured."""
+        try:
+            lines = (self.folder / "fledge-tests.txt").read_text(encoding="utf-8").splitlines()
+        except OSError:
+            return True
+        return all((self.tree / line[2:]).exists() == (line[0] == "+") for line in lines)
+
     def make(self, context: Context, targets: Sequence[str], tests: bool) -> None:
         """Configure the tree if it is not configured here, or if it is without the tests, or the errors for warnings,
-        that are now requested; then build the targets, and print the warnings of a project. When a CMake file changes,
-        Ninja configures again by itself. Other launchers wait meanwhile: Ninja expects to be alone."""
+        that are now requested, or with other tests; then build the targets, and print the warnings of a project. When a
+        CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile: Ninja expects to be
+        alone."""
         logs, preset = self.tree / "build", context.preset
         if not may_write(logs, self.folder):
             if not self.is_built(targets):
@@ -77,7 +86,7 @@ class Build:
             requested = {"BUILD_TESTING": tests,
                          "CMAKE_COMPILE_WARNING_AS_ERROR": context.develops and not self.fledge}
             on = {name: value or not fresh and self.cached(name) == "ON" for name, value in requested.items()}
-            if fresh or any(value and self.cached(name) != "ON" for name, value in requested.items()):
+            if fresh or not self._has_its_tests() or any(value and self.cached(name) != "ON" for name, value in requested.items()):
                 log = logs / f"configure-{preset}.log"
                 if status := run(log, ["cmake", *fresh, *self.arguments,
                                        f"-DBUILD_TESTING={'ON' if on.pop('BUILD_TESTING') else 'OFF'}",
