@@ -131,6 +131,14 @@ class _Reader:
     def _is_sound(self, name: str) -> bool:
         return not self._problems[name] and all(map(self._is_sound, self._uses[name]))
 
+    def _comment(self, cursor: Cursor) -> str | None:
+        """The comment of a declaration. Raises HeaderError if it is not in UTF-8."""
+        try:
+            text: str | None = cursor.raw_comment
+        except UnicodeDecodeError:
+            raise self._headers.no_utf8(libclang.file_of(cursor)) from None
+        return text
+
     def _refuse(self, cursor: Cursor, refusal: Refusal) -> None:
         """Note a problem of the struct being read."""
         place = cursor.location
@@ -168,7 +176,7 @@ class _Reader:
             kind, fields = Kind.PLAIN, self._fields(members, Group.NONE, 0)
             if fields and fields[0].ctype == "Head" and fields[0].name == "head":
                 kind = Kind.MESSAGE
-        struct = Struct(name, comment.doc_text(cursor.raw_comment), kind, cursor.type.get_size(),
+        struct = Struct(name, comment.doc_text(self._comment(cursor)), kind, cursor.type.get_size(),
                         cursor.type.get_align(), fields, self._headers.relative(file),
                         self._headers.show(file), cursor.location.line,
                         self._headers.library(file))
@@ -242,7 +250,7 @@ class _Reader:
             return None
         for child in declared.get_children():
             try:
-                comment.event(comment.field_text(child.raw_comment) or "")
+                comment.event(comment.field_text(self._comment(child)) or "")
                 if not child.spelling.startswith(begin) or child.enum_value < 0:
                     raise Refusal(f"an event's id begins with {begin} and is not negative",
                                   f"`{child.spelling} = {child.enum_value}`", "correct it")
@@ -277,7 +285,7 @@ class _Reader:
 
     def _commented(self, field: Field, member: Cursor) -> Field:
         """The field with unit, clauses and meaning from its comment."""
-        raw = member.raw_comment
+        raw = self._comment(member)
         text = comment.field_text(raw)
         try:
             if raw and text is None:
@@ -370,7 +378,7 @@ class _Reader:
             if len(known) < len(arguments) or not returns and cursor.result_type.kind is not TypeKind.VOID \
                     or not returns and not fills or any(take.ctype == "int" for take in takes):
                 continue
-            doc = comment.doc_text(cursor.raw_comment) or comment.field_text(cursor.raw_comment) or ""
+            doc = comment.doc_text(self._comment(cursor)) or comment.field_text(self._comment(cursor)) or ""
             yield Function(name, doc, tuple(takes), returns, tuple(fills), self._headers.relative(file),
                            self._headers.library(file))
 
@@ -390,9 +398,9 @@ class _Reader:
             raise Refusal("an enum has 4 bytes", f"`{name}` has {cursor.type.get_size()}",
                           "leave out attributes, and keep its values within 32 bits")
         file = libclang.file_of(cursor)
-        values = tuple(Enumerator(c.spelling, c.enum_value, comment.field_text(c.raw_comment) or "")
+        values = tuple(Enumerator(c.spelling, c.enum_value, comment.field_text(self._comment(c)) or "")
                        for c in cursor.get_children() if c.kind is CursorKind.ENUM_CONSTANT_DECL)
-        self._enums[name] = Enumeration(name, comment.doc_text(cursor.raw_comment), values,
+        self._enums[name] = Enumeration(name, comment.doc_text(self._comment(cursor)), values,
                                         self._headers.relative(file), self._headers.library(file))
         return self._enums[name]
 

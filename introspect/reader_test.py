@@ -216,6 +216,28 @@ def test_cpp_headers_are_left_alone_but_watched(tmp_path):
     assert str(tmp_path / "w/model.h") in model.files
 
 
+@pytest.mark.parametrize("lines", [
+    "/* Names here share one\n   namespace with others, and a\n   template <of words>.\n*/\n//\tnamespace x {\n",
+    '#define TEXT "/*"\n/*\n#include <vector>\n*/\n',
+    '#ifdef __cplusplus\n#include <cstdint>\nextern "C" {\n#else\n#include <stdint.h>\n#endif\n'
+    "#if defined(__cplusplus)\n}\n#endif\n",
+    "#ifndef __cplusplus\n#include <stdint.h>\n#else\n#ifdef X\n#include <x>\n#endif\nnamespace x {}\n#endif\n",
+    "#if !defined(__cplusplus)\n#elif defined X\nnamespace x {}\n#endif\n",
+    "#if __cplusplus >= 201103L\ntemplate <class T> struct X;\n#endif\n"])
+def test_headers_of_both_languages_are_read(tmp_path, lines):
+    header = write_header(tmp_path, "m/x.h", lines + "/** B. */\ntypedef struct B {\n    Head head;\n} B;")
+    subprocess.run(["g++", "-fsyntax-only", "-x", "c++", f"-I{ROOT}", header], check=True)
+    assert "B" in read_tree(tmp_path).structs
+
+
+@pytest.mark.parametrize("lines", ["#ifdef X\nnamespace x {}\n#else\nnamespace y {}\n#endif\n",
+                                   "#if defined(X) || defined(__cplusplus)\n#include <vector>\n#endif\n",
+                                   "#ifndef __cplusplus\n#error it is C++\n#endif\nnamespace x {}\n"])
+def test_headers_that_may_be_cpp_in_c_are_left_alone(tmp_path, lines):
+    write_header(tmp_path, "m/x.h", lines)
+    assert not read_tree(tmp_path).structs
+
+
 def test_structs_that_are_no_interface_may_be_as_they_like(tmp_path):
     write_header(tmp_path, "m/x.h", """
 typedef struct List {

@@ -105,6 +105,16 @@ def test_a_layout_that_depends_on_the_machine(tmp_path):
         "everywhere"]
 
 
+def test_a_comment_in_another_encoding(tmp_path):
+    header = write_header(tmp_path, "m/x.h", MESSAGE % "double x; ///< [m] Höhe" + "/* Größe */")
+    header.write_bytes(header.read_text().encode("latin-1"))
+    assert problems(tmp_path) == [
+        f"{header}:8: a header is in UTF-8; 0xF6, byte 21 of the line; save it as UTF-8",
+        f"{header}:10: a header is in UTF-8; 0xF6, byte 6 of the line; save it as UTF-8"]
+    header.write_bytes(header.read_bytes().replace(b"H\xf6he", b"height"))
+    assert "Msg" in read_tree(tmp_path).structs     # what the model takes is in ASCII
+
+
 def test_a_header_that_needs_an_operating_system(tmp_path):
     header = write_header(tmp_path, "m/x.h", "#include <unistd.h>\n")
     assert problems(tmp_path) == [

@@ -43,12 +43,45 @@ def find_headers(source: Source) -> tuple[list[str], list[str]]:
 
 
 _CPP = re.compile(r"^\s*(?:(?:inline\s+)?namespace\s+\w|#\s*include\s*<\w+>|template\s*<)", re.M)
+_COMMENT = re.compile(r"""//[^\n]*|/\*.*?\*/|("(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*')""", re.S)
+_CONDITION = re.compile(r"\s*#\s*(ifdef|ifndef|if|elif|else|endif)\b(.*)")
 
 
 def is_cpp(text: str) -> bool:
     """Whether a header is C++, as those of the models' behaviour are: it opens a namespace,
-    declares a template, or includes a header without .h."""
-    return bool(_CPP.search(text))
+    declares a template, or includes a header without .h; and does so for a compiler of C, too."""
+    return bool(_CPP.search(_for_c(_uncommented(text))))
+
+
+def _uncommented(text: str) -> str:
+    """The same lines without comments."""
+    return _COMMENT.sub(lambda match: match[1] or "\n" * match[0].count("\n"), text)
+
+
+def _for_c(text: str) -> str:
+    """Without the lines that stand there for C++ alone, by #if and the like."""
+    lines, holds = [], []       # of the conditions around a line: whether they hold in C; None: it may be
+    for line in text.splitlines():
+        if match := _CONDITION.match(line):
+            word, condition = match.groups()
+            if word.startswith("if"):
+                holds.append(_holds(word, condition))
+            elif holds and word == "elif":
+                holds[-1] = False if holds[-1] else _holds(word, condition)
+            elif holds and word == "else":
+                holds[-1] = None if holds[-1] is None else not holds[-1]
+            elif holds:
+                holds.pop()
+        elif False not in holds:
+            lines.append(line)
+    return "\n".join(lines)
+
+
+def _holds(word: str, condition: str) -> bool | None:
+    """Whether a condition holds in C; None if it is about something else than C++."""
+    if "__cplusplus" not in condition or "||" in condition:
+        return None
+    return word == "ifndef" or bool(re.search(r"!\s*defined\W+__cplusplus", condition))
 
 
 class Headers:
@@ -80,6 +113,17 @@ class Headers:
         """As the caller would write it."""
         return self._shown.get(os.path.abspath(path), path)
 
+    def no_utf8(self, path: str) -> HeaderError:
+        """Why the comments of a header cannot be read: each line that is not in UTF-8."""
+        problems = []
+        for n, line in enumerate(Path(path).read_bytes().splitlines(), 1):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError as error:
+                problems.append(Problem(self.show(path), n, "a header is in UTF-8",
+                                        f"0x{line[error.start]:02X}, byte {error.start + 1} of the line", "save it as UTF-8"))
+        return HeaderError(problems)
+
     def relative(self, path: str) -> str:
         """As `#include` would write it."""
         for root in self.roots:
@@ -97,6 +141,7 @@ class Headers:
         first: dict[str, str] = {}
         problems = []
         for path, text in sorted(texts.items()):
+            text = _uncommented(text)
             guard = re.search(r"^\s*#\s*ifndef\s+(\w+)\s+#\s*define\s+\1\b", text, re.M)
             if guard and first.setdefault(guard[1], path) != path:
                 line = text.count("\n", 0, guard.start(1)) + 1

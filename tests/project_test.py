@@ -523,6 +523,11 @@ def test_projects_are_checked_too(tmp_path, folder, answer):
 def test_files_are_never_overwritten_and_a_list_that_is_not_found_is_reported(tmp_path):
     new.project(tmp_path / "p")
     (tmp_path / "p/flight/spin.c").write_text("mine\n")
+    cmake = tmp_path / "p/CMakeLists.txt"
+    cmake.write_bytes(cmake.read_bytes() + b"# gr\xfcn\n")     # in any encoding
+    new.module("Other", tmp_path / "p")
+    assert b"flight/other" in cmake.read_bytes() and cmake.read_bytes().endswith(b"# gr\xfcn\n")
+    cmake.write_bytes(cmake.read_bytes().replace(b"\xfc", b"ue"))
     with pytest.raises(new.NewError, match="flight/spin.c is there already, and stays as it is"):
         new.module("Spin", tmp_path / "p")
     assert (tmp_path / "p/flight/spin.c").read_text() == "mine\n" and not (tmp_path / "p/flight/spin.h").exists()

@@ -73,7 +73,7 @@ def summaries(mission: Path, of_functions: str = "scenarios.py") -> dict[str, st
         if not path.exists():
             continue
         try:
-            tree = ast.parse(path.read_text(encoding="utf-8"))
+            tree = ast.parse(source(path))
         except SyntaxError as error:
             return {"": f"{path}, line {error.lineno}: {error.msg}"}
         if file != of_functions:
@@ -83,6 +83,16 @@ def summaries(mission: Path, of_functions: str = "scenarios.py") -> dict[str, st
                          if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
                          and len(node.args.args) == 1)
     return names
+
+
+def source(path: Path) -> str:
+    """The text of a file of Python. Raises SyntaxError if it is not in UTF-8."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise SyntaxError(f"0x{error.object[error.start]:02X} is no UTF-8; save the file as UTF-8",
+                          (str(path), line, None, None)) from None
 
 
 def first_line(text: str | None) -> str:

@@ -18,6 +18,7 @@ from pathlib import Path
 from string import Template
 
 from fledge import folders
+from fledge.disk import write_files
 from fledge.errors import did_you_mean
 from introspect import keywords
 
@@ -85,7 +86,7 @@ def _type(what: str, name: str, project: Path | str | None, top: str, default: s
                   else _module_line(root, path) if what == "module" else _model_line(root, path, source is None))
     written = {root / (path + ending): text for ending, text in texts.items()}
     _write(written)
-    file.write_text(text, encoding="utf-8")
+    write_files({file.name: text.encode("utf-8", "surrogateescape")}, file.parent)
     library = "fsw" if what == "module" else "world"
     return [*written, file], (f"In a mission's {top}.py, it is {library}.{name}. "
                               f"Its test: {_command(project)} test -k {name}")
@@ -284,7 +285,7 @@ def _declared(root: Path) -> Iterator[tuple[str, Path]]:
 def _last(file: Path, what: str, *patterns: str) -> re.Match:
     """The last match of the first pattern that matches the text of a file. what: to name in the error"""
     try:
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8", errors="surrogateescape")
     except FileNotFoundError:
         raise NewError(f"there is no {file}; './fledge new project' makes one") from None
     matches = next(filter(None, (list(re.finditer(pattern, text, re.M)) for pattern in patterns)), None)

@@ -251,7 +251,7 @@ class MissionFiles:
         sys.modules[module.__name__] = module
 
         def run() -> None:
-            text = path.read_text(encoding="utf-8")
+            text = folders.source(path)
             if name in FLYING:
                 flying.execute(text, str(path), vars(module))
             else:

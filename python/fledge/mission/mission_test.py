@@ -94,6 +94,20 @@ def test_scenarios_and_their_summaries(here):
     assert sim.time == 120
 
 
+def test_a_file_in_another_encoding_is_named_with_its_line(here):
+    about = fledge.load("looker").mission
+    for name in ("flight", "scenarios"):
+        path = here / f"{name}.py"
+        before = path.read_bytes()
+        text = before + b"\n# gr\xfcn\n"
+        path.write_bytes(text)
+        line = f"looker/{name}.py, line {len(text.splitlines())}: 0xFC is no UTF-8; save the file as UTF-8"
+        with pytest.raises(fledge.MissionError, match=re.escape(line)):
+            fledge.load("looker")
+        assert about.summaries()[""].endswith(line)
+        path.write_bytes(before)
+
+
 def test_a_mission_made_by_mission_py_needs_no_flight_py(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "missions" / "pair"

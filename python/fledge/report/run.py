@@ -21,6 +21,7 @@ from markupsafe import Markup
 from fledge import __version__, objects, scene
 from fledge.errors import SetupError
 from fledge.disk import Part
+from fledge.folders import source
 from fledge.mission.log import dtype_of, leaves
 from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation
@@ -245,7 +246,7 @@ def _documents(mission: Any) -> list[tuple[str, list[str]]]:
                        ("scenarios.py", "scenarios")):
         path = mission.folder / file if mission else None
         if path and path.exists():
-            doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            doc = ast.get_docstring(ast.parse(source(path))) or ""
             doc = re.sub(r"^(What flies|The truth|The world): *(.)", lambda m: m[2].upper(), doc)
             documents.append((word, _paragraphs(doc)))
     return [(word, paragraphs) for word, paragraphs in documents if paragraphs]
