@@ -49,6 +49,11 @@ def printable(text: str, lines: bool = True) -> str:
     return text if lines else text.replace("\n", "\u27e80A\u27e9").replace("\t", "\u27e809\u27e9")
 
 
+def excerpt(text: str, most: int = 500) -> str:
+    """The same of a text of any length: its first characters."""
+    return printable(text[:most]) + (f" ... and {len(text) - most} more characters" if len(text) > most else "")
+
+
 def cell(text: str) -> str:
     """A text for a cell of CSV, as it is shown; one that a table would take for a formula begins with an apostrophe."""
     return ("'" if _FORMULA.match(text) else "") + printable(text)

@@ -9,7 +9,8 @@ import pytest
 
 import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
-from fledge.errors import cell, field, printable
+from fledge.cli.console import complain
+from fledge.errors import cell, excerpt, field, printable
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.objects.testing import kinds
 from fledge.requirements import settles
@@ -523,6 +524,13 @@ def test_a_text_from_outside_is_shown_and_drives_nothing():
             assert printable(character, lines=False).isprintable()
         elif kind[0] in "LNPS" or character == " ":
             assert printable(character) == character, hex(point)
+
+
+def test_a_text_of_another_program_floods_no_terminal(capsys):
+    complain("one\n\x1b[2J" + "x" * 10**6)
+    assert excerpt("short") == "short" and excerpt("abc", 1) == "a ... and 2 more characters"
+    head, line = capsys.readouterr().err.splitlines()
+    assert head == "fledge: one" and line.startswith("\u27e81B\u27e9[2Jx") and len(line) < 2100
 
 
 @pytest.mark.parametrize("before", ["", " ", "\t", "\r", "\n", '"', "'", " ' \"", "\u00a0", "\u2018", "\u3000"])

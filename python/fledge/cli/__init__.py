@@ -19,9 +19,9 @@ import warnings
 from pathlib import Path
 
 from fledge.cli.arguments import parse_duration
-from fledge.cli.console import trace
+from fledge.cli.console import complain, trace
 from fledge.cli.failures import expected, in_words, say_warning
-from fledge.errors import Failure, did_you_mean, printable
+from fledge.errors import Failure, did_you_mean
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -119,10 +119,10 @@ def carry_out(options: argparse.Namespace) -> int:
             limit_updates(parse_duration(options.update_limit, "--update-limit"))
         return options.function(options)
     except Failure as error:
-        print(f"fledge: {printable(str(error))}", file=sys.stderr)
+        complain(str(error))
         return error.code
     except KeyboardInterrupt:
-        print("fledge: interrupted", file=sys.stderr)
+        complain("interrupted")
         return 130
     except BrokenPipeError:  # the reader of the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -130,10 +130,9 @@ def carry_out(options: argparse.Namespace) -> int:
     except Exception as error:
         trace(options)
         if expected(error):
-            print(f"fledge: {in_words(error)}", file=sys.stderr)
+            complain(in_words(error))
             return 1 if type(error).__name__ == "RunError" else 2
         if options.debug:
             return 70
-        print(f"fledge: {type(error).__name__}: {error}\nThis is a defect of fledge; --debug shows where.",
-              file=sys.stderr)
+        complain(f"{type(error).__name__}: {error}\nThis is a defect of fledge; --debug shows where.")
         return 70

@@ -8,7 +8,6 @@ Exit codes: 0 the same bits, or within the tolerance; 1 a difference; 2 the comm
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 
 from fledge.cli.arguments import number
@@ -36,14 +35,14 @@ def add(command: Callable) -> None:
 def compare(options: argparse.Namespace) -> int:
     """Print the differences of two records; returns the exit code."""
     from fledge.archive import compare as comparing
-    from fledge.cli.console import counted, say
+    from fledge.cli.console import complain, counted, say
     from fledge.cli.runs import open_run
 
     if _is_motion(options.runs[1]):
         return _with_file(options)
     a, b = map(open_run, options.runs)
     if a.path.resolve() == b.path.resolve():
-        print(f"{a.path}: compared with itself", file=sys.stderr)
+        complain(f"{a.path}: compared with itself", "")
     differences = comparing.compare(a, b, options.topics, options.ignore, options.tolerance)
     origins = comparing.origins(a, b)
     if not differences:

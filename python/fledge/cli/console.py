@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from fledge.errors import printable
+from fledge.errors import excerpt, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -15,9 +15,16 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+LINE = 2000     # characters of a line of a complaint
+
 
 def say(text: str = "") -> None:
     print(printable(text), flush=True)  # names may come from files and other programs
+
+
+def complain(text: str, head: str = "fledge: ") -> None:
+    """A line on stderr, or some. A text of another program is not trusted: it drives no terminal and floods none."""
+    print(head + "\n".join(excerpt(line, LINE) for line in text.split("\n")), file=sys.stderr, flush=True)
 
 
 def trace(options: argparse.Namespace) -> None:

@@ -12,7 +12,7 @@ import getpass
 import sys
 
 from fledge.cli.arguments import actions, add_process, add_seed, number
-from fledge.cli.console import say, trace
+from fledge.cli.console import complain, say, trace
 from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -76,14 +76,14 @@ def serve(options: argparse.Namespace) -> int:
     from fledge.ground.server.room import Room
     from fledge.ground.server.settings import read
 
-    print(f"fledge: loading the spacecraft of {options.file} ...", file=sys.stderr, flush=True)
+    complain(f"loading the spacecraft of {options.file} ...")
     ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)   # with a heap for each thread, each keeps the size of its largest answer
     os.umask(0o077)     # journal, archive and files are their owner's
     settings = read(Path(options.file))
     open_ones = settings.guarded()
     room = Room(settings)
     for text in open_ones:
-        print(f"fledge: {text}", file=sys.stderr)
+        complain(text)
         for craft in settings.crafts:
             room.report(craft.name, "warning", "server", text)
 

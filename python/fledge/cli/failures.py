@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-import sys
+from pathlib import Path
 
-from fledge.cli.console import cannot_fly
-from fledge.errors import printable
+from fledge.cli.console import cannot_fly, complain
+
+_PACKAGE = Path(__file__).parents[1]
 
 
 def say_warning(message: object, category: type, file: str, line: int, *_: object) -> None:
+    """With the line of the user's file, if it is about one."""
     from fledge.disk import shown
 
-    print(f"fledge: {shown(file)}, line {line}: {printable(str(message))}", file=sys.stderr)
+    complain(("" if Path(file).is_relative_to(_PACKAGE) else f"{shown(file)}, line {line}: ") + str(message))
 
 
 def expected(error: BaseException) -> bool:

@@ -10,10 +10,10 @@ import argparse
 import functools
 import os
 import re
-import sys
 
 from fledge import serial_line
 from fledge.cli.arguments import add_mission, add_parameters, add_seed, given_parameters, number
+from fledge.cli.console import complain
 from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
@@ -120,7 +120,7 @@ def fly(options: argparse.Namespace) -> int:
             _refuse(lambda target, part: target.check(part), others, lacking)
 
     for name, why in lacking.items():
-        print(f"  {name}: {why}", file=sys.stderr)
+        complain(f"{name}: {why}", "  ")
     job = _job(options, duration, settled, check, [*names, *apart.values()])
     with alone(job.folder):
         if options.build:
@@ -196,7 +196,7 @@ def _job(options: argparse.Namespace, duration: float | None, settled: float, ch
         raise Failure("--report is about a whole scenario; leave out --for" + (" and --free" if options.free else ""))
     if options.gdb:
         address = options.gdb if ":" in options.gdb else f":{options.gdb}"
-        print(f"fledge: the board waits for gdb-multiarch: target remote {address}", file=sys.stderr)
+        complain(f"the board waits for gdb-multiarch: target remote {address}")
     return job
 
 
@@ -212,7 +212,7 @@ def _refuse(prepare: Callable[[Target, Part], object], others: list[tuple[Part, 
                 prepare(target, part)
             except (Failure, SetupError, OSError) as error:
                 lacking[target.name] = str(error)
-                print(f"  {target.name}: {error}", file=sys.stderr)
+                complain(f"{target.name}: {error}", "  ")
 
 
 def _checked(options: argparse.Namespace, job: Job, others: list[tuple[Part, Target]], settled: float) -> list[Bound]:
@@ -379,11 +379,11 @@ class _Comparison:
             try:
                 flown = self._flown(name, on)
             except (Failure, SetupError, RunError, ArchiveError, OSError) as error:
-                print(f"  {name}: {error}", file=sys.stderr)
+                complain(f"{name}: {error}", "  ")
                 self._absent(name)
                 continue
             except KeyboardInterrupt:
-                print(f"  {name}: interrupted", file=sys.stderr)
+                complain(f"{name}: interrupted", "  ")
                 self._absent(name)
                 self.code = 130
                 for later in list(self.wrong)[list(self.wrong).index(name) + 1:]:
@@ -490,7 +490,7 @@ class _Comparison:
             if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
                 self.wrong[name].append("the scenario's checks "
                                         + ("do not hold" if failed == 1 else "cannot be judged by its record"))
-                print(f"fledge: {job.title}, {job.scenario} on {name}: {raised}", file=sys.stderr)
+                complain(f"{job.title}, {job.scenario} on {name}: {raised}")
             same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, self.runs))
         for names, outcomes in same.values():
             show_required(outcomes, ", ".join(names))

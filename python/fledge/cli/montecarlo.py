@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit, command_line
-from fledge.cli.console import Plots, say, size_of
+from fledge.cli.console import Plots, complain, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
 from fledge.progress import Bar
@@ -148,8 +148,8 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
     workers = min(cores() if options.jobs is None else options.jobs, runs * points)
     if campaign.has_callables and workers > 0 and not options.scheduler:
         parameters = getattr(campaign, "parameters", [])
-        print(f"fledge: the mission {f'takes {listed(parameters)}' if parameters else 'calls Python'}, so {workers} "
-              "processes fly the runs instead of threads, each run in a mission loaded afresh", file=sys.stderr)
+        complain(f"the mission {f'takes {listed(parameters)}' if parameters else 'calls Python'}, so {workers} "
+                 "processes fly the runs instead of threads, each run in a mission loaded afresh")
     begun = time.perf_counter()
     with _Live(f"{campaign.nominal.name}, {campaign.name}", runs * points) as line:
         result = campaign.fly(runs, options.seed, options.jobs, progress=line.count, strict=options.strict,
@@ -176,8 +176,8 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
             f"  {'passed' if data['requirements'] else 'ended':8} {data['passed']} of {data['flown']}"
             + (f"; {data['runs'] - data['flown']} are missing" if result.interrupted else ""))
     if result.interrupted:
-        print(f"fledge: interrupted; the report is about the {data['flown']} runs that were finished; the same command "
-              "flies the rest", file=sys.stderr)
+        complain(f"interrupted; the report is about the {data['flown']} runs that were finished; the same command "
+                 "flies the rest")
         return 130
     return 1 if data["failed"] else 0
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
 from fledge.cli.arguments import add_mission, add_parameters, add_update_limit, given_parameters, number, parse_duration
-from fledge.cli.console import counted, say, size_of
+from fledge.cli.console import complain, counted, say, size_of
 from fledge.errors import Failure
 from fledge.disk import make
 
@@ -279,10 +279,10 @@ class Programs:
         try:
             code = int(work() or 0)
         except Failure as error:
-            print(f"fledge: {error}", file=sys.stderr)
+            complain(str(error))
             code = error.code
         except BaseException as error:
-            print(f"fledge: {type(error).__name__}: {error}", file=sys.stderr)
+            complain(f"{type(error).__name__}: {error}")
         finally:
             sys.stdout.flush()
             sys.stderr.flush()

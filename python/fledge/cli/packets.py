@@ -7,8 +7,8 @@ Exit codes as of all commands: 0 read to its end; 1 parts of the file are no pac
 from __future__ import annotations
 
 import json
-import sys
 
+from fledge.cli.console import complain
 from fledge.errors import Failure, field, for_json, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -69,7 +69,7 @@ def packets(options: argparse.Namespace) -> int:
 
         database = Database.load(*options.database, lenient=options.lenient)
         for reason in database.left_out:
-            print(f"fledge: {printable(reason)}", file=sys.stderr)
+            complain(reason)
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True
@@ -78,7 +78,7 @@ def packets(options: argparse.Namespace) -> int:
         if not piece.packet:
             good = good and not piece.problem
             where = f", byte {piece.at}" if piece.problem else ""
-            print(f"fledge: {options.file}{where}: {piece.problem or piece.note}", file=sys.stderr)
+            complain(f"{options.file}{where}: {piece.problem or piece.note}")
             continue
         packet = database.decode(piece.packet, options.root) if database and not encapsulated(piece.packet) else None
         good = good and not piece.note
@@ -90,7 +90,7 @@ def packets(options: argparse.Namespace) -> int:
             lacking -= {(part.time, part.at) for part in unit.parts}
         show(piece, packet, unit, whole)
     if note := joiner.note():
-        print(f"fledge: {options.file}: {note}", file=sys.stderr)
+        complain(f"{options.file}: {note}")
     return 0 if good and not lacking else 1
 
 

@@ -44,10 +44,9 @@ def add(command: Callable) -> None:
 
 def profile(options: argparse.Namespace) -> int:
     import json
-    import sys
 
     from fledge.cli.arguments import flight_time
-    from fledge.cli.console import counted, say
+    from fledge.cli.console import complain, counted, say
     from fledge.cli.runs import alone
     from fledge.columns import columns
     from fledge.errors import Failure
@@ -84,7 +83,7 @@ def profile(options: argparse.Namespace) -> int:
     say(f"  report   {paths[1]}\n  figures  {paths[0]}")
     problems = [f"{timing.target}: {problem}" for timing in timings for problem in timing.problems()]
     for problem in problems:
-        print(f"fledge: {problem}", file=sys.stderr)
+        complain(problem)
     return 1 if problems else 0
 
 

@@ -84,6 +84,7 @@ def _texts(title: str) -> Iterator[str]:
 
 def _answer(flight: Flight, text: str, turns: int) -> None:
     """Send a text to flight, and print its answer."""
+    from fledge.cli.console import say
     from fledge.errors import Failure, SetupError
 
     word, _, rest = text.strip().partition(" ")
@@ -101,4 +102,4 @@ def _answer(flight: Flight, text: str, turns: int) -> None:
     except (Failure, SetupError, OSError) as error:
         if not flight.lives():
             raise
-        print(error)
+        say(str(error))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from fledge.cli.arguments import parse_duration
-from fledge.cli.console import say, size_of
+from fledge.cli.console import complain, say, size_of
 from fledge.cli.runs import SCENE, WHAT, open_run
-from fledge.errors import Failure, printable
+from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -143,8 +142,7 @@ def _decodable(archive: Archive) -> list[Any]:
     """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
     for channel in archive.topics.values():
         if channel.problem:
-            print(f"fledge: without {printable(channel.topic)} ({printable(channel.schema)}), whose messages are "
-                  "no plain structs", file=sys.stderr)
+            complain(f"without {channel.topic} ({channel.schema}), whose messages are no plain structs")
     return [channel for channel in archive.topics.values() if not channel.problem]
 
 

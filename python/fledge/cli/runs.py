@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import fcntl
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from fledge.cli.console import complain
 from fledge.errors import Failure, listed
 from fledge.disk import make
 
@@ -108,7 +108,7 @@ def find_run(name: str) -> Path:
                 return records[0]
             if path.parent == RUNS and path != KEPT and (runs := list(path.glob("*/run.mcap"))):
                 newest = max(runs, key=lambda record: record.stat().st_mtime_ns)
-                print(f"{newest} is the newest run of {path.name}; {path} has {len(records)} records", file=sys.stderr)
+                complain(f"{newest} is the newest run of {path.name}; {path} has {len(records)} records", "")
                 return newest
             if records:
                 raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, records))}")
@@ -127,7 +127,7 @@ def open_run(name: str) -> Archive:
     path = find_run(name)
     archive = Archive(path)
     if archive.problem:
-        print(archive.problem, file=sys.stderr)
+        complain(archive.problem, "")
     own = path.with_name(path.name + ".part")
     parts = [own] if own.is_file() else []
     for folder in (Path(name), KEPT / name, RUNS / name):
@@ -135,7 +135,7 @@ def open_run(name: str) -> Archive:
             parts += [part for part in sorted([*folder.glob("*.mcap.part"), *folder.glob("*/*.mcap.part")])
                       if part != own and part.stat().st_mtime > path.stat().st_mtime]
     for part in parts:
-        print(f"{path} is not of the last run: {_left(part)}", file=sys.stderr)
+        complain(f"{path} is not of the last run: {_left(part)}", "")
     return archive
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from fledge.cli.arguments import add_mission, add_parameters, given_parameters
-from fledge.cli.console import itemized, placed, say
+from fledge.cli.console import complain, itemized, placed, say
 from fledge.cli.runs import kept_runs
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -36,8 +35,7 @@ def show(options: argparse.Namespace) -> int:
 
     sim = fledge.load(options.mission, **given_parameters(options))
     if problems := sim.problems:
-        print("fledge: " + itemized("without what a scenario may give, the mission cannot fly", placed(problems)),
-              file=sys.stderr)
+        complain(itemized("without what a scenario may give, the mission cannot fly", placed(problems)))
     wiring = Wiring(sim, options.flight_only)
     if options.out:
         say(str(save(wiring, options.out)))

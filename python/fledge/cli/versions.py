@@ -31,11 +31,10 @@ def add(command: Callable) -> None:
 
 
 def versions(options: argparse.Namespace) -> int:
-    import sys
 
     from fledge import mission as missions
     from fledge.analysis import versions as comparing
-    from fledge.cli.console import counted, say
+    from fledge.cli.console import complain, counted, say
     from fledge.cli.runs import alone
     from fledge.disk import write_files
 
@@ -49,6 +48,6 @@ def versions(options: argparse.Namespace) -> int:
             say(f"  report   {path}")
     fell = comparing.regressions(moved)
     for change in fell:
-        print(f"fledge: {change.name} held in {counted(len(change.lost), 'run')} in which it does not hold now, as in "
-              f"run {change.lost[0]}", file=sys.stderr)
+        complain(f"{change.name} held in {counted(len(change.lost), 'run')} in which it does not hold now, as in run "
+                 f"{change.lost[0]}")
     return 1 if fell else 0

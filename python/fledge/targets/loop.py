@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from fledge.errors import Failure
+from fledge.errors import Failure, printable
 from fledge.progress import Progress
 from fledge.targets import build
 
@@ -96,7 +96,7 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
                 bar.reaches(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
             for line in (line for program in programs.values() for line in program.line_problems()):
-                print(f"  {line}", file=sys.stderr)
+                print(f"  {printable(line)}", file=sys.stderr)
             if None not in results.values():
                 break
             if ends is None and any(code is not None for code in results.values()):

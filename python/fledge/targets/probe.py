@@ -22,7 +22,7 @@ from typing import Any
 from pathlib import Path
 
 from fledge import elf
-from fledge.errors import Failure, did_you_mean
+from fledge.errors import Failure, did_you_mean, printable
 
 MISSING = "openocd is not installed here; as root, run: apt-get install openocd"
 
@@ -165,7 +165,7 @@ def run(command: list[str], name: str) -> None:
         for line in process.stdout:
             if line.strip():
                 lines.append(line.rstrip())
-                print(f"  | {lines[-1]}", flush=True)
+                print(f"  | {printable(lines[-1])}", flush=True)
     if process.returncode:
         raise Failure(f"load: openocd has not loaded {name}: {_reason(lines)}", 1)
 
