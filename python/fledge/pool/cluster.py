@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A pool of the workers of a Dask scheduler, on any machines.
 
-A task is an item, which a worker flies (worker.py). If a worker dies, Dask gives its items to others. A worker
-whose Fledge or mission differs from those of the work is refused.
+A task is an item, which a worker flies (worker.py). If a worker dies, Dask gives its items to others. An answer that is
+not what was sent is thrown away, and its item flown again. A worker whose Fledge or mission differs from those of the
+work is refused, and one that answers wrongly again and again is sent away.
 """
 
 from __future__ import annotations
@@ -12,18 +13,20 @@ import pickle
 import queue
 import sys
 import time
-from collections import deque
+import warnings
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Generic
 
-from fledge.errors import RunError, SetupError
+from fledge.errors import RunError, SetupError, excerpt, listed
 from fledge.mission.provenance import digest, identity
-from fledge.pool.work import Death, Died, Flown, Item, Pool, Refusal, Result, Work, opened
+from fledge.pool.work import Death, Died, Flown, Item, Pool, Refusal, Result, Work, sealed, taken, unsealed
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
 LOST = 20.0         # [s] until a scheduler that does not answer any more is given up
 REFUSALS = 100      # tasks that came back from workers that must not fly, before the work is given up
+WRONG = 3           # wrong answers of a worker, before it is sent away
 _AHEAD = 3          # tasks for each thread of the workers, so that none waits
 
 
@@ -69,8 +72,8 @@ class Cluster(Pool):
             ) -> Flown[Item, Result]:
         """As of each pool; of an item whose workers died, the results of its parts.
 
-        Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away. A worker of
-        another revision that comes later is sent away, with a warning.
+        Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away, or if the only
+        worker answers wrongly. A worker of another revision that comes later is sent away, with a warning.
         """
         job = _job(work)
         self._check(job)
@@ -80,6 +83,7 @@ class Cluster(Pool):
                 tasks.submit()
                 tick()
                 yield from tasks.ended()
+            tasks.report()
         finally:
             tasks.cancel()
 
@@ -97,7 +101,7 @@ class Cluster(Pool):
 
         for worker, problem in self.client.run(check).items():
             if problem:
-                raise SetupError(f"the worker {worker} {problem}")
+                raise SetupError(f"the worker {worker} {excerpt(str(problem))}")
         self._checked = job
 
 
@@ -107,9 +111,10 @@ class _Tasks(Generic[Item, Result]):
     def __init__(self, cluster: Cluster, work: Work[Item, Result], job: bytes, items: Sequence[Item]) -> None:
         self._cluster, self._work, self._job = cluster, work, job
         self._waiting = deque(enumerate(items))
-        self._flying: dict[Any, tuple[int, Item]] = {}     # by future
+        self._flying: dict[Any, tuple[int, Item, bytes]] = {}  # by future; the bytes are the pickled item
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._refused: list[str] = []       # addresses of workers
+        self._wrong: Counter[str] = Counter()   # answers of workers, by address
         self._answered = time.monotonic()   # when the scheduler was last there
 
     def __bool__(self) -> bool:
@@ -124,8 +129,9 @@ class _Tasks(Generic[Item, Result]):
             raise RunError(f"the scheduler at {self._cluster.address} has gone")
         while client.status == "running" and self._waiting and len(self._flying) < _AHEAD * self._cluster.threads:
             place, item = self._waiting.popleft()
-            task = client.submit(_fly, self._job, pickle.dumps(item), not self._work.split(item), pure=False)
-            self._flying[task] = place, item
+            data = pickle.dumps(item)
+            task = client.submit(_fly, self._job, data, not self._work.split(item), pure=False)
+            self._flying[task] = place, item, data
             task.add_done_callback(self._done.put)
 
     def ended(self) -> Flown[Item, Result]:
@@ -135,47 +141,71 @@ class _Tasks(Generic[Item, Result]):
             task = self._done.get(timeout=0.2)
         except queue.Empty:
             return
-        place, item = self._flying.pop(task)
-        answer = self._answer(task)
+        place, item, data = self._flying.pop(task)
+        answer = self._answer(task, data)
         if answer is None:
             self._waiting.appendleft((place, item))
-        elif isinstance(answer, bytes):
-            yield place, opened(answer)
+        elif not isinstance(answer[0], Death):
+            yield place, taken(answer[0])
         elif parts := self._work.split(item):
             self._waiting.extendleft((place, part) for part in reversed(parts))
         else:
-            sys.stderr.writelines(f"{line}\n" for line in answer.printed)
-            yield place, Died(item, answer.text)
+            sys.stderr.writelines(f"{excerpt(line)}\n" for line in answer[0].printed)
+            yield place, Died(item, excerpt(answer[0].text))
 
-    def _answer(self, task: Any) -> bytes | Death | None:
-        """Of a task that has ended; None: it must be flown by another worker."""
+    def _answer(self, task: Any, data: bytes) -> tuple[Any] | None:
+        """Of a task that has ended; None: it must be flown again."""
         import distributed
 
         if task.status == "finished":
-            answer: bytes | Death | Refusal = task.result()
+            try:
+                answer = pickle.loads(unsealed(task.result(), self._job, data))
+            except distributed.CancelledError:      # lost, with the scheduler
+                return None
+            except Exception as error:      # of Dask, of what it cannot read
+                self._distrust(task, str(error))
+                return None
             if not isinstance(answer, Refusal):
-                return answer
+                return answer,
             self._refuse(answer)
         elif task.status != "error":        # lost, with the scheduler
             time.sleep(0.2)
         elif isinstance(task.exception(), distributed.scheduler.KilledWorker):
-            return Death("the workers that flew it were ended")
+            return Death("the workers that flew it were ended"),
         else:
-            raise RunError(f"the scheduler at {self._cluster.address}: {task.exception()}")
+            raise RunError(f"the scheduler at {self._cluster.address}: {excerpt(str(task.exception()))}")
         return None
+
+    def _distrust(self, task: Any, problem: str) -> None:
+        """Count a wrong answer of a worker; send it away after some. Raises RunError if no other one is there."""
+        client, problem = self._cluster.client, excerpt(problem)
+        worker = next((worker for worker, keys in client.has_what().items() if task.key in keys), "that has gone")
+        self._wrong[worker] += 1
+        if self._wrong[worker] == 1:
+            warnings.warn(f"the worker {worker}: {problem}; what it flew is flown again", RuntimeWarning, stacklevel=2)
+        elif self._wrong[worker] >= WRONG:
+            problem = f"gave {WRONG} wrong answers, the last: {problem}"
+            if not set(client.scheduler_info()["workers"]) - {worker, *self._refused}:
+                raise RunError(f"the worker {worker} {problem}; no other worker is left: start one on another machine")
+            self._refuse(Refusal(worker, problem))
+
+    def report(self) -> None:
+        """Warn of what was flown again."""
+        if self._wrong:
+            wrong = listed([f"{n} of {worker}" for worker, n in self._wrong.items()], 10)
+            warnings.warn(f"{self._wrong.total()} answers of workers were wrong, and what they were about was flown "
+                          f"again: {wrong}", RuntimeWarning, stacklevel=2)
 
     def _refuse(self, refusal: Refusal) -> None:
         """Close a worker that must not fly. Raises SetupError after too many."""
-        import warnings
-
         async def leave(dask_worker: Any) -> None:
             import asyncio
 
             asyncio.ensure_future(dask_worker.close(nanny=True))
 
-        worker, problem = refusal
+        worker, problem = refusal.worker, excerpt(refusal.problem)
         if worker not in self._refused:
-            warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=6)
+            warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=2)
             self._cluster.client.run(leave, workers=[worker], wait=False)
         self._refused.append(worker)
         if len(self._refused) > REFUSALS:
@@ -207,16 +237,19 @@ def _job(work: Work[Any, Any]) -> bytes:
         "digests": {name: digest(name, work.folder) for name in ("fledge", "mission")}}))
 
 
-def _fly(job: bytes, item: bytes, twice: bool) -> bytes | Death | Refusal:
+def _fly(job: bytes, item: bytes, twice: bool) -> bytes:
     """On a worker: its answer, as of worker.fly()."""
     import distributed
 
     address = distributed.get_worker().address
     try:
         from fledge.pool.worker import Refused, fly
-    except ImportError as error:
-        return Refusal(address, f"cannot import fledge ({error}): start it with ./fledge exec dask-worker")
-    try:
+
         return fly(job, item, twice)
+    except ImportError as error:
+        problem = f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
     except Refused as error:
-        return Refusal(address, str(error))
+        problem = str(error)
+    except Exception as error:      # as a lack of memory for a child
+        raise RuntimeError(f"the worker {address}: {type(error).__name__}: {excerpt(str(error))}") from None
+    return sealed(pickle.dumps(Refusal(address, problem)), job, item)

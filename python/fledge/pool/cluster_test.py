@@ -60,10 +60,10 @@ def worker(scheduler, tmp_path):
     """A function that starts a worker, and returns its process and its address."""
     children = []
 
-    def add(folder=tmp_path):
+    def add(folder=tmp_path, preload=()):
         child, address = start("dask_worker", scheduler, "--host", "127.0.0.1", "--no-nanny", "--no-dashboard",
                                "--nthreads", "1", "--memory-limit", "0", "--local-directory", str(tmp_path),
-                               "--name", f"worker-{time.monotonic_ns()}",
+                               "--name", f"worker-{time.monotonic_ns()}", *(f"--preload={path}" for path in preload),
                                folder=folder, until=r"Registered to[\s\S]*?(tcp://[\d.:]+)")
         children.append(child)
         return child
@@ -127,6 +127,38 @@ def test_what_was_printed_before_a_death_is_reported_as_on_this_machine(schedule
     for address in (None, scheduler):
         result = Campaign(tmp_path).fly(1, seed=3, threads=1, scheduler=address, progress=lambda *_: None)
         assert dict(result.failures) == {0: died} and "it tears apart\n" in capfd.readouterr().err
+
+
+DISTURBED = """
+from fledge.pool import worker
+kinds = []
+
+def disturbed(*arguments, fly=worker.fly):
+    answer = fly(*arguments)
+    kinds[:] = kinds or [answer[:-1], bytes(500), 42, None, answer[:-9] + bytes([answer[-9] ^ 1]) + answer[-8:]]
+    return kinds.pop()
+
+if worker.fly.__name__ == "fly":    # Dask may execute this twice
+    worker.fly = disturbed
+"""
+
+
+@pytest.mark.long("starts a scheduler and workers")
+def test_no_answer_that_changed_on_its_way_is_taken(scheduler, worker, tmp_path, monkeypatch):
+    """A cut, a random one, another type, None, one bit: that worker is sent away; if no other is left, it ends."""
+    mission(tmp_path, RELEASE.replace("10 * s, 1 * s", "2 * s, 1 * s"))
+    (tmp_path / "disturbed.py").write_text(DISTURBED)
+    worker(preload=[tmp_path / "disturbed.py"])
+    campaign, near = Campaign(tmp_path), Campaign(tmp_path).fly(12, seed=3, threads=2)
+    monkeypatch.setattr("fledge.pool.cluster.WRONG", 6)
+    with pytest.warns(RuntimeWarning, match="the checksum of the answer is wrong; what it flew is flown again"), \
+            pytest.raises(fledge.RunError, match=r"the worker tcp://127[\d.:]+ gave 6 wrong answers, the last: the "
+                                                 "checksum .* no other worker is left"):
+        campaign.fly(12, seed=3, scheduler=scheduler, progress=lambda *_: None)
+    worker()
+    with pytest.warns(RuntimeWarning) as warned:
+        assert same(campaign.fly(12, seed=3, scheduler=scheduler), near)
+    assert any(re.search(r"\d+ answers of workers were wrong, .*: \d+ of tcp://127", str(w.message)) for w in warned)
 
 
 @pytest.mark.long("starts a scheduler and workers")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 
 from fledge.errors import SetupError
 from fledge.pool.children import Children, cores
-from fledge.pool.work import Died, Flown, Item, Pool, Result, Work, answer, opened
+from fledge.pool.work import Died, Flown, Item, Pool, Result, Work, answer, taken
 
 
 class Local(Pool):
@@ -48,7 +49,7 @@ class Local(Pool):
                             children.dismiss(pipe)
                         if following is not None:
                             start(following)
-                    yield place, (opened(reply) if isinstance(reply, bytes) else
+                    yield place, (taken(pickle.loads(reply)) if isinstance(reply, bytes) else
                                   Died(items[place], reply, tuple(work.last_lines(items[place]))))
         finally:
             children.end()

@@ -21,6 +21,7 @@ from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE
 from fledge.montecarlo.shares import Runs
 from fledge.pool import Died, Local, Work, children, in_order, open_pool, worker
+from fledge.pool.work import sealed, unsealed
 from fledge.targets import TARGETS
 from fledge.units import s
 from fledge.verify import flights as verification
@@ -124,6 +125,19 @@ def test_a_worker_is_refused_by_its_files_not_by_its_revision(tmp_path, monkeypa
     assert problem({"fledge": "cccc"}, {**digests, "fledge": "0"}) == "has another revision of Fledge: aaaa, not cccc"
     (tmp_path / "flight.py").write_text("x = 2\n")
     assert problem({"mission": "dddd"}, digests) == "has another mission: bbbb, not dddd"
+
+
+def test_a_reply_is_that_which_was_sealed_for_the_request():
+    whole = sealed(b"reply", b"job", b"item")
+    assert unsealed(whole, b"job", b"item") == b"reply"
+    for wrong in (None, 42, "", b"", *(whole[:n] for n in range(len(whole))), whole + b"!",
+                  *(whole[:i] + bytes([whole[i] ^ 1 << bit]) + whole[i + 1:]
+                    for i in range(len(whole)) for bit in range(8))):
+        with pytest.raises(ValueError, match="answer is"):
+            unsealed(wrong, b"job", b"item")
+    for request in ([b"job", b"other"], [b"jobi", b"tem"], [b"job"]):
+        with pytest.raises(ValueError, match="checksum"):
+            unsealed(whole, *request)
 
 
 class Refusing(Work[Exception, None]):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
 import signal
@@ -129,7 +130,7 @@ class _Raised(NamedTuple):
 
 
 def answer(work: Work[Item, Any], item: Item) -> bytes:
-    """The result of an item, or the error that it raises, for opened()."""
+    """The result of an item, or the error that it raises, pickled, for taken()."""
     try:
         return pickle.dumps(work.fly(item))
     except _ERRORS as error:
@@ -137,9 +138,34 @@ def answer(work: Work[Item, Any], item: Item) -> bytes:
         return pickle.dumps(_Raised(kind, str(error)))
 
 
-def opened(reply: bytes) -> Any:
-    """The result of answer(); raises its error."""
-    result = pickle.loads(reply)
+def taken(result: Any) -> Any:
+    """A result of answer(), unpickled; raises its error."""
     if isinstance(result, _Raised):
         raise _ERRORS[result.kind](result.text)
     return result
+
+
+_CHECKSUM = 16      # bytes
+
+
+def sealed(reply: bytes, *request: bytes) -> bytes:
+    """A reply to a request, for a way on which bytes may change: behind a checksum of both."""
+    return _checksum(reply, request) + reply
+
+
+def unsealed(reply: object, *request: bytes) -> bytes:
+    """The reply that was sealed for a request. Raises ValueError if this is not what was sealed."""
+    if not isinstance(reply, bytes):
+        raise ValueError(f"the answer is no bytes but of the type {type(reply).__name__}")
+    found = reply[_CHECKSUM:]
+    if _checksum(found, request) != reply[:_CHECKSUM]:
+        raise ValueError("the checksum of the answer is wrong")
+    return found
+
+
+def _checksum(reply: bytes, request: Sequence[bytes]) -> bytes:
+    checksum = hashlib.blake2b(digest_size=_CHECKSUM)
+    for part in (*request, reply):
+        checksum.update(len(part).to_bytes(8, "little"))
+        checksum.update(part)
+    return checksum.digest()

@@ -22,7 +22,7 @@ from typing import Any
 from fledge.errors import Failure, SetupError
 from fledge.mission.provenance import digest, identity
 from fledge.pool.local import Local
-from fledge.pool.work import LAST_LINES, Death, Died, Item, Result, Work, answer, death
+from fledge.pool.work import LAST_LINES, Death, Died, Item, Result, Work, answer, death, sealed
 
 _PATIENCE = 5.0     # [s] for the last lines of a child that has ended, while programs that it started hold its output
 
@@ -107,14 +107,16 @@ def check_job(job: bytes) -> str:
     return ""
 
 
-def fly(job: bytes, item: bytes, twice: bool) -> bytes | Death:
-    """The answer to an item, or the death of the process that flew it. twice: fly it once more then, because something
+def fly(job: bytes, item: bytes, twice: bool) -> bytes:
+    """The answer to an item, or the Death of the process that flew it, sealed for the job and the item. twice: fly it once more then, because something
     else, as a lack of memory, may have ended the process. Raises Refused."""
     try:
         child = _child(job)
         reply = child.request(item)
     except _Died as error:
-        return fly(job, item, False) if twice else error.death
+        if twice:
+            return fly(job, item, False)
+        return sealed(pickle.dumps(error.death), job, item)
     _rest(job, child)
     return reply
 
@@ -158,7 +160,8 @@ def _serve(pipe: Connection) -> None:
     busy = threading.Event()
     busy.set()
     threading.Thread(target=_end_with_worker, args=[pipe.fileno(), busy], daemon=True).start()
-    work, problem = _work(pickle.loads(pipe.recv_bytes()))
+    job = pipe.recv_bytes()
+    work, problem = _work(pickle.loads(job))
     pipe.send_bytes(problem.encode())
     if work is not None:
         work.begin()
@@ -166,9 +169,9 @@ def _serve(pipe: Connection) -> None:
         with suppress(EOFError):
             while True:
                 busy.clear()
-                item = pickle.loads(pipe.recv_bytes())
+                item = pipe.recv_bytes()
                 busy.set()
-                pipe.send_bytes(answer(flying, item))
+                pipe.send_bytes(sealed(answer(flying, pickle.loads(item)), job, item))
 
 
 def _end_with_worker(pipe: int, busy: threading.Event) -> None:
