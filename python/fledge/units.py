@@ -325,7 +325,8 @@ def nanoseconds(t: Quantity | SupportsFloat) -> int:
         if t.dims[:7] != s.dims[:7]:
             raise UnitError("expected a time, found %s" % (t,))
         t = t.value
-    if isinstance(t, bool) or not isinstance(t, (int, float)) and not hasattr(t, "__float__"):
+    kind = getattr(getattr(t, "dtype", None), "kind", "f")      # of numpy: also differences of dates have __float__
+    if isinstance(t, bool) or kind not in "fiuO" or not isinstance(t, (int, float)) and not hasattr(t, "__float__"):
         raise UnitError("expected a time, such as 10 * s; found %r" % (t,))
     if not isinstance(t, int):
         t = float(t)

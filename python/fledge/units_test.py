@@ -113,7 +113,8 @@ def test_nanoseconds():
         nanoseconds(float("nan"))
 
 
-@pytest.mark.parametrize("text", ["10 s", "10", "", None, True, [1, 2], [1, 2] * s])
+@pytest.mark.parametrize("text", ["10 s", "10", "", None, True, [1, 2], [1, 2] * s, np.timedelta64(3, "ns"),
+                                  np.datetime64("2026-01-01", "ns"), np.complex64(1)])
 def test_what_is_no_number_is_no_time(text):
     with pytest.raises(UnitError, match=r"expected a time, such as 10 \* s; found"):
         nanoseconds(text)

@@ -73,9 +73,13 @@ Read read_sequence(PyObject *value, Numbers &out, std::uint32_t depth)
     return Read::yes;
 }
 
-/// From an object that offers its memory as doubles, such as a numpy array.
+/// From an object that offers its memory as doubles, such as a numpy array. The memory of a masked array does not tell
+/// which of its numbers count.
 Read read_buffer(PyObject *value, Numbers &out)
 {
+    if (PyObject_HasAttrString(value, "mask")) {
+        return Read::foreign;
+    }
     Py_buffer buffer;
     if (PyObject_GetBuffer(value, &buffer, PyBUF_FULL_RO)) {
         PyErr_Clear();

@@ -41,6 +41,13 @@ def test_attributes_are_the_memory():
         (np.arange(9, dtype=np.float32).reshape(3, 3), np.arange(9.0).reshape(3, 3)),
         (np.arange(18.0).reshape(3, 6)[:, ::2], np.arange(18.0).reshape(3, 6)[:, ::2]),
         (np.float64(4.0), 4 * np.eye(3)),
+        (np.float16(4.0), 4 * np.eye(3)),
+        (np.longdouble(4.0), 4 * np.eye(3)),
+        (np.array(4.0, np.longdouble), 4 * np.eye(3)),
+        (np.array([1, 2, 3], np.longdouble) * N * m * s, np.diag([1.0, 2, 3])),
+        (np.array([1, 2, 3], object), np.diag([1.0, 2, 3])),
+        (np.array([1, 2, 3], ">f8"), np.diag([1.0, 2, 3])),
+        (np.ma.array([1.0, 2, 3]), np.diag([1.0, 2, 3])),
         (np.array(4.0), 4 * np.eye(3)),
         (2.0 * N * m * s, 2 * np.eye(3)),
         ([1000, 2000, 3000] * N * mm * s, np.diag([1.0, 2, 3])),
@@ -50,6 +57,18 @@ def test_attributes_are_the_memory():
 )
 def test_a_matrix_is_given_in_many_ways(given, matrix):
     np.testing.assert_array_equal(fsw.MrpFeedback(K=1, P=given).P, matrix)
+
+
+@pytest.mark.parametrize("given", [
+    np.complex64(1), np.clongdouble(1), np.array([1, 2, 3], complex), np.datetime64("2026-01-01", "ns"),
+    np.timedelta64(3, "ns"), np.array([1, 2, 3], "m8[ns]"), np.ma.masked, np.ma.array(1.0, mask=True),
+    np.ma.array([1.0, 2, 3], mask=[0, 1, 0]), np.ma.array([1, 2, 3], mask=[0, 1, 0]), np.ma.masked * N * m * s,
+    np.array([1, None, 3], object), np.zeros(3, [("a", float)]), np.str_("1"), np.array(["1", "2", "3"])], ids=repr)
+def test_what_numpy_has_besides_numbers_is_refused(given):
+    module = fsw.MrpFeedback(K=1, P=2)
+    with pytest.raises(SetupError, match=r"MrpFeedback.P: expected shape \(3, 3\), or 3 numbers for the diagonal"):
+        module.P = given
+    np.testing.assert_array_equal(module.P, 2 * np.eye(3))
 
 
 def test_units_are_converted():

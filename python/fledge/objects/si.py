@@ -38,10 +38,14 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
         if hasattr(x, "to_base_units") and hasattr(x, "magnitude"):
             return plain(_from_pint(x))
         if hasattr(x, "tolist"):  # numpy's arrays and scalars, pandas' series
-            return plain(x.tolist())
-        if hasattr(x, "__index__"):
+            kind = getattr(getattr(x, "dtype", None), "kind", "O")
+            if kind == "f" and not x.shape and x.tolist() is not None:  # which of a longdouble is a longdouble
+                return float(x)
+            if kind in "fiubO":
+                return plain(x.tolist())
+        elif hasattr(x, "__index__"):
             return int(x)
-        if hasattr(x, "__float__"):
+        elif hasattr(x, "__float__"):
             return float(x)
         raise SetupError(f"{path}: expected {expected}; found {_short(value)}")
 

@@ -108,8 +108,8 @@ def check_job(job: bytes) -> str:
 
 
 def fly(job: bytes, item: bytes, twice: bool) -> bytes:
-    """The answer to an item, or the Death of the process that flew it, sealed for the job and the item. twice: fly it once more then, because something
-    else, as a lack of memory, may have ended the process. Raises Refused."""
+    """The answer to an item, or the Death of the process that flew it, sealed for the job and the item. twice: fly it
+    once more then, because something else, as a lack of memory, may have ended the process. Raises Refused."""
     try:
         child = _child(job)
         reply = child.request(item)
