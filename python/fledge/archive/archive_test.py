@@ -6,6 +6,7 @@ import ctypes
 import json
 import math
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -417,6 +418,10 @@ def test_definitions_of_other_origin_keep_their_ros_names(tmp_path):
     ("float64[] x", r'line 1: expected "<type> <name>" of fixed size, found "float64\[\] x"'),
     ("uint8 a\nfloat64 b", "b needs padding before it"),
     (f"fledge/A a\n{RULE}\nMSG: fledge/A\nfledge/A again", "fledge/A contains itself"),
+    ("float64[4294967295] x", "the message has 34359738360 bytes; up to 4194304 are read"),
+    (f"uint8[{'9' * 5000}] x", "of fixed size, found"),
+    ("\n".join(f"A{i + 1} x\nA{i + 1} y\n{RULE}\nMSG: A{i + 1}" for i in range(24)) + "\nuint8[0] z", "16384 are read"),
+    ("\n".join(f"A{i + 1} x\n{RULE}\nMSG: A{i + 1}" for i in range(900)) + "\nuint8 z", "up to 32 are read"),
     (f"float64 a\n{RULE}\nfloat64 b", 'line 3: expected "MSG: <a new type>", found "float64 b"'),
     ("float64 x  # X [m] one\nfloat64 y  # X [m] two", "two members named X"),
     ("int32 ONE=1", 'of fixed size, found "int32 ONE=1"'),
@@ -708,6 +713,34 @@ def test_each_topic_has_a_csv_of_its_own(tmp_path):
     assert [float(path.read_text().split(",")[-1]) for path in written] == list(range(len(topics)))
 
 
+@pytest.mark.parametrize("form", ["csv", "hdf5", "mat", "frame"])
+def test_topics_whose_names_are_alike_keep_their_values(tmp_path, form):
+    """Some differ in `.` and `/`, have no letter, have the name of another's field, or hold what a format does not."""
+    import h5py
+    import scipy.io
+    maker = Maker(tmp_path / "x.mcap")
+    topics = ["/imu.raw", "/imu/raw", "/", "", "//", "/a/x", "/a", "/b", "/b/x", "/b/x/c", "/b/x", "/end", "/1", "/\0",
+              "/" + "long" * 30 + "1", "/" + "long" * 30 + "2", "/metadata", "/_metadata/run", "/time"]
+    for i, topic in enumerate(topics):
+        maker.message(maker.channel(topic, "X", "float64 x  # x [m] a \0 place", {"": "\0"}), 0, 0, struct.pack("<d", i))
+    maker.metadata("run", {"": "\0", "a\0": "b"})
+    maker.close()
+    a = Archive(tmp_path / "x.mcap")
+    if form == "csv":
+        found = [path.read_text().split(",")[-1] for path in a.to_csv(tmp_path / "csv")]
+    elif form == "frame":
+        found = [a.frame(topic).iloc[0, 0] for topic in a.topics]
+    elif form == "hdf5":
+        found = []
+        with h5py.File(a.to_hdf5(tmp_path / "x.h5")) as file:
+            file.visititems(lambda name, item: found.append(item["x"][0]) if "_time" in item else None)
+    else:
+        tables = scipy.io.loadmat(a.to_mat(tmp_path / "x.mat"), simplify_cells=True)
+        assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in tables if not name.startswith("__"))
+        found = [table["x"] for table in tables.values() if isinstance(table, dict) and "x" in table]
+    assert sorted(map(float, found)) == list(range(len(topics)))
+
+
 def test_braces_in_a_meaning_are_no_values():
     line = schema._line(Field("n", Type.U32, "uint32_t", (), 0, 4, 1, doc="a number {k=2}"))
     n, = rosmsg.parse(line).members
@@ -753,14 +786,31 @@ def test_hdf5_keeps_shapes_units_and_metadata(run, tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
-@pytest.mark.parametrize("write", ["to_csv", "to_hdf5"])
+def test_matlab_reads_structs_with_times_units_and_metadata(run, tmp_path):
+    import scipy.io
+    a = Archive(run)
+    tables = scipy.io.loadmat(a.to_mat(tmp_path / "run.mat"))
+    error = tables["flight_tracking_error"][0, 0]
+    assert error["sigma_BR"].tobytes("C") == a["error.sigma_BR"].tobytes()
+    assert error["time"].shape == (a.topics["/flight/tracking/error"].count, 1)
+    assert error["time_ns"][:, 0].tolist() == a.time_ns("error").tolist() and error["time_ns"].dtype == np.int64
+    assert error["valid_at"][:, 0].tolist() == a.frame("error")["error.valid_at"].tolist()
+    assert error["quality"][:, 0].tolist() == a["error.head.quality"].tolist() and "head_t" not in error.dtype.names
+    assert tables["world_wheels_wheels"][0, 0]["wheels_axis_B"].shape == a["wheels.axis_B"].shape
+    table = scipy.io.loadmat(tmp_path / "run.mat", simplify_cells=True)["flight_tracking_error"]
+    assert table["units"]["time"] == "s" and table["units"]["valid_at"] == "s" and table["units"]["sigma_BR"] == "-"
+    assert table["meanings"]["sigma_BR"] == "MRP of B relative to R" and "good=3" in table["values"]["quality"]
+    assert tables["metadata"][0, 0]["run"][0, 0]["mission"][0] == "nadir_spin"
+
+
+@pytest.mark.parametrize("write", ["to_csv", "to_hdf5", "to_mat"])
 def test_a_full_disk_leaves_no_half_of_a_file(run, tmp_path, write):
     out = tmp_path / "out"
     out.mkdir()
     done = subprocess.run(
         [sys.executable, "-c", "import resource, signal, sys; from fledge.archive import Archive\n"
          "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
-         f"Archive(sys.argv[1]).{write}(sys.argv[2])", str(run), str(out / "x.h5" if write == "to_hdf5" else out)],
+         f"Archive(sys.argv[1]).{write}(sys.argv[2])", str(run), str(out if write == "to_csv" else out / "x")],
         capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
     assert done.returncode == 1 and "cannot be written: File too large: '" + str(out) in done.stderr
     assert not list(out.iterdir())

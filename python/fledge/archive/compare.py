@@ -267,5 +267,9 @@ def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) 
         counted = np.ones(len(t), bool) if times is None else times(t)
         total.update(topic.encode() + b"\0")
         total.update(t[counted].astype("<i8").tobytes())
-        total.update(archive[topic][counted].tobytes())
+        if archive.topics[topic].problem is None:
+            total.update(archive[topic][counted].tobytes())
+        else:
+            for content, counts in zip(archive.contents(topic), counted):
+                total.update(content if counts else b"")
     return total.hexdigest()[:16]

@@ -7,14 +7,14 @@
     a.time("error")                   # [s]
     a.parameters["flight.control.K"]  # as the run began
     a.frame("error")                  # a pandas DataFrame by time, columns "error.sigma_BR[0]", ...
-    a.to_csv("run/"), a.to_hdf5("run.h5")
+    a.to_csv("run/"), a.to_hdf5("run.h5"), a.to_mat("run.mat")
 
 A truncated or damaged file opens too: `complete` is False, `problem` names the fault, its byte, and the
 time until which the data are good, and the messages before the damage are readable. Chunks, the data section
 and the summary carry checksums. In an unchunked file only the last checksum covers the messages: a reader then
 detects damaged values only if the file has its end, and cannot tell which.
 
-numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`.
+numpy is loaded when data are read, pandas by `frame`, h5py by `to_hdf5`, scipy by `to_mat`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import mmap
 import os
 import re
 import struct as packing
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
+# Of MATLAB.
+_KEYWORDS = frozenset("break case catch classdef continue else elseif end for function global if otherwise parfor "
+                      "persistent return spmd switch try while".split())
 _SPARE = re.compile(r"(.*\.)?spare\w*")  # members that stand in for padding
 
 
@@ -57,7 +60,8 @@ class ArchiveError(Exception):
 class Channel:
     """A topic: its message type, its fields, and the number of messages.
 
-    topic: "/flight/tracking/error"; name: the same with dots, "flight.tracking.error"
+    topic: "/flight/tracking/error"; name: the same with dots, "flight.tracking.error", and with `_2` where another
+        topic has that name already
     schema: the message type, "fledge/msg/AttError"; type: its own name, "AttError"; schema_text: its definition
     metadata: of the topic, by the writer, text to text
     count: number of messages
@@ -68,7 +72,7 @@ class Channel:
         self._raw = raw
         self._path = path
         self.topic = raw.topic
-        self.name = raw.topic.strip("/").replace("/", ".")
+        self.name = raw.topic.strip("/").replace("/", ".") or "topic"
         self.schema = raw.schema_name
         self.type = raw.schema_name.rpartition("/")[2]
         self.schema_text = raw.schema_text
@@ -148,6 +152,9 @@ class Archive(Records[Channel]):
             # Two channels may share a topic in files of other writers.
             raw.topic += f"#{id}" if raw.topic in self.topics else ""
             self.topics[raw.topic] = Channel(raw, self.path)
+        taken: set[str] = set()
+        for channel in self.topics.values():
+            channel.name = unique(channel.name, taken)
         self._decoded: dict[str, NDArray[Any]] = {}
 
     @property
@@ -342,6 +349,15 @@ class Archive(Records[Channel]):
 
     # ---- other formats ----
 
+    def _columns(self, channel: Channel, fields: list[Field],
+                 heads: dict[str, str]) -> Iterator[tuple[str, NDArray[Any], Field, str]]:
+        """(name, values, field, unit) of fields, and of the columns for the head."""
+        for field in fields:
+            yield field.name, self._field(channel, field.name), field, field.unit
+        for name, source in heads.items():
+            values, seconds = part(self._values(channel), source), source == "head.t"
+            yield name, values / 1e9 if seconds else values, channel.fields[source], "s" if seconds else ""
+
     def to_csv(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
                head: bool = True) -> list[Path]:
         """Write CSV; returns the paths written.
@@ -364,11 +380,10 @@ class Archive(Records[Channel]):
         else:
             path.mkdir(parents=True, exist_ok=True)
             files = {}
-            for row in selected:    # topics that differ in other characters, or in `.` and `/`, have one name
-                stem = re.sub(r"[^\w.-]", "_", row[0].name)
-                names = itertools.chain([stem], (f"{stem}_{i}" for i in itertools.count(2)))
-                taken = {file.name.lower() for file in files}       # some disks do not tell upper from lower case
-                files[path / next(f"{name}.csv" for name in names if f"{name}.csv".lower() not in taken)] = row
+            taken: set[str] = set()
+            for row in selected:    # topics that differ in other characters have one name
+                name = unique(re.sub(r"[^\w.-]", "_", row[0].name), taken, str.lower)  # as some disks see it
+                files[path / f"{name}.csv"] = row
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
                 self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)
@@ -404,34 +419,101 @@ class Archive(Records[Channel]):
         # In memory first: where a disk is full, HDF5 ends the process.
         with h5py.File(os.fspath(path), "w", driver="core", backing_store=False) as out:
             for name, pairs in self.metadata.items():
-                out.require_group(f"_metadata/{name}").attrs.update(pairs)
+                out.require_group(f"_metadata/{printable(name)}").attrs.update(_attributes(pairs))
             for channel, fields, heads in self._select(topics, head):
-                group = out.require_group(channel.name.replace(".", "/"))
-                group.attrs["schema"] = channel.schema
-                group.attrs.update(channel.metadata)
+                group = _group(out, channel, {*(field.name for field in fields), *heads})
+                group.attrs.update(_attributes({**channel.metadata, "schema": channel.schema}))
                 for name, unit, values in (("_time", "s", self.time(channel.topic)),
                                            ("_time_ns", "ns", self.time_ns(channel.topic))):
                     group.create_dataset(name, data=values).attrs["unit"] = unit
-                for field in fields:
-                    values = self._field(channel, field.name)
+                for name, values, field, unit in self._columns(channel, fields, heads):
+                    kind = None
+                    if name in heads and unit != "s":
+                        kind = h5py.enum_dtype({word: value for value, word in words_of(field).items()}, values.dtype)
                     values = values.astype("S") if values.dtype.kind == "U" else values
-                    data = group.create_dataset(field.name, data=values)
-                    data.attrs["unit"] = field.unit
-                    data.attrs["meaning"] = field.meaning
-                    if field.values:
+                    data = group.create_dataset(name, data=values, dtype=kind)
+                    data.attrs.update(_attributes({"unit": unit, "meaning": field.meaning}))
+                    if field.values and name not in heads:
                         data.attrs["values"] = ", ".join(
                             f"{k}={v}" for k, v in field.values.items())
-                for name, source in heads.items():
-                    values, field = part(self._values(channel), source), channel.fields[source]
-                    kind = None if source == "head.t" else \
-                        h5py.enum_dtype({word: value for value, word in words_of(field).items()}, values.dtype)
-                    data = group.create_dataset(name, data=values / 1e9 if source == "head.t" else values, dtype=kind)
-                    data.attrs["unit"] = "s" if source == "head.t" else ""
-                    data.attrs["meaning"] = field.meaning
             out.flush()
             with Part(path) as unfinished:
                 unfinished.write_bytes(out.id.get_file_image())
         return Path(path)
+
+    def to_mat(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
+               head: bool = True) -> Path:
+        """Write a file of MATLAB, version 5, which Octave and scipy read too; returns the path.
+
+        A struct per topic, `flight_tracking_error`: in it `time` (n, 1) [s], `time_ns`, and an array (n, ...) per field;
+        its structs `units`, `meanings` and, of enumerations, `values` have texts by the same names. The run's metadata
+        are the struct `metadata`. In names, each character that MATLAB does not take is `_`; one that is then another's
+        gets `_2`, and one that would be too long is cut.
+        topics, head: as for `to_hdf5`. Raises ArchiveError for a topic of 4 GB, which the format does not hold.
+        """
+        from scipy.io import savemat
+        taken = {"metadata"}
+        content: dict[str, Any] = {"metadata": {}}
+        names: set[str] = set()
+        for name, pairs in self.metadata.items():
+            content["metadata"][_legal(name, names)] = _struct_of(pairs)
+        for channel, fields, heads in self._select(topics, head):
+            names = {"units", "meanings", "values"}
+            table: dict[str, Any] = {_legal("time", names): self.time(channel.topic),
+                                     _legal("time_ns", names): self.time_ns(channel.topic)}
+            units, meanings, values = {"time": "s", "time_ns": "ns"}, {}, {}
+            for name, column, field, unit in self._columns(channel, fields, heads):
+                legal = _legal(name, names)
+                table[legal] = column.astype(object) if column.dtype.kind == "U" else column
+                units[legal], meanings[legal] = unit, field.meaning
+                if unit != "s" and (words := words_of(field)):
+                    values[legal] = ", ".join(f"{word}={value}" for value, word in words.items())
+            content[_legal(channel.name, taken)] = {**table, "units": units, "meanings": meanings, "values": values}
+        with Part(path) as unfinished, open(unfinished, "wb") as out:
+            try:
+                savemat(out, content, long_field_names=True, oned_as="column")
+            except ValueError as error:
+                raise ArchiveError(f"{path}: cannot be written: {error}; choose topics, or write HDF5") from None
+        return Path(path)
+
+
+def unique(name: str, taken: set[str], key: Callable[[str], str] = str) -> str:
+    """The name, with `_2`, `_3` and so on if its key is among those that are taken; it is taken then."""
+    name = next(other for other in itertools.chain([name], (f"{name}_{i}" for i in itertools.count(2)))
+                if key(other) not in taken)
+    taken.add(key(name))
+    return name
+
+
+def _legal(name: str, taken: set[str]) -> str:
+    """A name as a variable or field of MATLAB, of up to 63 letters, digits and `_`, that no other one has."""
+    name = re.sub(r"\W", "_", name, flags=re.ASCII)[:56]
+    return unique(name if re.match("[A-Za-z]", name) and name not in _KEYWORDS else f"x{name}", taken)
+
+
+def _group(out: Any, channel: Channel, names: set[str]) -> Any:
+    """The group of a topic in a file of HDF5, for datasets of these names. Where a dataset or another topic is in the
+    way, as /a with a field b is in that of /a/b, the whole name is that of the group."""
+    whole = printable(channel.name, lines=False)
+    nested = "/".join(part for part in whole.split(".") if part)
+    for path in itertools.chain([nested] * bool(nested), [whole], (f"{whole}_{i}" for i in itertools.count(2))):
+        try:
+            group = out.require_group(path)
+        except (TypeError, ValueError):
+            continue
+        if names.isdisjoint(group) and "_time" not in group:
+            return group
+
+
+def _attributes(pairs: dict[str, str]) -> dict[str, str]:
+    """Texts that HDF5 takes as attributes."""
+    return {printable(key, lines=False) or "_": printable(text) for key, text in pairs.items()}
+
+
+def _struct_of(pairs: dict[str, str]) -> dict[str, str]:
+    """Texts as a struct of MATLAB."""
+    taken: set[str] = set()
+    return {_legal(name, taken): text for name, text in pairs.items()}
 
 
 def missing_of(metadata: dict[str, dict[str, str]]) -> str:

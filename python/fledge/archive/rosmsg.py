@@ -25,6 +25,7 @@ from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, Any
 
+from fledge.errors import excerpt
 from fledge.records.series import element_names
 
 if TYPE_CHECKING:
@@ -37,12 +38,16 @@ PRIMITIVES = {  # ROS 2 name -> numpy's code
     "float32": "f4", "float64": "f8",
 }
 
-_FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d+)\])?"
+SIZE_MOST = 2**22       # [bytes] of a message that is read: its elements have a name and a column each
+FIELDS_MOST = 2**14     # of a message, with those of nested ones
+_DEPTH_MOST = 32        # of messages in messages
+
+_FIELD = re.compile(r"(?P<type>[A-Za-z]\w*(?:/\w+)*)(?:\[(?P<count>\d{1,18})\])?"
                     r"\s+(?P<name>[A-Za-z]\w*)")
 _COMMENT = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s+\[(?P<unit>[^\]]*)\])?"
                       r"(?:\s+(?P<meaning>.*))?")
-_SHAPE = re.compile(r"\((\d+(?:\s*,\s*\d+)*),?\)\s*")
-_VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d+(?:\s*,\s*\w+\s*=\s*-?\d+)*|)\}\s*$")
+_SHAPE = re.compile(r"\((\d{1,18}(?:\s*,\s*\d{1,18})*),?\)\s*")
+_VALUES = re.compile(r"\s*\{(\w+\s*=\s*-?\d{1,20}(?:\s*,\s*\w+\s*=\s*-?\d{1,20})*|)\}\s*$")
 
 
 class DefinitionError(ValueError):
@@ -103,10 +108,11 @@ class Member:
 
 @dataclass(frozen=True)
 class Struct:
-    """A message type: its members in order, without padding."""
+    """A message type: its members in order, without padding. n: how many fields it has, with those of nested ones"""
 
     members: tuple
     size: int
+    n: int = 0
 
     def fields(self, parts: tuple = ()) -> Iterator[Field]:
         """Its Fields in memory order, those of nested messages included."""
@@ -154,7 +160,7 @@ def parse(text: str) -> Struct:
             name = _short(name.strip())
             if head != "MSG" or not name or name in sections:
                 raise DefinitionError(f'line {number}: expected "MSG: <a new type>", '
-                                      f'found "{line}"')
+                                      f'found "{excerpt(line, 100)}"')
             sections[name] = []
         else:
             sections[name].append((number, line))
@@ -183,7 +189,11 @@ def _struct(name: str | None, sections: dict[Any, list[tuple[int, str]]], known:
         for n in names:
             if names.count(n) > 1:
                 raise DefinitionError(f"{name or 'the message'} has two members named {n}")
-        known[name] = Struct(tuple(members), sum(m.size for m in members))
+        size, n = sum(m.size for m in members), sum(m.type.n if isinstance(m.type, Struct) else 1 for m in members)
+        for found, most, what in ((size, SIZE_MOST, "bytes"), (n, FIELDS_MOST, "fields")):
+            if found > most:
+                raise DefinitionError(f"{name or 'the message'} has {found} {what}; up to {most} are read")
+        known[name] = Struct(tuple(members), size, n)
     return known[name]
 
 
@@ -192,7 +202,7 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
     match = _FIELD.fullmatch(code)
     if not match:
         raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, '
-                              f'found "{code}"')
+                              f'found "{excerpt(code, 100)}"')
     kind, name = match["type"], match["name"]
     of: str | Struct
     if kind in PRIMITIVES:
@@ -202,6 +212,8 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
                               "size or not defined here")
     elif _short(kind) in inside:
         raise DefinitionError(f"line {number}: {kind} contains itself")
+    elif len(inside) > _DEPTH_MOST:
+        raise DefinitionError(f"line {number}: {kind} is in {len(inside)} messages; up to {_DEPTH_MOST} are read")
     else:
         of = _struct(_short(kind), sections, known, inside)
     shape: tuple[int, ...] = () if match["count"] is None else (int(match["count"]),)
@@ -216,7 +228,7 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
             meaning = meaning[dims.end():]
         elif dims and shape:
             true_shape = tuple(int(n) for n in dims[1].split(","))
-            if prod(true_shape) == prod(shape):
+            if prod(true_shape) == prod(shape) > 0:
                 shape, meaning = true_shape, meaning[dims.end():]
         enum = _VALUES.search(meaning) if isinstance(of, str) and of[0] in "iu" else None
         if enum:

@@ -45,6 +45,7 @@ def add(command: Callable) -> None:
     kind = sub.add_mutually_exclusive_group(required=True)
     kind.add_argument("--csv", action="store_true", help="a file per topic")
     kind.add_argument("--hdf5", action="store_true", help="one file")
+    kind.add_argument("--mat", action="store_true", help="one file, for MATLAB and Octave")
     kind.add_argument("--oem", action="store_true", help="the orbit as a CCSDS OEM")
     kind.add_argument("--aem", action="store_true", help="the attitude as a CCSDS AEM")
     kind.add_argument("--stk", action="store_true", help="both as STK's files .e and .a")
@@ -113,9 +114,10 @@ def convert(options: argparse.Namespace) -> int:
     topics = [channel.topic for channel in _decodable(archive)]
     if not topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
-    if options.hdf5:
-        say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"), topics)))
-    else:
+    for wanted, ending, write in ((options.hdf5, ".h5", archive.to_hdf5), (options.mat, ".mat", archive.to_mat)):
+        if wanted:
+            say(str(write(options.out or archive.path.with_suffix(ending), topics)))
+    if options.csv:
         for path in archive.to_csv(options.out or archive.path.parent, topics):
             say(str(path))
     return 0
@@ -142,7 +144,7 @@ def _decodable(archive: Archive) -> list[Any]:
     """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
     for channel in archive.topics.values():
         if channel.problem:
-            complain(f"without {channel.topic} ({channel.schema}), whose messages are no plain structs")
+            complain(f"without {channel.topic} ({channel.schema}), which cannot be decoded: {channel.problem}")
     return [channel for channel in archive.topics.values() if not channel.problem]
 
 
@@ -160,7 +162,8 @@ def _about(archive: Archive) -> int:
                          for i, value in enumerate(text.split("\n"))], indent="  "):
         say(line)
     say(f"topics, hash {digest(archive, archive.topics)}")
-    rows = [(c.name, str(c.count), c.schema.rpartition("/")[2]) for c in archive.topics.values()]
+    rows = [(c.name, str(c.count), c.type + (f" cannot be decoded: {c.problem}" if c.problem else ""))
+            for c in archive.topics.values()]
     for line in columns(rows, right={1}, indent="  "):
         say(line)
     for title, pairs in (("parameters, as the run began", parameters), *about.items()):
