@@ -22,9 +22,10 @@
  *  Where the wheels cannot span the controlled axes, the nearest torque is given, degraded.
  *  Where no command can be computed, the last one is held, degraded: the wheels go on with it. After `hold` without
  *  new data, which includes a wanted torque that is not good and gets older, the command is zero, degraded.
- *  With unit spin axes the columns of G and unit controlled axes the rows of C, the motor torques
- *  are u = -(C G)^+ C L and the body gets -G u.
- *  Source: thesis Eq. (A.2); the pseudo-inverse is the minimum-norm least-squares solution. */
+ *  With unit spin axes the columns of G, unit controlled axes the rows of C, and ^+ the pseudo-inverse,
+ *     u = -(C G)^+ C torque,   achieved = -G u
+ *  A motor's u drives its wheel, and the body gets the opposite.
+ *  Source: thesis, appendix A; the pseudo-inverse is the minimum-norm least-squares solution. */
 typedef struct WheelTorques {
     struct {
         BodyTorque torque;

@@ -1,11 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MRP feedback. The torque on the body, all in B components, is
- *     -(K sigma_BR + P omega_BR + K_I z - omega_RN x H + I (omega_BN x omega_RN - domega_RN) + L)
- *     H = I omega_BN + G h,   h_i = J_i (omega_BN . g_i + Omega_i)                 (A.3), (A.4)
- * Put into (A.1) it leaves
- *     I domega_BR = -omega_BR x H - K sigma_BR - P omega_BR - K_I z
- * where domega_BR is the derivative in B. So V = omega_BR . I omega_BR / 2 + 2 K log(1 + sigma_BR^2)
- * falls as -omega_BR . P omega_BR while the integral term is off. */
 #include "flight/control/mrp_feedback.h"
 
 #include <string.h>

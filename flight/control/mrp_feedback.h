@@ -16,13 +16,17 @@
 #include "flight/msg/wheels.h"
 
 /** Track a moving attitude reference with feedback on the MRP and rate errors.
- *  The output is the torque wanted on the body: the negative of thesis Eq. (A.4), which gives the
- *  torque of the body on the wheels, with an integral term K_I z added to K sigma_BR.
+ *  The torque wanted on the body, in B components, with the wheels' axes g_i:
+ *     torque = -K sigma_BR - P omega_BR - K_I z + omega_RN x H + I (domega_RN - omega_BN x omega_RN) - external
+ *     H = I omega_BN + sum J_i (g_i . omega_BN + Omega_i) g_i,   omega_BN = omega_BR + omega_RN,   dz = sigma_BR
+ *  On a body that moves by I domega_BN = -omega_BN x H + torque + external, it leaves, with the derivative in B,
+ *     I domega_BR = -omega_BR x H - K sigma_BR - P omega_BR - K_I z
+ *  so that V = omega_BR . I omega_BR / 2 + 2 K log(1 + sigma_BR^2) falls as -omega_BR . P omega_BR while K_I is 0.
  *  Wheels whose speeds are unknown are not compensated, and the torque is degraded.
  *  Nothing is integrated across an update whose error could not be used.
  *  Where no torque can be computed, the last one is held, degraded. After `hold` without new data, which includes an
  *  error that is not good and gets older, the torque is zero, degraded.
- *  Source: thesis Eqs. (A.3), (A.4). */
+ *  Source: thesis, appendix A; Schaub and Junkins, chapter 8. */
 typedef struct MrpFeedback {
     struct {
         AttError error;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// MRP feedback in closed loop with the equations of motion (A.1), wheels included: the Lyapunov
+// MRP feedback in closed loop with the equations of motion, wheels included: the Lyapunov
 // rate, convergence, the integral term, and the quality of the torque.
 #include "flight/testing/eigen.h"
 #include "flight/testing/linear.h"
@@ -43,7 +43,7 @@ Vector3d torque_of(MrpFeedback m)
     return eigen(m.out.torque.torque_B);
 }
 
-/// Body and wheels about a reference that moves, in the terms of (A.1): B relative to R, and the
+/// Body and wheels about a reference that moves, in the terms of the equations of motion: B relative to R, and the
 /// wheels' inertial momenta, whose derivative is the motor torque.
 struct Plant {
     Matrix3d I;
@@ -51,7 +51,7 @@ struct Plant {
     Vector3d omega_RN_R, domega_RN_R, L; // constant rate vector and torque in R and B
 };
 
-/// The derivative in B of omega_BN, (A.1), for a control torque -G u on the body.
+/// The derivative in B of omega_BN for a control torque -G u on the body.
 Vector3d acceleration(const Plant &plant, const Vector3d &omega_BN, const Eigen::VectorXd &h, const Vector3d &torque)
 {
     Vector3d H = plant.I * omega_BN + plant.G * h;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* With (A.1), I domega_BN = -omega_BN x H + u + L, the torque leaves, for the derivative of omega_BD in B,
+/* On a body that moves by I domega_BN = -omega_BN x H + u + L, the torque leaves, for the derivative of omega_BD in B,
  *     I domega_BD = -omega_BD x H - P omega_BD - K_I z. */
 #include "flight/control/rate_servo.h"
 

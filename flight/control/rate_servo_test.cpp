@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rate servo on the equations of motion (A.1), alone and behind MRP steering.
+// The rate servo on the equations of motion, alone and behind MRP steering.
 #include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 

@@ -18,7 +18,7 @@ static inline Vec3 error_integral(Vec3 z, int running, Vec3 last, Vec3 now, Tick
     return u_I_max > 0.0 ? vec_clamp(z, u_I_max / K_I) : z;
 }
 
-/** [N m s] sum of h_i g_i with h_i = J_i (omega_BN . g_i + Omega_i), thesis Eq. (A.3), B components. */
+/** [N m s] sum of h_i g_i with h_i = J_i (omega_BN . g_i + Omega_i), B components. */
 static inline Vec3 wheel_momentum(const WheelSet *wheels, const WheelSpeeds *speeds, Vec3 omega_BN_B)
 {
     Vec3 momentum = vec3(0.0, 0.0, 0.0);
@@ -30,7 +30,7 @@ static inline Vec3 wheel_momentum(const WheelSet *wheels, const WheelSpeeds *spe
     return momentum;
 }
 
-/** [N m s] H of thesis Eq. (A.1): the body's and, if their speeds are known, the wheels'; B components. */
+/** [N m s] I_B omega_BN + sum of h_i g_i: the body's and, if their speeds are known, the wheels'; B components. */
 static inline Vec3 total_momentum(Mat3 I_B, const WheelSet *wheels, const WheelSpeeds *speeds, Vec3 omega_BN_B)
 {
     const Vec3 H = mat_vec(I_B, omega_BN_B);

@@ -1,6 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* With T the age of the base, the turn of R in N components is phi = omega T + domega T^2 / 2, and
- *     [RN](t + T) = [RN](t) [M(phi)],   omega(t + T) = omega + domega T */
 #include "flight/guidance/base_reference.h"
 
 #include <string.h>

@@ -13,8 +13,10 @@ typedef enum BaseSource {
 
 /** The base of guidance, from one of three sources, carried to now.
  *  Another computer or spacecraft commands it, a relative sensor sees where another spacecraft points, or guidance of
- *  this one computes it, perhaps at a slower rate. It is carried from its time of validity to now by its rate and, if
- *  it is not sensed, its acceleration. For a turn about an axis fixed in N this is exact.
+ *  this one computes it, perhaps at a slower rate. It is carried from its time of validity to now, over the age T, by
+ *  its rate and, if it is not sensed, its acceleration:
+ *     [RN](t + T) = [RN](t) [M(phi)],   phi = omega T + domega T^2 / 2,   omega(t + T) = omega + domega T
+ *  with [M(phi)] a turn by the vector phi, N components. For a turn about an axis fixed in N this is exact.
  *  A base that is missing or older than `hold` does not count: the last reference is held, degraded.
  *  Source: thesis section 5.5. */
 typedef struct BaseReference {

@@ -1,12 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A reference R turned by 3-2-1 angles relative to a base R0. With w = omega_RR0 and its derivative
- * in R, w', both in R components:
- *     angles = angles(start) + rates (t - start)                         (2.13)
- *     [RN] = [RR0][R0N]                                                  (2.14)
- *     omega_RN = omega_R0N + w                                           (2.15), (2.16)
- *     domega_RN = domega_R0N + w' + omega_R0N x w                        (2.20)
- * w' is derived from (2.16) for constant rates; the third row of (2.19) is misprinted, it has
- * cos(theta) for sin(theta) in its second term. */
 #include "flight/guidance/euler_rotation.h"
 
 #include <string.h>

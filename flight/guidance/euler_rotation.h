@@ -6,11 +6,15 @@
 #include "flight/msg/guidance.h"
 
 /** Turn a base reference R0 by 3-2-1 Euler angles that change at constant rates.
+ *  With w = omega_RR0 and w', its derivative in R,
+ *     (psi, theta, phi) = angles + rates (t - start),   [RN] = [M1(phi)] [M2(theta)] [M3(psi)] [R0N]
+ *     w = (dphi, 0, 0) + dtheta (0, cos(phi), -sin(phi)) + dpsi (-sin(theta), sin(phi) cos(theta), cos(phi) cos(theta))
+ *     omega_RN = omega_R0N + w,   domega_RN = domega_R0N + w' + omega_R0N x w
  *  The angles count from the first update after a reset, so the first reference is exact.
  *  A command replaces the parameters exactly at its start, because its angles count from there. It
  *  stays in effect until the next command starts.
  *  Modules may be chained; three of them make any of the twelve Euler sequences.
- *  Source: thesis Eqs. (2.13) to (2.20). */
+ *  Source: thesis, chapter 2. */
 typedef struct EulerRotation {
     struct {
         AttReference base;

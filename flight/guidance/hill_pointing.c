@@ -1,7 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The Hill frame of a Keplerian orbit. With the angular momentum h = r x v, constant in N:
- *     [HN] has the rows r / |r|, (h x r) / |h x r|, h / |h|        (A.7), (A.8)
- *     omega = h / r^2,   domega = -2 (r . v) / r^2 omega           (A.10), (A.11) */
 /* options: -eva-slevel 60 */
 #include "flight/guidance/hill_pointing.h"
 

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A reference at rest: omega_RN = domega_RN = 0 (A.5). */
 #include "flight/guidance/inertial_pointing.h"
 
 #include <string.h>

@@ -4,8 +4,8 @@
 
 #include "flight/msg/attitude.h"
 
-/** Point at a reference that rests in N.
- *  Source: thesis Eq. (A.5). */
+/** Point at a reference that rests in N: omega_RN_N = domega_RN_N = 0.
+ *  Source: thesis, appendix A. */
 typedef struct InertialPointing {
     struct {
         AttReference reference;

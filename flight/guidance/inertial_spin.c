@@ -1,9 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A reference R that spins relative to a base R0. With w = omega_RR0, constant in R0, e along w and
- * Phi = |w| (t - start):
- *     q_RR0 = (cos(Phi / 2), e sin(Phi / 2)),   [RN] = [RR0][R0N]      (2.14)
- *     omega_RN = omega_R0N + w                                         (2.15)
- *     domega_RN = domega_R0N + omega_R0N x w                           (2.20) */
 #include "flight/guidance/inertial_spin.h"
 
 #include <string.h>

@@ -6,10 +6,12 @@
 
 /** Spin at a constant rate about an axis fixed in a base reference R0.
  *  The axis is then fixed in R too, with the same components. Over a base that rests in N, the rate
- *  is constant in N.
+ *  is constant in N. With w = omega_RR0_R0, e = w / |w| and Phi = |w| (t - start),
+ *     q_RR0 = (cos(Phi / 2), e sin(Phi / 2)),   [RN] = [RR0] [R0N]
+ *     omega_RN = omega_R0N + w,   domega_RN = domega_R0N + omega_R0N x w
  *  The angle counts from the first update after a reset, where R is R0, and is computed anew at
  *  each update, so nothing accumulates. Modules may be chained.
- *  Source: thesis section 2.2.2.2, which names it; Eqs. (2.14), (2.15), (2.20). */
+ *  Source: thesis, chapter 2. */
 typedef struct InertialSpin {
     struct {
         AttReference base;

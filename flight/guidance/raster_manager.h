@@ -7,15 +7,16 @@
 /** Command a list of rasters to an Euler rotation, one after the other.
  *  Each is a set of 3-2-1 angles that change at constant rates for a while. After the last the list
  *  begins anew, or its end is held without rates.
- *  Each raster begins at the list's start plus the durations before it, in whole ns, and the command
- *  holds this time. So neither the rate of updates nor a command that is read late changes the
+ *  Each raster begins at the list's start plus the durations before it, in whole ns, and the command holds this time:
+ *     start_k = start + sum over j < k of durations_j,   (psi, theta, phi) = angles_k + rates_k (t - start_k)
+ *  So neither the rate of updates nor a command that is read late changes the
  *  pattern; but a raster shorter than the time between two updates may never be commanded.
  *  The parameters hold the first list, which starts at the first update after a reset, but not before 0. A list at the
  *  input replaces it when that list starts, and stays in effect until the next one starts.
  *  The module refuses a list without rasters or with too many, with a duration out of bounds or with
  *  a number that is not finite. If it refuses a list at the input, the list before stays in effect,
  *  degraded; if it refuses the parameters, it holds the last command, degraded.
- *  Source: thesis section 2.2.3.2, Table 2.4. */
+ *  Source: thesis, chapter 2. */
 typedef struct RasterManager {
     struct {
         RasterList list; ///< optional: replaces the parameters when it starts

@@ -14,10 +14,12 @@
 #include "flight/msg/attitude.h"
 
 /** The error of the body's attitude against a reference that the control frame Bc shall follow.
- *  B follows R with [RN] = [BcB]^T [RiN], so that Bc follows Ri.
+ *  B follows R, so that Bc follows the reference Ri. With the matrices of sigma_BN, sigma_BcB and the reference,
+ *     [RN] = [BcB]^T [RiN],   [BR] = [BN] [RN]^T
+ *     omega_RN_B = [BN] omega_RN_N,   omega_BR_B = omega_BN_B - omega_RN_B,   domega_RN_B = [BN] domega_RN_N
  *  An attitude that is not good and gets older counts for `hold`; then the error is held, degraded, and its time
  *  says since when.
- *  Source: thesis Eqs. (2.21), (2.22). */
+ *  Source: thesis, chapter 2. */
 typedef struct TrackingError {
     struct {
         NavAttitude attitude;

@@ -1,10 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Constrained two-body pointing. With R_1 and R_2 from the spacecraft to the bodies:
- *     r1 along R_1, r3 along R_1 x R_2, r2 = r3 x r1                   (2.2), (2.3)
- * whose first and second derivatives in N follow by differentiating products and directions,
- * (2.6) to (2.9), where (2.6c) and (2.9c) are misprinted. As dri = omega x ri for each axis,
- *     omega = 1/2 sum ri x dri,   domega = 1/2 sum ri x ddri,
- * in N from the start, instead of (2.10) to (2.12).
+/* The derivatives of the axes in N follow by differentiating products and directions.
  *
  * Where the bodies are collinear, r1 alone moves the reference: omega = r1 x dr1 and
  * domega = r1 x ddr1 have no part about r1. So r2 is transported parallel along the path of r1 on the unit sphere. From
@@ -53,7 +48,7 @@ static Moving moving_unit(Moving a)
     return (Moving){u, du, vec_scale(1.0 / n, vec_sub(a.ddx, rest))};
 }
 
-/* (2.3) with (2.6) to (2.12). Gives r2. */
+/* Gives r2. */
 static Vec3 point_at_both(Moving r1, Moving normal, AttReference *reference)
 {
     Moving r3 = moving_unit(normal);

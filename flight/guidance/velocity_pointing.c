@@ -1,11 +1,4 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The velocity frame of a Keplerian orbit. With h = r x v, constant in N, and dv = -mu r / |r|^3:
- *     [VN] has the rows i_v x i_h, i_v = v / |v|, i_h = h / |h|        (A.7), (A.12)
- *     omega  = v x dv / v^2 = mu / (|r|^3 v^2) h
- *     domega = (2 mu / (|r| v^2) - 3) (r . v) / r^2 omega
- * These are (f' - beta') i_h and its derivative, (A.16) and (A.17), without the elements, of which
- * some are undefined on some conics. (A.8e) is misprinted: i_h x i_v would make the axes
- * left-handed. */
 /* options: -eva-slevel 60 */
 #include "flight/guidance/velocity_pointing.h"
 

@@ -90,7 +90,7 @@ TEST(VelocityPointing, follows_a_planet_that_moves)
     }
 }
 
-/// (A.10) to (A.17), which need a true anomaly, and so an eccentricity.
+/// By elements, which need a true anomaly, and so an eccentricity.
 TEST(VelocityPointing, is_what_the_elements_say)
 {
     Random random{5};

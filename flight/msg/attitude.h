@@ -19,7 +19,7 @@
 #include "flight/math/vec.h"
 #include "flight/msg/head.h"
 
-/** Where the body should point: a reference frame R and its motion relative to N. Thesis Eq. (2.1). */
+/** Where the body should point: a reference frame R and its motion relative to N. */
 typedef struct AttReference {
     Head head;
     Vec3 sigma_RN;    ///< [-]       attitude of R relative to N

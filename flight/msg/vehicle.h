@@ -7,8 +7,9 @@
 #include "flight/msg/head.h"
 
 /** What flight software knows of the vehicle.
- *  The inertia is [I] of thesis Eq. (A.1): that of the vehicle with its wheels, less J g g^T of each
- *  wheel about its spin axis g, for there the wheel's momentum J (g . omega_BN + Omega) counts. */
+ *  The inertia is that of the vehicle with its wheels, less J g g^T of each wheel about its spin axis g, where the
+ *  wheel's momentum J (g . omega_BN + Omega) counts: with motor torques u and a torque L from outside,
+ *     I_B domega_BN = -omega_BN x (I_B omega_BN + sum J (g . omega_BN + Omega) g) - sum u g + L */
 typedef struct VehicleData {
     Head head;
     Mat3 I_B; ///< [kg m^2] inertia about the centre of mass, less the wheels' about their spin axes

@@ -26,7 +26,7 @@
  *  J domega of the body's acceleration.
  *  Wheels in `off` are out of use in any case, of those in `on` no fault is believed, nor of the last `least` wheels.
  *  Without speeds no count changes, degraded.
- *  Source: the equation of a wheel's motion, thesis Eq. (A.3); thesis section 5.4.3, for persistence. */
+ *  Source: the motion of a wheel, J (dOmega + g . domega) = u; thesis section 5.4.3, for persistence. */
 typedef struct WheelMonitor {
     struct {
         WheelCommand command; ///< of the last update

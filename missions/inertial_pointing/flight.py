@@ -9,7 +9,7 @@ def build(f):
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
-    # Guidance: the axes of N (Eq. 2.24).
+    # Guidance: the axes of N.
     f.guidance = fsw.InertialPointing(sigma_RN=[0, 0, 0])
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])
 

@@ -9,7 +9,7 @@ def build(f):
     f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
-    # Guidance: a frame R0 at rest (Eq. 2.24), and a spin about its third axis at the rate of table 2.3.
+    # Guidance: a frame R0 at rest, and a spin about its third axis at the rate of table 2.3.
     f.guidance = fsw.InertialPointing(sigma_RN=[0.1, -0.2, 0.05])
     f.spin     = fsw.InertialSpin(omega_RR0_R0=[0, 0, 0.3] * deg / s)
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 0])

@@ -10,7 +10,7 @@ def build(f):
     f.wheels   = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Guidance: Hill frame R0, turned about its radial axis at a constant rate (table 2.3). The
-    # control frame is turned by 180 degrees about b3, so that b1 looks down, not up (Eq. 2.23).
+    # control frame is turned by 180 degrees about b3, so that b1 looks down, not up.
     f.guidance = fsw.HillPointing()
     f.spin     = fsw.EulerRotation(angles=[0, 0, 0] * deg, rates=[0, 0, 0.3] * deg / s)
     f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 1])

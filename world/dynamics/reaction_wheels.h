@@ -7,6 +7,8 @@
 
 /** Reaction wheels, a part of a spacecraft. With an imbalance they shake it: as masses that move, exactly, or
  *  (`jitter`), at less cost, as the forces and torques of wheels in a body that stands still.
+ *  Balanced, with g of axes_B,
+ *     h = J (g . omega_BN + Omega),   dh = u + friction - viscosity Omega,   torque on the body: -dh g
  *  Assumptions: the motor gives the commanded torque at once, up to its limit;
  *  Coulomb friction holds a wheel at rest until the motor overcomes it. Friction and speed limit
  *  act by whole updates, so the task's period bounds how sharply a wheel stops. A motor drives its wheel to the limit
@@ -14,7 +16,7 @@
  *  The static imbalance of a wheel with the axis g points along u cos theta + g x u sin theta, with u along g x b1, b1
  *  the body's first axis; where |g . b1| is 0.6 or more, along g x b2.
  *  The channels of its faults: 0 to 7 the torques of the motors, 8 to 15 the measured speeds.
- *  Source: thesis Eqs. (A.1) to (A.3); imbalances and their frames: docs/dynamics.md. */
+ *  Source: thesis, appendix A; imbalances and their frames: docs/dynamics.md. */
 typedef struct ReactionWheels {
     struct {
         WheelCommand command; ///< optional: motor torques; without it the motors are off
