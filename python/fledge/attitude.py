@@ -14,6 +14,9 @@ where angle and axis turn N into B. Every function takes arrays with any leading
 returns new arrays. Results lie in the ranges above; inputs need not.
 
 Composition of dcm_CN = dcm_CB @ dcm_BN is `compose(sigma_CB, sigma_BN)`, or `quaternion_product(beta_CB, beta_BN)`.
+Quaternions of others are often scalar last: `from_scalar_last` and `to_scalar_last` change the order. One that turns
+components of B into those of N, as scipy's `Rotation.from_quat(to_scalar_last(beta_BN)).apply(v_B)` does, is the same
+quaternion in its other order, not its inverse.
 
 Source: Schaub, Junkins, Analytical Mechanics of Space Systems, chapter 3; Shepperd (1978) for the
 quaternion of a matrix.
@@ -57,6 +60,16 @@ def tilde(v: ArrayLike) -> np.ndarray:
 def _upper(beta: np.ndarray) -> np.ndarray:
     """The quaternion of the same attitude with scalar part >= 0."""
     return np.where(beta[..., :1] < 0.0, -beta, beta)
+
+
+def to_scalar_last(beta: ArrayLike) -> np.ndarray:
+    """(beta1, beta2, beta3, beta0) of a quaternion: the order of scipy, ROS and many star trackers."""
+    return np.roll(_array(beta, (4,), "a quaternion"), -1, axis=-1)
+
+
+def from_scalar_last(q: ArrayLike) -> np.ndarray:
+    """The quaternion, scalar first, of one with its scalar last. Its sign stays."""
+    return np.roll(_array(q, (4,), "a quaternion"), 1, axis=-1)
 
 
 def quaternion_to_dcm(beta: ArrayLike) -> np.ndarray:

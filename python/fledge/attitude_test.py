@@ -88,6 +88,18 @@ def test_shadow_and_switch():
     assert list(att.switch([0, 0, 1])) == [0, 0, 1]
 
 
+def test_scipy_has_the_same_attitudes():
+    scipy = pytest.importorskip("scipy.spatial.transform").Rotation
+    turn = scipy.from_rotvec(ANGLE * AXIS)
+    beta = att.from_scalar_last(turn.as_quat())
+    np.testing.assert_allclose(np.swapaxes(att.quaternion_to_dcm(beta), -1, -2), turn.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(att.angle(att.relative(att.quaternion_to_mrp(beta), turn.as_mrp())), 0, atol=1e-7)
+    np.testing.assert_array_equal(att.to_scalar_last(beta), turn.as_quat())
+    body = np.array([1, -2, 3])
+    np.testing.assert_allclose(scipy.from_quat(att.to_scalar_last(att.dcm_to_quaternion(DCM))).apply(body),
+                               np.swapaxes(DCM, -1, -2) @ body, atol=1e-13)
+
+
 def test_leading_dimensions():
     sigma = SETS["mrp"][:24].reshape(2, 3, 4, 3)
     assert att.mrp_to_dcm(sigma).shape == (2, 3, 4, 3, 3)

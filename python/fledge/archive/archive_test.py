@@ -635,6 +635,24 @@ def test_a_frame_has_true_names_units_and_time(run):
                                                    ("t", "quality", "sequence")]
 
 
+def test_tables_have_quaternions_on_request(run, tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    a = Archive(run)
+    names = [f"beta_BR[{i}]" for i in range(4)]
+    frame = a.frame("error", quaternions=True)
+    assert list(frame.columns)[2:8] == ["error.sigma_BR[2]", *(f"error.{n}" for n in names), "error.omega_BR_B[0]"]
+    beta = frame[[f"error.{n}" for n in names]].to_numpy()
+    turn = Rotation.from_quat(np.roll(beta, -1, axis=1)).inv() * Rotation.from_mrp(np.array(a["error.sigma_BR"]))
+    assert np.abs(turn.magnitude()).max() < 1e-14 and (beta[:, 0] >= 0).all()
+    assert frame.attrs["units"]["error.beta_BR[0]"] == "-"
+    assert frame.attrs["meanings"]["error.beta_BR[0]"] == "quaternion, scalar first"
+    a.to_csv(tmp_path / "error.csv", "error", quaternions=True)
+    head, *rows = (tmp_path / "error.csv").read_text().splitlines()
+    assert head.split(",")[4:8] == [f"{n} [-]" for n in names]
+    assert [[float(x) for x in row.split(",")[4:8]] for row in rows] == beta.tolist()
+
+
 def test_a_frame_of_several_rates_has_gaps(run):
     a = Archive(run)
     frame = a.frame("/flight/*")

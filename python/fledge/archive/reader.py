@@ -36,7 +36,7 @@ from fledge.errors import cell, listed, printable
 from fledge.disk import Part
 from fledge.archive.rosmsg import Field
 from fledge.records.series import (
-    HEAD, Parts, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)
+    HEAD, Parts, Records, frame_of, head_column, head_columns, in_words, nested_names, part, with_quaternions, words_of)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -311,7 +311,8 @@ class Archive(Records[Channel]):
         self._decoded[channel.topic] = values
         return values
 
-    def frame(self, topics: str | Iterable[str] | None = None, head: bool = True) -> pd.DataFrame:
+    def frame(self, topics: str | Iterable[str] | None = None, head: bool = True,
+              quaternions: bool = False) -> pd.DataFrame:
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
@@ -319,6 +320,7 @@ class Archive(Records[Channel]):
             where a topic has no value, and where a message was never written.
         head: with two columns for the head of each whole message: "error.valid_at", the time for which it holds
             [s], and "error.quality", of the ordered categories none, stale, degraded and good
+        quaternions: with four columns, "error.beta_BR[0]", scalar first, behind those of each "error.sigma_BR"
         Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
         `attrs["units"]` and `attrs["meanings"]` map them to text.
         """
@@ -340,7 +342,7 @@ class Archive(Records[Channel]):
                 columns[f"{short}.{name}"], unit = head_column(part(self._values(channel), source), field, source)
                 units[f"{short}.{name}"], meanings[f"{short}.{name}"] = unit, field.meaning
             tables.append((self.time_ns(channel.topic), columns))
-        return frame_of(tables, units, meanings)
+        return frame_of(tables, units, meanings, quaternions)
 
     def _elements(self, channel: Channel, field: Field) -> NDArray[Any]:
         """A field's values as one (n,) array per element, in the order of Field.columns()."""
@@ -359,7 +361,7 @@ class Archive(Records[Channel]):
             yield name, values / 1e9 if seconds else values, channel.fields[source], "s" if seconds else ""
 
     def to_csv(self, path: str | os.PathLike[str], topics: str | Iterable[str] | None = None,
-               head: bool = True) -> list[Path]:
+               head: bool = True, quaternions: bool = False) -> list[Path]:
         """Write CSV; returns the paths written.
 
         Rates differ, so every topic is a file of its own, `<path>/flight.tracking.error.csv`, whose name gets `_2`
@@ -367,7 +369,7 @@ class Archive(Records[Channel]):
         time in seconds, exact to the nanosecond; numbers are written such that reading them gives the same bits (in
         pandas, with float_precision="round_trip");
         headings carry the units: "sigma_BR[0] [-]". Cells of a message that was never written are
-        empty. topics, head: as for `frame`; the last columns are "valid_at [s]"
+        empty. topics, head, quaternions: as for `frame`; the last columns are "valid_at [s]"
         and "quality", by its names. Metadata are left out.
         """
         path = Path(path)
@@ -386,19 +388,22 @@ class Archive(Records[Channel]):
                 files[path / f"{name}.csv"] = row
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
-                self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)
+                self._write_csv(csv.writer(out, lineterminator="\n"), *chosen, quaternions)
         return list(files)
 
-    def _write_csv(self, writer: Any, channel: Channel, fields: list[Field], heads: dict[str, str]) -> None:
+    def _write_csv(self, writer: Any, channel: Channel, fields: list[Field], heads: dict[str, str],
+                   quaternions: bool) -> None:
         headings, columns = ["time [s]"], []
         missing = self._missing(channel)
-        for field in fields:
-            unit = f" [{field.unit}]" if field.unit else ""
-            headings += [name + unit for name in field.columns()]
-            for column in self.raw._elements(channel, field):
-                columns.append([*map(cell, column.tolist())] if column.dtype.kind == "U" else column.tolist())
-                for i in missing:
-                    columns[-1][i] = ""
+        numbers = {name: column for field in fields
+                   for name, column in zip(field.columns(), self.raw._elements(channel, field))}
+        units = {name: field.unit for field in fields for name in field.columns()}
+        for name, column in (with_quaternions(numbers) if quaternions else numbers).items():
+            unit = units.get(name, "-")
+            headings.append(f"{name} [{unit}]" if unit else name)
+            columns.append([*map(cell, column.tolist())] if column.dtype.kind == "U" else column.tolist())
+            for i in missing:
+                columns[-1][i] = ""
         for name, source in heads.items():
             values = part(self._values(channel), source)
             headings.append(f"{name} [s]" if source == "head.t" else name)

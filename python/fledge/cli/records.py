@@ -54,6 +54,8 @@ def add(command: Callable) -> None:
     kind.add_argument("--about", action="store_true", help="write no file; print the outcome, seed, revisions and "
                       "parameters of the run, its topics, and a hash of its messages")
     sub.add_argument("--out", metavar="PATH", help="a folder for --csv, else a file; default: beside the record")
+    sub.add_argument("--quaternions", action="store_true", help="with --csv: besides each attitude, its quaternion, "
+                     "scalar first")
     sub.add_argument("--xml", action="store_true", help="an OEM or AEM as XML, in place of KEYWORD = value")
     sub.add_argument("--craft", default="", metavar="NAME", help="which spacecraft of several")
     sub.add_argument("--frame", default="ICRF", metavar="NAME", help="of orbits and attitudes: ICRF, TOD, TEME, "
@@ -118,7 +120,7 @@ def convert(options: argparse.Namespace) -> int:
         if wanted:
             say(str(write(options.out or archive.path.with_suffix(ending), topics)))
     if options.csv:
-        for path in archive.to_csv(options.out or archive.path.parent, topics):
+        for path in archive.to_csv(options.out or archive.path.parent, topics, quaternions=options.quaternions):
             say(str(path))
     return 0
 

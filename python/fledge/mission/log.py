@@ -149,12 +149,12 @@ class Log(Records[_Samples]):
     def __len__(self) -> int:
         return max(len(s.core) for s in self._samples.values())
 
-    def frame(self, *keys: str, head: bool = True) -> pd.DataFrame:
+    def frame(self, *keys: str, head: bool = True, quaternions: bool = False) -> pd.DataFrame:
         """A pandas DataFrame by time [s], one column per number: "error.sigma_BR[0]".
 
         keys: names of fields or messages; none: all. head: with two columns for the head of each whole message:
         "error.valid_at", the time for which it holds [s], and "error.quality", of the ordered categories none, stale,
-        degraded and good.
+        degraded and good. quaternions: with four columns, "error.beta_BR[0]", scalar first, behind "error.sigma_BR[2]".
         `attrs["units"]` and `attrs["meanings"]` map columns to text. Records of different times share
         the index, with NaN where one has no value, as where it was never written.
         """
@@ -181,7 +181,7 @@ class Log(Records[_Samples]):
                 columns[column], units[column] = head_column(part(self._values(samples), source), field, source)
                 meanings[column] = field.doc
             tables.append((samples.decoded()[0], columns))
-        return frame_of(tables, units, meanings)
+        return frame_of(tables, units, meanings, quaternions)
 
     def plot(self, *panels: str | Series | Sequence[str | Series], **options: Any) -> Figure | None:
         """Plot fields against time, one panel each; see fledge.plot.plot for the options.

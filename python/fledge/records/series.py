@@ -344,12 +344,33 @@ def head_column(values: NDArray[Any], field: Any, source: str) -> tuple[NDArray[
     return pd.Categorical(words, categories=list(dict.fromkeys([*words_of(field).values(), *words])), ordered=True), ""
 
 
+def with_quaternions(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of a table, and behind those of each attitude, "error.sigma_BR[0]" to "[2]", those of its quaternion,
+    scalar first, "error.beta_BR[0]" to "[3]"."""
+    import numpy as np
+
+    from fledge.attitude import mrp_to_quaternion
+
+    found = {}
+    for column, values in columns.items():
+        found[column] = values
+        if match := re.fullmatch(r"(.*\b)sigma_([A-Z]\w*)\[2\]", column):
+            sigma = np.stack([columns[f"{column[:-2]}{i}]"] for i in range(3)], axis=-1)
+            for i, beta in enumerate(np.moveaxis(mrp_to_quaternion(sigma), -1, 0)):
+                found[f"{match[1]}beta_{match[2]}[{i}]"] = beta
+    return found
+
+
 def frame_of(tables: Iterable[tuple[NDArray[np.int64], dict[str, Any]]], units: dict[str, str],
-             meanings: dict[str, str]) -> pd.DataFrame:
+             meanings: dict[str, str], quaternions: bool) -> pd.DataFrame:
     """A pandas DataFrame by time [s] of tables, each (times [ns], column -> values). NaN where one has no value."""
     import numpy as np
     import pandas as pd
 
+    if quaternions:
+        tables = [(times, with_quaternions(columns)) for times, columns in tables]
+        for column in (name for _, columns in tables for name in columns if name not in units):
+            units[column], meanings[column] = "-", "quaternion, scalar first"
     frames = [pd.DataFrame(columns, index=times) for times, columns in tables]
     if len(frames) == 1:
         frame = frames[0]
