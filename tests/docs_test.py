@@ -19,9 +19,11 @@ import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
 
-from fledge import flight as fsw, world
+import fledge
+from fledge import attitude, flight as fsw, flight_math, world
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -261,11 +263,83 @@ def test_fragments_of_python_call_what_there_is():
     assert calls > 20
 
 
+def rows(page, heading):
+    """The two columns of each row of the table below a heading."""
+    section = (ROOT / "docs" / page).read_text(encoding="utf-8").partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    return re.findall(r"^\| (.*) \| (.*) \|$", section, re.M)[1:]
+
+
 def test_what_stands_beside_the_names_of_others_exists():
-    text = (ROOT / "docs/from-basilisk.md").read_text()
-    named = {name for row in re.findall(r"^\| .* \| (.*) \|$", text.partition("## Modules")[2], re.M)
-             for name in re.findall(r"`([A-Z]\w+)`", row)}
+    named = {name for heading in ("Modules", "What Fledge lacks") for _, here in rows("from-basilisk.md", heading)
+             for name in re.findall(r"`([A-Z]\w+)`", here)}
     assert len(named) > 50 and not named - {*world.TYPES, *fsw.TYPES, "Sky"}
+
+
+def test_attitude_has_what_stands_beside_the_functions_of_others():
+    """Each expression of the table, by scipy's attitudes, of which rates are differences."""
+    scipy = pytest.importorskip("scipy.spatial.transform").Rotation
+    first, then = scipy.from_rotvec([0.4, -0.9, 0.7]), scipy.from_rotvec([-1, 0.3, 0.2])
+    w, x = np.array([0.3, 0.5, -0.4]), 0.3
+    C, q, b, r = first.as_matrix().T, first.as_mrp(), np.roll(first.as_quat(), 1), first.as_rotvec()
+    p, c, e = then.as_mrp(), np.roll(then.as_quat(), 1), {order: first.as_euler(order) for order in ("ZYX", "ZXZ")}
+
+    def rate(of):
+        return (of(first * scipy.from_rotvec(1e-5 * w)) - of(first * scipy.from_rotvec(-1e-5 * w))) / 2e-5
+
+    expected = {
+        "MRP2C": C, "C2MRP": q, "EP2C": C, "C2EP": b, "MRP2EP": b, "EP2MRP": q, "PRV2C": C, "C2PRV": r, "PRV2MRP": q,
+        "MRP2PRV": r, "euler3212C": C, "C2Euler321": e["ZYX"], "euler3132C": C, "C2Euler313": e["ZXZ"],
+        "euler3212MRP": q, "MRP2Euler321": e["ZYX"], "addMRP": (first * then).as_mrp(),
+        "subMRP": (then.inv() * first).as_mrp(), "addEP": np.roll((first * then).as_quat(), 1), "MRPswitch": q,
+        "dEP": rate(lambda turn: np.roll(turn.as_quat(), 1)), "dMRP": rate(lambda turn: turn.as_mrp()),
+        "Mi": scipy.from_rotvec([0, 0, x]).as_matrix().T, "v3Tilde": np.cross(w, np.eye(3)).T}
+    found = {}
+    for there, here in rows("from-basilisk.md", "Attitudes in Python"):
+        for name, expression in zip(re.findall(r"`(\w+)\(", there), re.findall(r"`([^`]+\(.*?)`", here), strict=True):
+            given = dict(C=C, q=-q / (q @ q) if name == "MRPswitch" else q, p=p, b=b, c=c, r=r, w=w, x=x,
+                         e=e["ZXZ" if "313" in name else "ZYX"])
+            found[name] = eval(expression, flight_math.FUNCTIONS | vars(attitude) | given)
+    np.testing.assert_allclose(found.pop("BmatMRP") @ w / 4, expected["dMRP"], atol=1e-9)
+    assert found.keys() == expected.keys()
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, atol=1e-9, err_msg=name)
+
+
+def test_the_law_of_the_cookbook_is_that_of_the_module():
+    """In a loop with wheels about a reference that turns, with an integral and a known torque."""
+    names = {}
+    exec(next(text for _, file, text in BLOCK.findall((ROOT / "docs/cookbook.md").read_text(encoding="utf-8"))
+              if file.endswith("law.py")), names)
+    flown = []
+    for given in {}, {"update": names["law"]}:
+        sim = fledge.Simulation()
+        f, w = sim.flight, sim.world
+        f.vehicle = fsw.VehicleConfig(I_B=np.diag([8.0, 9.0, 11.0]))
+        f.wheels = fsw.WheelConfig(axes_B=fsw.PYRAMID, J=0.05)
+        f.turn = fsw.EulerRotation(rates=[0.02, -0.01, 0.03])
+        f.base, f.error, f.motor = fsw.InertialPointing(), fsw.TrackingError(), fsw.WheelTorques()
+        f.law = fsw.MrpFeedback(K=1.0, P=4.0, K_I=0.05, **given)
+        w.wheels = world.ReactionWheels(axes_B=fsw.PYRAMID, J=0.05, Omega=[100, -50, 80, 20])
+        w.craft = world.Spacecraft(I_B=np.diag([8.0, 9.0, 11.0]), sigma_BN=[0.2, -0.1, 0.1], parts=[w.wheels],
+                                   omega_BN_B=[0.1, -0.2, 0.1])
+        w.nav = world.Navigation()
+        w.connect(f.base.reference >> f.turn.base, f.turn.reference >> f.error.reference, f.error.error >> f.law.error,
+                  f.vehicle.vehicle >> f.law.vehicle, f.wheels.wheels >> [f.law.wheels, f.motor.wheels],
+                  f.law.torque >> f.motor.torque, f.motor.command >> w.wheels.command, w.craft.state >> w.nav.truth,
+                  w.nav.attitude >> f.error.attitude, w.wheels.speeds >> f.law.speeds)
+        sim.feed(f.law.external, torque_B=[0.01, -0.02, 0.03])
+        f.task("gnc", every=0.5, run=[f.base, f.turn, f.error, f.law, f.motor])
+        w.task("dynamics", every=0.1, run=[w.craft, w.nav])
+        log = sim.record(f.law.torque, f.error.error, every=0.5)
+        sim.run(60)
+        flown.append(np.hstack([log["torque.torque_B"], log["error.sigma_BR"]]))
+    np.testing.assert_allclose(flown[1], flown[0], atol=1e-12)
+    assert np.abs(flown[0]).max() > 0.1
+
+
+def test_help_has_equations_and_not_their_numbers_in_a_book():
+    for name, kind in {**fsw.TYPES, **world.TYPES}.items():
+        assert not re.search(r"\bEqs?\.", kind.__doc__), name
 
 
 @pytest.mark.long("Sphinx writes all pages: two minutes")
