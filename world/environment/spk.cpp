@@ -99,7 +99,7 @@ Eigen::Matrix3d axes_of(int frame)
 const char *type_name(int type)
 {
     switch (type) {
-    case 10: return " (two-line elements)";
+    case 10: return " (two-line elements, of SGP4: give the elements themselves, as the .tle has them)";
     case 14: return " (Chebyshev polynomials of unequal intervals)";
     case 15: return " (precessing conics)";
     case 17: return " (equinoctial elements)";
@@ -408,11 +408,13 @@ private:
         if (s.epochs) {
             begin = s.epochs[0];
             end = s.epochs[s.count - 1];
-            const auto *bad =
-                std::adjacent_find(s.epochs, s.epochs + s.count, [](double a, double b) { return !(a < b); });
+            // Integrators end a record where they begin, too: it has no length, and is never used.
+            const bool may_be_equal = s.method == Method::differences;
+            const auto *bad = std::adjacent_find(
+                s.epochs, s.epochs + s.count, [&](double a, double b) { return !(a < b || (may_be_equal && a == b)); });
             if (bad != s.epochs + s.count || !std::isfinite(begin) || !std::isfinite(end)) {
                 refuse("is damaged: the time of record " + std::to_string(bad - s.epochs + 1) +
-                       " is not before that of the next");
+                       (may_be_equal ? " is after that of the next" : " is not before that of the next"));
             }
         }
         // Differences hold up to their epochs; conics go on from the last state, and from the first back.
