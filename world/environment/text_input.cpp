@@ -93,14 +93,55 @@ std::optional<int> parse_integer(std::string_view text)
     return value;
 }
 
+namespace {
+
+std::string escaped(std::string_view text)
+{
+    std::string result;
+    for (const char c : text) {
+        constexpr char digits[] = "0123456789ABCDEF";
+        const auto byte = static_cast<unsigned char>(c);
+        if (byte < ' ' || byte > '~') {
+            result += {'\xe2', '\x9f', '\xa8', digits[byte / 16], digits[byte % 16], '\xe2', '\x9f', '\xa9'};
+        } else {
+            result += c;
+        }
+    }
+    return result;
+}
+
+} // namespace
+
+std::string shown(std::string_view text)
+{
+    constexpr std::size_t head = 900, tail = 200;
+    if (text.size() <= head + tail) {
+        const std::string whole = escaped(text);
+        if (whole.size() <= head + tail) {
+            return whole;
+        }
+    }
+    const auto is_inside = [](char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }; // of a character
+    const std::string first = escaped(text.substr(0, head)),
+                      last = escaped(text.substr(std::max(text.size(), tail) - tail));
+    std::size_t end = std::min(head, first.size()), begin = last.size() - tail;
+    while (end < first.size() && is_inside(first[end])) {
+        end--;
+    }
+    while (is_inside(last[begin])) {
+        begin++;
+    }
+    return first.substr(0, end) + " ... " + last.substr(begin);
+}
+
 void refuse_file(const std::string &path, const std::string &what)
 {
-    throw sim::SetupError(path + ": " + what);
+    throw sim::SetupError(path + ": " + shown(what));
 }
 
 void refuse_line(const std::string &file, std::size_t line, const std::string &what)
 {
-    throw sim::SetupError(file + ":" + std::to_string(line) + ": " + what);
+    refuse_file(file + ":" + std::to_string(line), what);
 }
 
 } // namespace fledge::world

@@ -24,10 +24,13 @@ std::optional<double> parse_number(std::string_view text);
 /// A decimal integer; nothing if the text is anything else.
 std::optional<int> parse_integer(std::string_view text);
 
-/// Throws SetupError "path: what".
+/// A text of a file for a message: what is no printable ASCII as "⟨0F⟩", a long one cut in its middle.
+std::string shown(std::string_view text);
+
+/// Throws SetupError "path: what", which may have texts of the file.
 [[noreturn]] void refuse_file(const std::string &path, const std::string &what);
 
-/// Throws SetupError "file:line: what".
+/// Throws SetupError "file:line: what", likewise.
 [[noreturn]] void refuse_line(const std::string &file, std::size_t line, const std::string &what);
 
 } // namespace fledge::world

@@ -169,7 +169,7 @@ const std::vector<KernelValue> &TextKernel::values(const std::string &name) cons
             some.resize(12);
             some.push_back("so on");
         }
-        throw sim::SetupError(file_ + ": does not define " + name + "; it defines " + sim::format_list(some));
+        refuse_file(file_, "does not define " + name + "; it defines " + sim::format_list(some));
     }
     return found->second;
 }

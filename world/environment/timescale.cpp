@@ -135,7 +135,7 @@ private:
 
 [[noreturn]] void refuse(std::string_view text, const std::string &what)
 {
-    throw sim::SetupError("time \"" + std::string(text) + "\": " + what);
+    throw sim::SetupError("time \"" + shown(text) + "\": " + what);
 }
 
 [[noreturn]] void refuse_utc(std::string_view text)
