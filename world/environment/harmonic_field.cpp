@@ -29,11 +29,30 @@ double normalisation(int n, int m)
     return std::sqrt(square);
 }
 
+/// The degree and order that the header of a file promises.
+struct Promise {
+    int degree, order;
+
+    /// The degree up to which rows are kept: no higher than it is wanted, nor where so many rows lack something before.
+    int kept(int wanted, std::size_t rows) const
+    {
+        std::size_t count = 0;
+        for (int n = 2; n < std::min(degree, wanted); n++) {
+            count += static_cast<std::size_t>(std::min(n, order)) + 1;
+            if (count > rows) {
+                return n;
+            }
+        }
+        return std::min(degree, wanted);
+    }
+};
+
 /// Takes the coefficients of a file in any order, and checks that each comes once.
 class Collector {
 public:
-    Collector(std::string file, HarmonicField &field, bool normalised)
-        : file_(std::move(file)), field_(field), normalised_(normalised),
+    /// Those up to the degree of the field are kept.
+    Collector(std::string file, HarmonicField &field, Promise promise, bool normalised)
+        : file_(std::move(file)), field_(field), promise_(promise), normalised_(normalised),
           seen_(HarmonicField::index(field.degree + 1, 0), false)
     {
     }
@@ -51,6 +70,8 @@ public:
         std::size_t index() const { return HarmonicField::index(n, m); }
     };
 
+    bool keeps(const Row &row) const { return row.n <= field_.degree; }
+
     Row row(const std::vector<std::string_view> &words, std::size_t first, std::size_t line) const
     {
         if (words.size() < first + 4) {
@@ -62,13 +83,13 @@ public:
             const std::size_t bad = !n ? 0 : !m ? 1 : !C ? 2 : 3;
             refuse_line(file_, line, "expected a number, found \"" + std::string(words[first + bad]) + "\"");
         }
-        if (*n < 0 || *n > field_.degree || *m < 0 || *m > std::min(*n, field_.order)) {
+        if (*n < 0 || *n > promise_.degree || *m < 0 || *m > std::min(*n, promise_.order)) {
             refuse_line(file_, line,
                         "degree " + std::to_string(*n) + ", order " + std::to_string(*m) +
-                            "; the header promises up to " + std::to_string(field_.degree) + ", " +
-                            std::to_string(field_.order));
+                            "; the header promises up to " + std::to_string(promise_.degree) + ", " +
+                            std::to_string(promise_.order));
         }
-        const double scale = normalised_ ? 1.0 : 1.0 / normalisation(*n, *m);
+        const double scale = normalised_ || *n > field_.degree ? 1.0 : 1.0 / normalisation(*n, *m);
         const Row row{*n, *m, *C * scale, *S * scale};
         if (!std::isfinite(row.C) || !std::isfinite(row.S)) {
             refuse_line(file_, line, "the coefficient is beyond the range of numbers");
@@ -78,6 +99,9 @@ public:
 
     void take(const Row &row, std::size_t line)
     {
+        if (!keeps(row)) {
+            return;
+        }
         const std::size_t i = row.index();
         if (seen_[i]) {
             refuse_line(file_, line,
@@ -97,12 +121,15 @@ public:
     void finish(const char *perhaps = "Is the file cut short?") const
     {
         for (int n = 2; n <= field_.degree; n++) {
-            for (int m = 0; m <= std::min(n, field_.order); m++) {
+            for (int m = 0; m <= std::min(n, promise_.order); m++) {
                 if (!seen_[HarmonicField::index(n, m)]) {
-                    throw sim::SetupError(file_ + ": degree " + std::to_string(n) + ", order " + std::to_string(m) +
-                                          " is missing; the header promises all up to " +
-                                          std::to_string(field_.degree) + ", " + std::to_string(field_.order) + ". " +
-                                          perhaps);
+                    refuse_file(file_, "degree " + std::to_string(n) + ", order " + std::to_string(m) +
+                                           " is missing; the header promises all up to " +
+                                           std::to_string(promise_.degree) + ", " + std::to_string(promise_.order) +
+                                           ". " + perhaps +
+                                           (n > 2 ? " Up to degree " + std::to_string(n - 1) +
+                                                        " all is there: give degree=" + std::to_string(n - 1)
+                                                  : ""));
                 }
             }
         }
@@ -111,6 +138,7 @@ public:
 private:
     std::string file_;
     HarmonicField &field_;
+    Promise promise_;
     bool normalised_;
     std::vector<bool> seen_;
 };
@@ -147,7 +175,7 @@ double HarmonicField::J(int n) const
 
 namespace {
 
-HarmonicField parse_shadr(std::string_view text, const std::string &path, double expected_mu)
+HarmonicField parse_shadr(std::string_view text, const std::string &path, double expected_mu, int wanted)
 {
     const auto lines = lines_of(text);
     const auto header = lines.empty() ? std::vector<std::string_view>() : words_of(lines[0]);
@@ -171,13 +199,14 @@ HarmonicField parse_shadr(std::string_view text, const std::string &path, double
         refuse_line(path, 1,
                     "a radius of " + sim::format_number(*radius) + " is none: SHADR has the radius first, then mu");
     }
+    const Promise promise{*degree, *order};
     // 10^4.5 is halfway between mu in m^3/s^2 and in km^3/s^2, on the scale of exponents.
     const bool kilometres = expected_mu > 0.0 ? *mu * std::sqrt(1e9) < expected_mu : *radius < 1e5;
-    HarmonicField field =
-        HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0), *degree);
+    HarmonicField field = HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0),
+                                              promise.kept(wanted, lines.size()));
     field.name = path;
-    field.order = *order;
-    Collector collector(path, field, *normalised == 1);
+    field.order = std::min(field.degree, *order);
+    Collector collector(path, field, promise, *normalised == 1);
     for (std::size_t i = 1; i < lines.size(); i++) {
         const auto words = words_of(lines[i]);
         if (!words.empty()) {
@@ -203,7 +232,7 @@ struct IcgemHead {
         if (key == "product_type" && value != "gravity_field") {
             refuse_line(path, line, "expected product_type gravity_field, found " + std::string(value));
         } else if (key == "modelname") {
-            name = value;
+            name = shown(value);
         } else if (key == "earth_gravity_constant" || key == "gravity_constant") {
             understood = (mu = parse_number(value)).has_value();
         } else if (key == "radius") {
@@ -214,7 +243,7 @@ struct IcgemHead {
             normalised = value == "fully_normalized";
             understood = normalised || value == "unnormalized";
         } else if (key == "tide_system") {
-            tide_system = value;
+            tide_system = shown(value);
         } else if (key == "format") {
             intervals = value == "icgem2.0";
             understood = intervals || value == "icgem1.0";
@@ -252,8 +281,9 @@ std::optional<IcgemDate> parse_date(std::string_view word)
 /// Takes the rows behind the head: what changes, as it is at the epoch.
 class IcgemRows {
 public:
-    IcgemRows(const std::string &path, const IcgemHead &head, HarmonicField &field, std::optional<Epoch> epoch)
-        : path_(path), collector_(path, field, head.normalised), intervals_(head.intervals),
+    IcgemRows(const std::string &path, const IcgemHead &head, HarmonicField &field, Promise promise,
+              std::optional<Epoch> epoch)
+        : path_(path), collector_(path, field, promise, head.normalised), intervals_(head.intervals),
           begin_(field.C.size(), std::numeric_limits<double>::quiet_NaN())
     {
         if (epoch) {
@@ -290,6 +320,9 @@ private:
                         "its coefficients change in time; say when they are to hold, as in epoch=\"2026-03-20\"");
         }
         const Collector::Row row = collector_.row(words, 1, line);
+        if (!collector_.keeps(row)) {
+            return;
+        }
         // n, m, C, S, their sigmas or none, t0, t1, period.
         const std::size_t dates = intervals_ ? 2 : value ? 1 : 0, tail = words.size() - dates - (wave ? 1 : 0);
         if (tail < 5 || tail > words.size()) {
@@ -381,15 +414,16 @@ IcgemHead parse_head(const std::vector<std::string_view> &lines, const std::stri
     return head;
 }
 
-HarmonicField parse_icgem(std::string_view text, const std::string &path, std::optional<Epoch> epoch)
+HarmonicField parse_icgem(std::string_view text, const std::string &path, std::optional<Epoch> epoch, int wanted)
 {
     const auto lines = lines_of(text);
     std::size_t i = 0;
     const IcgemHead head = parse_head(lines, path, i);
-    HarmonicField field = HarmonicField::zero(*head.mu, *head.radius, *head.degree);
+    const Promise promise{*head.degree, *head.degree};
+    HarmonicField field = HarmonicField::zero(*head.mu, *head.radius, promise.kept(wanted, lines.size()));
     field.name = head.name;
     field.tide_system = head.tide_system;
-    IcgemRows rows(path, head, field, epoch);
+    IcgemRows rows(path, head, field, promise, epoch);
     for (; i < lines.size(); i++) {
         const auto words = words_of(lines[i]);
         if (!words.empty()) {
@@ -402,14 +436,14 @@ HarmonicField parse_icgem(std::string_view text, const std::string &path, std::o
 
 } // namespace
 
-HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch, double mu)
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch, double mu, int degree)
 {
     const std::string text = read_whole(path);
     if (text.starts_with("\x1f\x8b") || text.starts_with("PK\3\4")) {
         refuse_file(path, "is compressed; unpack it first, with gunzip or unzip");
     }
     const bool icgem = path.ends_with(".gfc") || text.find("\nend_of_head") != text.npos;
-    return icgem ? parse_icgem(text, path, epoch) : parse_shadr(text, path, mu);
+    return icgem ? parse_icgem(text, path, epoch, degree) : parse_shadr(text, path, mu, degree);
 }
 
 } // namespace fledge::world

@@ -17,6 +17,7 @@
 #include "world/environment/timescale.h"
 
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -49,7 +50,9 @@ struct HarmonicField {
 /// SHADR has km by its standard, files in m are about, and none says which: it is what comes nearer to `mu`, that of
 /// the body [m^3/s^2], or, if that is 0, km where the radius is below 100,000.
 /// Throws SetupError with file and line where the file is damaged, foreign, or ends too early.
-/// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0.
-HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch = std::nullopt, double mu = 0.0);
+/// Coefficients of the degrees 0 and 1 may be left out: then C00 = 1 and the rest 0; also those above `degree`, which
+/// a file of J2 alone promises and has not.
+HarmonicField read_gravity_field(const std::string &path, std::optional<Epoch> epoch = std::nullopt, double mu = 0.0,
+                                 int degree = std::numeric_limits<int>::max());
 
 } // namespace fledge::world

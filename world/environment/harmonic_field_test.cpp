@@ -111,6 +111,43 @@ TEST(HarmonicField, DamagedShadrIsRefusedWithItsLine)
                           "file cut short?"));
 }
 
+TEST(HarmonicField, AFileNeedsNoMoreThanTheDegreeThatIsWanted)
+{
+    // As Basilisk's GGM03S-J2-only.txt.
+    const std::string head = "6378136.3, 3.986004415E+14, 7.29E-5, 180, 180, %, 0.0, 0.0\n";
+    const std::string rows = "0, 0, 1, 0, 0, 0\n2, 0, -5E-04, 0, 4E-11, 0\n2, 1, 0, 0, 0, 0\n2, 2, 0, 0, 0, 0\n"
+                             "3, 0, 7E-01, 0, 0, 0\n";
+    const auto read = [&](int degree, char normalised) {
+        std::string text = head + rows;
+        text[text.find('%')] = normalised;
+        const TemporaryFile file("j2.txt", text);
+        return read_gravity_field(file.path(), std::nullopt, 0.0, degree);
+    };
+    const HarmonicField field = read(2, '1');
+    EXPECT_EQ(field.degree, 2);
+    EXPECT_EQ(field.C, (std::vector<double>{1, 0, 0, -5e-4, 0, 0}));
+    EXPECT_DOUBLE_EQ(read(2, '0').C[3], -5e-4 / std::sqrt(5.0));
+    EXPECT_EQ(read(0, '1').C, std::vector<double>{1});
+    for (const int degree : {3, 180, 1000}) {
+        EXPECT_THAT(error_of([&] { read(degree, '1'); }),
+                    HasSubstr("degree 3, order 1 is missing; the header promises all up to 180, 180. Is the file cut "
+                              "short? Up to degree 2 all is there: give degree=2"));
+    }
+    const TemporaryFile file("j2.gfc", icgem_head + "max_degree 3\nend_of_head\n" + icgem_rows + "gfct 3 0 1 0\n");
+    EXPECT_EQ(read_gravity_field(file.path(), day(0), 0.0, 2).S[HarmonicField::index(2, 1)], 2e-10);
+}
+
+TEST(HarmonicField, ARefusalShowsLittleOfAFile)
+{
+    const std::string zeros = error_of([] { shadr("3397 42828.5 0 2 2 1\n" + std::string(10'000, '\0')); });
+    EXPECT_THAT(zeros, HasSubstr(":2: expected n, m, C, S, found 1 values"));
+    const std::string bytes =
+        error_of([] { shadr("3397 42828.5 0 2 2 1\n2 0 " + std::string(10'000, '\xff') + " 0"); });
+    EXPECT_THAT(bytes, HasSubstr(":2: expected a number, found \"\xe2\x9f\xa8\x46\x46\xe2\x9f\xa9"));
+    EXPECT_THAT(bytes, HasSubstr(" ... "));
+    EXPECT_LT(bytes.size(), 1500);
+}
+
 TEST(HarmonicField, EveryCutOfARealFieldIsRefused)
 {
     const std::string path = real_file("mars-ggm2bc80.shadr.csv");

@@ -255,7 +255,8 @@ Vector3d Harmonics::gravity(const Vector3d &r_P, double *potential) const
 std::shared_ptr<Harmonics> read_harmonics(const HarmonicsSetup &setup)
 {
     const auto epoch = setup.date ? std::optional(TimeSystem().epoch(*setup.date)) : std::nullopt;
-    const HarmonicField field = read_gravity_field(setup.path, epoch, setup.mu);
+    const int all = std::numeric_limits<int>::max();
+    const HarmonicField field = read_gravity_field(setup.path, epoch, setup.mu, setup.degree.value_or(all));
     auto made = std::make_shared<Harmonics>(field, setup.degree.value_or(field.degree));
     if (!setup.tides.empty()) {
         made->tides.emplace(field.mu, field.radius, setup.tides == "file" ? field.tide_system : setup.tides);
