@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fledge.errors import SetupError
 from fledge.files import daf
 from fledge.files.ephemeris import RATES, AemSegment
 from fledge.files.sclk import Sclk
@@ -63,9 +64,12 @@ def _spans(file: daf.Daf, number: int, segment: daf.Segment, clock: Sclk) -> lis
         within = ticks[begin:end]
         if within[0] > segment.last or within[-1] < segment.first:
             continue
-        bounds = clock.ns([max(within[0], segment.first), min(within[-1], segment.last)])
-        found.append(_span(clock, within, rows[begin:end],
-                           {**meta, "USEABLE_START_TIME": int(bounds[0]), "USEABLE_STOP_TIME": int(bounds[1])}))
+        try:
+            bounds = clock.ns([max(within[0], segment.first), min(within[-1], segment.last)])
+            found.append(_span(clock, within, rows[begin:end],
+                               {**meta, "USEABLE_START_TIME": int(bounds[0]), "USEABLE_STOP_TIME": int(bounds[1])}))
+        except SetupError as error:
+            file.refuse(f"{where}: {error}")
     return found
 
 

@@ -85,7 +85,8 @@ def read(path: str | os.PathLike[str], kind: str) -> Daf:
         for i in range(int(count)):
             first, last = struct.unpack_from(order + "2d", data, at + 24 + 40 * i)
             *numbers, begin, end = struct.unpack_from(order + "6i", data, at + 40 + 40 * i)
-            name = data[at + RECORD + 40 * i:at + RECORD + 40 * (i + 1)].decode("latin-1").strip(" \0")
+            named = at + RECORD + 40 * i
+            name = data[named:named + 40].decode("ascii", "backslashreplace").strip(" \0")
             if not 1 <= begin <= end <= len(words):
                 found.refuse(f"segment {len(found.segments) + 1}, {name}: is damaged or cut short: its summary gives "
                              f"it the words {begin} to {end}; the file has {len(words)}")

@@ -126,6 +126,7 @@ def test_damaged_files_are_refused(tmp_path):
                       (data[:4096], "a.bsp: segment 1, FLEDGE: is damaged or cut short"),
                       (data[:76] + b"\x63\0\0\0" + data[80:], "summary record 99"),
                       (data[:76] + b"\xff\xff\xff\x7f" + data[80:], "summary record 2147483647"),
+                      (data[:2048] + b"\xa0\x1b" + data[2050:4096], "segment 1, .xa0\u27e81B\u27e9EDGE: is damaged"),
                       (data[:8] + b"\x03" + data[9:], "found 3 and 6"),
                       (data[:1024 + 24 + 28] + b"\x63" + data[1024 + 24 + 29:], "a.bsp.*99")]:
         path.write_bytes(bad)

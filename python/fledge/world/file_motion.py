@@ -328,7 +328,10 @@ def by_sgp4(elements: dict[str, Any], sky: Sky, t: Any) -> tuple[list[float], li
 
 def _of_elements(elements: MeanElements, sky: Sky) -> Part:
     def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        states = np.array([by_sgp4(elements.parameters(), sky, int(t) / 1e9) for t in times])
+        try:
+            states = np.array([by_sgp4(elements.parameters(), sky, int(t) / 1e9) for t in times])
+        except SetupError as error:
+            raise SetupError(f"{elements.source}: {error}") from None
         about = reference_frames.origins(sky, 399, times)
         return states[:, 0] + about[:, 0], states[:, 1] + about[:, 1]
 
