@@ -20,13 +20,13 @@ void fill_parameters(Database &database, xtce::Declarations &declared)
             xtce::refuse_reference(database.types[parameter.type].path);
         }
         parameter.initial = xtce::initial(node);
-        for (xtce::Node child : xtce::elements(node)) {
+        declared.parts(node, parameter.path, [&](xtce::Node child) { // without one of these it is the same parameter
             if (xtce::tag(child) == "ParameterProperties") {
                 parameter.source = child.attribute("dataSource").as_string("telemetered");
             } else if (!xtce::is_common(child)) {
                 xtce::refuse_element(child);
             }
-        }
+        });
     });
 }
 

@@ -30,11 +30,12 @@ std::string refusal(const std::string &xml)
 
 TEST(Xtce, TheNameSpacesAreReadAlikeAndOthersAreRefused)
 {
-    EXPECT_THAT(refusal("<SpaceSystem xmlns='http://www.omg.org/spec/XTCE/20250214' name='S'/>"),
-                HasSubstr("s.xml:1: the name space http://www.omg.org/spec/XTCE/20250214, XTCE 1.3, is not read: XTCE "
-                          "1.0 and 1.1 have http://www.omg.org/space/xtce, and 1.2 has"));
+    EXPECT_THAT(refusal("<SpaceSystem xmlns='http://www.omg.org/spec/XTCE/20990101' name='S'/>"),
+                HasSubstr("s.xml:1: the name space http://www.omg.org/spec/XTCE/20990101 is not read: XTCE 1.0 and 1.1 "
+                          "have http://www.omg.org/space/xtce, 1.2 has"));
     EXPECT_EQ(refusal("<x:SpaceSystem name='S'/>"), "s.xml:1: the prefix x has no name space: xmlns:x is missing");
-    for (const std::string space : {"http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204", ""}) {
+    for (const std::string space : {"http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204",
+                                    "http://www.omg.org/spec/XTCE/20250214", ""}) {
         for (const std::string prefix : {"", "xtce:"}) {
             if (space.empty() && !prefix.empty()) {
                 continue;
@@ -47,6 +48,62 @@ TEST(Xtce, TheNameSpacesAreReadAlikeAndOthersAreRefused)
             xml += "</" + prefix + "ParameterSet></" + prefix + "TelemetryMetaData></" + prefix + "SpaceSystem>";
             EXPECT_EQ(refusal(xml), "");
         }
+    }
+}
+
+TEST(Xtce, FormsThatAreNoStandardButCommonAreRead)
+{
+    const std::string xml =
+        "<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>" + integer("i8", 8, "encoding='signed'") +
+        "<FloatParameterType name='f'><FloatDataEncoding encoding='IEEE-754'/></FloatParameterType>" + // 32 bits
+        "<StringParameterType name='t'><StringDataEncoding><SizeInBits><TerminationChar/></SizeInBits>"
+        "</StringDataEncoding></StringParameterType>" +
+        integer("u0", 0) +
+        "</ParameterTypeSet><ParameterSet><Parameter name='a' parameterTypeRef='i8'><ShortDescription>Short"
+        "</ShortDescription><LongDescription>Long</LongDescription></Parameter><Parameter name='b' "
+        "parameterTypeRef='f'/><Parameter name='c' parameterTypeRef='t'/></ParameterSet><ContainerSet>" +
+        container("P", "a b c") + "</ContainerSet></TelemetryMetaData></SpaceSystem>";
+    EXPECT_EQ(decoded(xml, {0xFE, 0x3F, 0x80, 0, 0, 'x', 0}), "a=-2 b=1 c=x");
+    const Database database = read_xtce_text(xml, "s.xml");
+    EXPECT_EQ(database.parameters[0].description, "Short");
+    EXPECT_THAT(database.notes, ElementsAre(HasSubstr("0 bits are no encoding")));
+    EXPECT_THAT(refusal(file(integer("u0", 0), "a:u0", container("P", "a"))),
+                HasSubstr("u0 (s.xml:2) has no encoding"));
+}
+
+TEST(Xtce, WhatXtce13Adds)
+{
+    const std::string alarm = "minViolations='2'><AlarmMultiRanges><Range level='watch' maxInclusive='3'/>"
+                              "</AlarmMultiRanges></DefaultAlarm></IntegerParameterType>";
+    const Database database = read_xtce_text(
+        file("<IntegerParameterType name='on'><IntegerDataEncoding/><DefaultAlarm " + alarm +
+                 "<IntegerParameterType name='off'><IntegerDataEncoding/><DefaultAlarm disabled='true' " + alarm +
+                 "<RelativeTimeParameterType name='t'><Encoding units='milliseconds'><IntegerDataEncoding/></Encoding>"
+                 "</RelativeTimeParameterType><BinaryParameterType name='b'><BinaryDataEncoding><SizeInBits>"
+                 "<DiscreteLookupList defaultValue='16'><DiscreteLookup value='8'><Comparison parameterRef='a' "
+                 "value='1'/></DiscreteLookup></DiscreteLookupList></SizeInBits></BinaryDataEncoding>"
+                 "<BinaryContextAlarmList/></BinaryParameterType>",
+             "a:on c:t d:b", container("P", "a c d")),
+        "s.xml");
+    EXPECT_EQ(database.types[0].alarms.size(), 1u);
+    EXPECT_EQ(database.types[1].alarms.size(), 0u);
+    EXPECT_THAT(database.notes, ElementsAre(HasSubstr("an alarm is disabled")));
+    Decoder decoder(database);
+    EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{1, 7, 9})), "a=1 c=7000000 d=09");
+    EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{2, 7, 9, 8})), "a=2 c=7000000 d=0908");
+    EXPECT_THAT(refusal("<SpaceSystem name='S'><CommandMetaData><MetaCommandSet><MetaCommand name='C'><VerifierSet>"
+                        "<CompleteVerifier><ArgumentRestrictionList/></CompleteVerifier></VerifierSet></MetaCommand>"
+                        "</MetaCommandSet></CommandMetaData></SpaceSystem>"),
+                HasSubstr("<ArgumentRestrictionList> is not known in <CompleteVerifier>"));
+}
+
+TEST(Xtce, ARelativeTimeMayBeAnArgumentInBothSpellings)
+{
+    for (const std::string tag : {"RelativeTimeArgumentType", "RelativeTimeAgumentType"}) { // 1.2 has the second
+        EXPECT_EQ(refusal("<SpaceSystem name='S'><CommandMetaData><ArgumentTypeSet><" + tag +
+                          " name='T'><Encoding><IntegerDataEncoding/></Encoding></" + tag +
+                          "></ArgumentTypeSet></CommandMetaData></SpaceSystem>"),
+                  "");
     }
 }
 
@@ -221,6 +278,17 @@ TEST(Xtce, LenientlyTheRestIsRead)
     EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{7})), "a=7");
     EXPECT_TRUE(read_xtce_text(file(integer("u8", 8), "", ""), "s.xml", true).left_out.empty());
     EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // its contents are not known
+}
+
+TEST(Xtce, LenientlyAParameterLosesWhatIsNotKnownInItAlone)
+{
+    std::string xml = file(integer("u8", 8), "a:u8", container("P", "a"));
+    xml.replace(xml.find("'u8'/>"), 6, "'u8'><Color>red</Color></Parameter>");
+    EXPECT_EQ(refusal(xml), "s.xml:4: <Color> is not known in <Parameter>");
+    const Database database = read_xtce_text(xml, "s.xml", true);
+    EXPECT_THAT(database.left_out, ElementsAre("s.xml:4: <Color> is not known in <Parameter>; <Color> is left out"));
+    Decoder decoder(database);
+    EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{7})), "a=7");
 }
 
 TEST(Xtce, HostileDatabasesAreRefusedSoon)

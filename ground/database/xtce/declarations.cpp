@@ -41,18 +41,6 @@ void Declarations::declare()
     declare_command_containers();
 }
 
-/// Do an action for each element of a node that is not left out.
-template <class Do> void Declarations::parts(Node node, const std::string &path, Do action)
-{
-    for (Node child : elements(node)) {
-        if (!faults_.left_out(child)) {
-            const std::string name(trimmed(child.attribute("name").value()));
-            attempt(child, name.empty() ? "<" + std::string(tag(child)) + ">" : path + "/" + name,
-                    [&] { action(child); });
-        }
-    }
-}
-
 void Declarations::declare_system(Node node, const std::string &under, std::size_t depth)
 {
     if (depth > deepest) {
@@ -166,8 +154,11 @@ void Declarations::describe(Node node, const std::string &under, Named &thing)
     spend_copied(thing.path.size());
     thing.place = place(node);
     thing.description = node.attribute("shortDescription").value();
-    if (const Node text = element(node, "LongDescription"); text && thing.description.empty()) {
-        thing.description = trimmed(text.text().get());
+    for (const View name :
+         {View("ShortDescription"), View("LongDescription")}) { // the first is no standard, but common
+        if (thing.description.empty()) {
+            thing.description = trimmed(element(node, name).text().get());
+        }
     }
     for (Node alias : elements(element(node, "AliasSet"))) {
         thing.aliases.emplace_back(alias.attribute("nameSpace").value(), alias.attribute("alias").value());

@@ -79,6 +79,18 @@ public:
         }
     }
 
+    /// Do an action for each element of a node that is not left out: one in which it finds a fault is.
+    template <class Do> void parts(Node node, const std::string &path, Do action)
+    {
+        for (Node child : elements(node)) {
+            if (!faults_.left_out(child)) {
+                const std::string name(trimmed(child.attribute("name").value()));
+                attempt(child, name.empty() ? "<" + std::string(tag(child)) + ">" : path + "/" + name,
+                        [&] { action(child); });
+            }
+        }
+    }
+
     /// Count the data that grow faster than the files: [bytes] of paths, and of what types inherit.
     void spend_copied(std::size_t n);
 
@@ -96,7 +108,6 @@ private:
     void declare_command_containers();
     template <class Things>
     Id declare(Node node, const std::string &path, Things &things, std::vector<Declared> &declared, Names &names);
-    template <class Do> void parts(Node node, const std::string &path, Do action);
     std::optional<Id> find(const Names &names, const std::vector<Declared> &things, View reference) const;
     Id find(Node node, const Names &names, const std::vector<Declared> &things, const std::string &reference,
             const char *kind) const;

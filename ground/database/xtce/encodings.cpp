@@ -15,12 +15,14 @@ void number_form(Encoding &result, Node node)
     static const std::map<View, NumberForm> forms = {{"unsigned", NumberForm::plain},
                                                      {"twosComplement", NumberForm::twos_complement},
                                                      {"twosCompliment", NumberForm::twos_complement}, // of XTCE 1.0
+                                                     {"signed", NumberForm::twos_complement}, // no standard, but common
                                                      {"onesComplement", NumberForm::ones_complement},
                                                      {"signMagnitude", NumberForm::sign_magnitude},
                                                      {"BCD", NumberForm::bcd},
                                                      {"packedBCD", NumberForm::packed_bcd},
                                                      {"IEEE754_1985", NumberForm::ieee754},
                                                      {"IEEE754", NumberForm::ieee754},
+                                                     {"IEEE-754", NumberForm::ieee754}, // no standard, but common
                                                      {"MILSTD_1750A", NumberForm::mil1750a}};
     const bool real = result.kind == Encoding::Kind::real;
     const std::string name = node.attribute("encoding").as_string(real ? "IEEE754" : "unsigned");
@@ -186,7 +188,8 @@ void EncodingReader::string_size(Encoding &result, Node node, bool text)
         if (name == "LeadingSize" && text) {
             result.size_tag = count(child, child.attribute("sizeInBitsOfSizeTag").as_string("16"), 1, 32);
         } else if (name == "TerminationChar" && text) {
-            result.terminator = hexadecimal(child, trimmed(child.text().get()));
+            const View end = trimmed(child.text().get());
+            result.terminator = hexadecimal(child, end.empty() ? "00" : end); // the standard's default
         } else if (!one_of(name, {"Fixed", "FixedValue", "DynamicValue", "DiscreteLookupList"})) {
             refuse_element(child);
         } else if (name == "DynamicValue" &&
@@ -248,6 +251,10 @@ Encoding EncodingReader::encoding(Node node)
     result.kind = what->second;
     result.bits_reversed = node.attribute("bitOrder").as_string() == View("leastSignificantBitFirst");
     if (result.kind == Kind::integer || result.kind == Kind::real) {
+        if (node.attribute("sizeInBits").as_string() == View("0")) {
+            declared_.note(node, "0 bits are no encoding: no packet can have a value of this type");
+            return {};
+        }
         number_form(result, node);
     }
     for (Node child : elements(node)) {

@@ -100,6 +100,7 @@ private:
     void fill(Id id);
     void inherit(Id id, Id base);
     void part(Type &type, Node node);
+    void add_alarm(Type &type, Node node);
     void time_encoding(Type &type, Node node);
     void reference_time(Type &type, Node node);
     std::optional<Epoch> epoch_before(Id id, std::size_t depth) const;

@@ -6,6 +6,7 @@ namespace fledge::ground::xtce {
 
 namespace {
 
+constexpr View misspelt = "AgumentType"; // in XTCE 1.2, of relative times
 constexpr const char *too_many_values = "a value has more than 2^20 members and elements";
 
 std::optional<Type::Sort> sort_of(View name)
@@ -20,7 +21,7 @@ std::optional<Type::Sort> sort_of(View name)
                                                      {"RelativeTime", Type::Sort::relative_time},
                                                      {"Aggregate", Type::Sort::aggregate},
                                                      {"Array", Type::Sort::array}};
-    for (const View end : {View("ParameterType"), View("ArgumentType")}) {
+    for (const View end : {View("ParameterType"), View("ArgumentType"), misspelt}) {
         if (name.ends_with(end)) {
             const auto found = sorts.find(name.substr(0, name.size() - end.size()));
             return found != sorts.end() ? std::optional(found->second) : std::nullopt;
@@ -31,7 +32,7 @@ std::optional<Type::Sort> sort_of(View name)
 
 bool is_of_argument(Node node)
 {
-    return tag(node).ends_with("ArgumentType");
+    return tag(node).ends_with("ArgumentType") || tag(node).ends_with(misspelt);
 }
 
 void enumerators(Type &type, Node node)
@@ -268,12 +269,10 @@ void TypeReader::part(Type &type, Node child)
                 is_true(child, "validRangeAppliesToCalibrated", type.valid.back().calibrated);
         }
     } else if (name == "DefaultAlarm") {
-        type.alarms.push_back(alarms_.alarm(child));
-    } else if (name == "ContextAlarmList") {
+        add_alarm(type, child);
+    } else if (one_of(name, {"ContextAlarmList", "BinaryContextAlarmList"})) {
         for (Node item : elements(child)) {
-            type.alarms.insert(type.alarms.end() -
-                                   (!type.alarms.empty() && type.alarms.back().when.kind == Condition::Kind::always),
-                               alarms_.alarm(item));
+            add_alarm(type, item);
         }
     } else if (name == "DimensionList") {
         type.dimensions = values_.dimensions(child);
@@ -284,13 +283,31 @@ void TypeReader::part(Type &type, Node child)
     }
 }
 
+/// Add an alarm: the default one, which has no context, remains the last.
+void TypeReader::add_alarm(Type &type, Node node)
+{
+    Alarm alarm = alarms_.alarm(node);
+    if (is_true(node, "disabled", false)) { // of XTCE 1.3
+        declared_.note(node, "an alarm is disabled: it is not computed");
+        return;
+    }
+    const bool has_default = !type.alarms.empty() && type.alarms.back().when.kind == Condition::Kind::always;
+    type.alarms.insert(type.alarms.end() - (has_default && alarm.when.kind != Condition::Kind::always),
+                       std::move(alarm));
+}
+
 void TypeReader::time_encoding(Type &type, Node node)
 {
-    static const std::map<View, double> units = {{"seconds", 1e9}, {"picoSeconds", 1e-3}, {"days", 86400e9}};
+    static const std::map<View, double> units = {
+        {"seconds", 1e9},      {"picoSeconds", 1e-3}, {"days", 86400e9}, // and of XTCE 1.3:
+        {"picoseconds", 1e-3}, {"nanoseconds", 1},    {"microseconds", 1e3},
+        {"milliseconds", 1e6}, {"minutes", 60e9},     {"hours", 3600e9}};
     const std::string unit = node.attribute("units").as_string("seconds");
     const auto found = units.find(unit);
     if (found == units.end()) {
-        refuse(node, "a time is in seconds, picoSeconds or days; found " + unit);
+        refuse(node, "a time is in days, hours, minutes, seconds, milliseconds, microseconds, nanoseconds or "
+                     "picoSeconds; found " +
+                         unit);
     }
     type.scale = real_or(node, "scale", 1) * found->second;
     type.offset = real_or(node, "offset", 0) * found->second;

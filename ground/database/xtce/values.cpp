@@ -223,6 +223,10 @@ Quantity ValueReader::quantity(Node node)
                     condition_of(elements(lookup)[0]),
                     std::clamp(whole(lookup, needed(lookup, "value")), -most_quantity, most_quantity));
             }
+            if (const auto otherwise = child.attribute("defaultValue")) { // of XTCE 1.3
+                result.cases.emplace_back(Condition(),
+                                          std::clamp(whole(child, otherwise.value()), -most_quantity, most_quantity));
+            }
             return result;
         }
     }

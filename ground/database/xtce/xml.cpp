@@ -55,10 +55,11 @@ void check_name_space(Node root)
     if (prefixed && space.empty()) {
         refuse(root, "the prefix " + prefix + " has no name space: xmlns:" + prefix + " is missing");
     }
-    if (!one_of(space, {"", "http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204"})) {
-        refuse(root, "the name space " + space + (space.ends_with("/XTCE/20250214") ? ", XTCE 1.3," : "") +
-                         " is not read: XTCE 1.0 and 1.1 have http://www.omg.org/space/xtce, and 1.2 has "
-                         "http://www.omg.org/spec/XTCE/20180204");
+    if (!one_of(space, {"", "http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204",
+                        "http://www.omg.org/spec/XTCE/20250214"})) {
+        refuse(root, "the name space " + space +
+                         " is not read: XTCE 1.0 and 1.1 have http://www.omg.org/space/xtce, 1.2 has "
+                         "http://www.omg.org/spec/XTCE/20180204, and 1.3 http://www.omg.org/spec/XTCE/20250214");
     }
 }
 
@@ -114,7 +115,7 @@ Node element(Node node, View name)
 
 bool is_common(Node node)
 {
-    return one_of(tag(node), {"LongDescription", "AliasSet", "AncillaryDataSet"});
+    return one_of(tag(node), {"ShortDescription", "LongDescription", "AliasSet", "AncillaryDataSet"});
 }
 
 std::string needed(Node node, const char *attribute)
