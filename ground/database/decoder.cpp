@@ -148,7 +148,7 @@ std::uint64_t Decoder::copy(std::size_t bit, std::size_t bits)
     return slice(to, n);
 }
 
-bool Decoder::take_binary(const Type &type, Walk &walk, std::uint64_t &raw)
+bool Decoder::take_binary(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value)
 {
     const auto bits = size_at(type.encoding.size, walk.at);
     if (!bits || *bits < 0 || walk.at + static_cast<std::size_t>(*bits) > n_bits_) {
@@ -160,7 +160,10 @@ bool Decoder::take_binary(const Type &type, Walk &walk, std::uint64_t &raw)
                 : "the packet ends within " + type.name + ", a binary value of " + std::to_string(*bits) + " bits");
     }
     const auto n = static_cast<std::size_t>(*bits);
-    raw = walk.at % 8 == 0 && n % 8 == 0 ? slice(walk.at / 8, n / 8) : copy(walk.at, n);
+    value = raw = walk.at % 8 == 0 && n % 8 == 0 ? slice(walk.at / 8, n / 8) : copy(walk.at, n);
+    if (type.sort == Sort::text && type.encoding.size.is_fixed()) {
+        value -= text_of(raw).size() - (text_of(raw).find_last_not_of('\0') + 1); // its padding
+    }
     walk.at += n;
     return spend(n / 64);
 }
@@ -198,6 +201,9 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
             content = (most - tag) / 8 * 8;
         }
     } else {
+        const auto is_zero = [&](std::size_t at, std::size_t bits) {
+            return load_bits(bytes_.data(), at, static_cast<unsigned>(bits)) == 0;
+        };
         content = most / unit * unit;
         const std::size_t end = 8 * encoding.terminator.size();
         for (std::size_t i = 0; end != 0 && i + end <= most; i += unit) {
@@ -210,6 +216,9 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
                 behind = end;
                 break;
             }
+        }
+        while (end == 0 && encoding.size.is_fixed() && content >= unit && is_zero(walk.at + content - unit, unit)) {
+            content -= unit; // padding
         }
         if (!encoding.sized && behind == 0) {
             return broken("no " + std::to_string(encoding.terminator.size()) + "-byte character ends " + type.name);
@@ -315,10 +324,9 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
             status = status == Status::good ? result : status;
         }
     } else if (kind == Kind::binary) {
-        if (!take_binary(type, walk, raw)) {
+        if (!take_binary(type, walk, raw, value)) {
             return false;
         }
-        value = raw;
     } else {
         if (walk.at + encoding.bits > n_bits_) {
             return broken("the packet ends within " + db_.parameters[parameter].name);

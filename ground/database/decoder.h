@@ -159,7 +159,7 @@ private:
     std::optional<std::size_t> elements(const std::vector<Dimension> &dimensions);
     std::optional<std::int64_t> size(Id type, const std::vector<Dimension> &dimensions);
     bool take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value, Status &status);
-    bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
+    bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value);
     bool broken(std::string reason);
     void explain(Id container, std::size_t depth);
     std::string failing(const Condition &condition, std::optional<std::size_t> &at, bool earlier);

@@ -424,8 +424,7 @@ void Decoder::run(const Plan &plan)
                     status = status == Status::good ? made_status : status;
                 }
             } else if (kind == Kind::binary) {
-                take_binary(type, walk, raw[0]);
-                values[0] = raw[0];
+                take_binary(type, walk, raw[0], values[0]);
             } else if (number_of(type.encoding, load_bits(bytes_.data(), step.at, step.bits), raw[0])) {
                 status = convert(type, kind, raw[0], values[0]);
             } else {

@@ -574,8 +574,12 @@ private:
             throw Refusal(name + " must have " + wanted + " bytes; found " + std::to_string(content.size()));
         };
         if (!is_text || (encoding.terminator.empty() && encoding.size_tag == 0)) {
-            if (n != (*room + 7) / 8 * 8) {
-                complain(std::to_string((*room + 7) / 8));
+            const bool pads = encoding.size.is_fixed() && (is_text || type.sort == Sort::text);
+            if (pads && n < *room) {
+                content.resize((*room + 7) / 8);
+            }
+            if (content.size() != (*room + 7) / 8) {
+                complain((pads ? "at most " : "") + std::to_string((*room + 7) / 8));
             }
             for (std::size_t i = 0; i < content.size(); i++) { // the value ends with its last byte
                 put(at, i == 0 && *room % 8 != 0 ? *room % 8 : 8, content[i]);

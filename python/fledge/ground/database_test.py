@@ -59,8 +59,6 @@ def test_a_second_reader_encodes_random_commands_to_the_same_bytes_which_are_dec
         read = Database.load(written(tmp_path, database.text))
         second = Second(database.text)
         given = database.given(second)
-        if None in given.values():
-            continue
         try:
             expected = second.encode("K", given)
         except (KeyError, OverflowError, ValueError, TypeError):    # a calibrated number that does not fit

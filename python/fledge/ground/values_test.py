@@ -346,6 +346,41 @@ def test_a_binary_value_compares_with_hexadecimal_digits(tmp_path):
         assert database.decode(b"\x01\x1f\xfe").container == "/S/R"
 
 
+def fixed(kind, encoding, bits, more=""):
+    size = f"<FixedValue>{bits}</FixedValue>"
+    size = f"<Fixed>{size}</Fixed>" if encoding.startswith("String") else size
+    return (f"<{kind}ArgumentType name='V'><{encoding}><SizeInBits>{size}</SizeInBits></{encoding.split()[0]}>{more}"
+            f"</{kind}ArgumentType>")
+
+
+@pytest.mark.parametrize("types, value, packed", [
+    (fixed("String", "StringDataEncoding", 32), "ab", b"ab\0\0"),
+    (fixed("String", "StringDataEncoding", 32), "", bytes(4)),
+    (fixed("String", "StringDataEncoding", 32), "a\0b", b"a\0b\0"),
+    (fixed("String", "StringDataEncoding", 32), "\u20aca", b"\xe2\x82\xaca"),
+    (fixed("String", "StringDataEncoding encoding='UTF-16BE'", 56), "ab", b"\0a\0b\0\0\0"),
+    (fixed("String", "BinaryDataEncoding", 32), "ab", b"ab\0\0"),
+    (fixed("Integer", "StringDataEncoding", 32), 12, b"12\0\0"),
+    (fixed("Enumerated", "StringDataEncoding", 48, LABELS), "X_HI", b"X_HI\0\0")])
+def test_a_text_of_a_fixed_size_is_padded_with_zeros_which_are_not_shown(tmp_path, types, value, packed):
+    sent = command(tmp_path, types, {"v": ("V", None)}, entry("v"))
+    assert sent.encode("C", v=value) == packed
+    assert sent.decode_command(packed).arguments == {"v": value}
+    back = telemetry(tmp_path, types.replace("Argument", "Parameter"), {"v": "V"},
+                     heir("K", ("v", "==", value)) if value == "ab" else "")
+    packet = back.decode(packed)
+    assert (packet.values, packet.container) == ({"v": value}, "/S/K" if value == "ab" else "/S/R")
+    with pytest.raises(SetupError, match=f"v must have at most {len(packed)} bytes; found|must be one of"):
+        sent.encode("C", v="123456789")
+
+
+def test_a_binary_value_of_a_fixed_size_is_not_padded(tmp_path):
+    database = command(tmp_path, TYPES["bytes"], {"v": ("K", None)}, entry("v"))
+    with pytest.raises(SetupError, match="v must have 2 bytes; found 1"):
+        database.encode("C", v=b"\x01")
+    assert database.decode_command(b"\x01\0").arguments == {"v": b"\x01\0"}
+
+
 @pytest.mark.parametrize("signed", [False, True])
 def test_whole_numbers_as_text_have_all_digits(tmp_path, signed):
     text = f"<IntegerArgumentType name='V' signed='{str(signed).lower()}'>{STRING}</IntegerArgumentType>"

@@ -204,12 +204,9 @@ class Random:
             return self.r.getrandbits(n).to_bytes((n + 7) // 8, "big")
         if encoding.tag == "StringDataEncoding":
             room = int(encoding.findtext("SizeInBits/Fixed/FixedValue")) // 8
-            exact = encoding.find("SizeInBits/TerminationChar") is None and \
-                encoding.find("SizeInBits/LeadingSize") is None
             room -= 0 if encoding.find("SizeInBits/LeadingSize") is None else 1
             unit = 2 if "16" in encoding.get("encoding") else 1
-            n = room // unit if exact else self.r.randint(0, room // unit)
-            return "".join(self.r.choice("abcXYZ 09") for _ in range(n)) if room % unit == 0 or not exact else None
+            return "".join(self.r.choice("abcXYZ 09") for _ in range(self.r.randint(0, room // unit)))
         n = int(encoding.get("sizeInBits"))
         if encoding.find("DefaultCalibrator") is not None:
             return self.r.choice([0, 1])

@@ -190,6 +190,9 @@ class Second:
                     if b"".join(self._bytes(at + 8 * (i + j), 8) for j in range(len(mark))) == mark:
                         raw, used = raw[:i], 8 * (i + len(mark))
                         break
+            elif size is not None:      # what is behind a fixed text is padding
+                while raw[-unit:] == bytes(unit):
+                    raw = raw[:-unit]
             if not sized and not used:
                 raise Ends
         value = raw.decode(codec, "replace") if good else None
