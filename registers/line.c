@@ -5,7 +5,7 @@
 
 #define MS INT64_C(1000000)
 #define GREET_NS (100 * MS)  /* from one greeting to the next */
-#define SILENCE_NS (50 * MS) /* after which the rest of a frame does not come */
+#define SILENCE_NS (50 * MS) /* after which the rest of a frame may not come */
 #define OWED_NS (5 * MS)     /* how long an acknowledgement waits for a frame that carries it */
 #define OWED_MAX 3           /* frames that one acknowledgement is for, if it goes alone */
 #define PROBE_NS (250 * MS)  /* of silence after which the outside asks whether the board is there */
@@ -143,6 +143,7 @@ void line_await(LineEnd *e, const LineWelcome *welcome, LineTake take, void *use
     begin(e, take, user, 1, 0u, now);
     e->past = 0u;
     e->n = 0u;
+    e->doubtful = 0;
     e->welcome = *welcome;
     e->welcome.version = LINE_VERSION;
     e->welcome.session = 0u;
@@ -236,16 +237,21 @@ static int64_t request_again_after(const LineEnd *e)
 
 static int is_silent(const LineEnd *e, int64_t now)
 {
-    return e->n > 0u && now - e->came >= SILENCE_NS;
+    return e->n > 0u && !e->doubtful && now - e->came >= SILENCE_NS;
 }
 
-static void parse(LineEnd *e, int silent, int64_t now);
+/* The rest of a frame may be lost, or be held back until other bytes push it: request it again, and keep its begin. */
+static void doubt(LineEnd *e, int64_t now)
+{
+    if (is_silent(e, now)) {
+        e->doubtful = 1;
+        e->missing |= e->open;
+    }
+}
 
 const uint8_t *line_output(LineEnd *e, int64_t now, size_t *n)
 {
-    if (is_silent(e, now)) {
-        parse(e, 1, now);
-    }
+    doubt(e, now);
     if (e->greet && now - e->greeted >= GREET_NS) {
         e->greeted = now;
         if (e->is_board) {
@@ -311,7 +317,7 @@ static int64_t sooner(int64_t wake, int64_t at, int64_t now)
 int64_t line_wake(const LineEnd *e, int64_t now)
 {
     int64_t wake = 100 * MS;
-    if (e->n > 0u) {
+    if (e->n > 0u && !e->doubtful) {
         wake = sooner(wake, e->came + SILENCE_NS, now);
     }
     if (e->greet) {
@@ -481,42 +487,64 @@ static void drop(LineEnd *e, size_t n, int are_stray)
     memmove(e->in, e->in + keep, e->n);
 }
 
-/* Take the frames in `in`. silent: the rest of the last one does not come. */
-static void parse(LineEnd *e, int silent, int64_t now)
+/* [bytes] of the frame that begins there; 0: it is none, or damaged. More than there are: its rest has not come. */
+static size_t frame_at(const LineEnd *e, size_t at)
+{
+    const uint8_t *p = e->in + at;
+    const size_t have = e->n - at;
+    if (have < 4u) {
+        return LINE_FRAME;
+    }
+    const uint32_t n = get16(p + 2);
+    const size_t size = LINE_HEAD + n + 4u;
+    if (n > LINE_PAYLOAD) {
+        return 0u;
+    }
+    return have < size || get32(p + LINE_HEAD + n) == mcap_crc_update(&e->crc, 0u, p, LINE_HEAD + n) ? size : 0u;
+}
+
+/* Whether a whole frame stands behind the first sync. */
+static int is_passed(const LineEnd *e)
+{
+    for (size_t at = 1u; at + 1u < e->n; at++) {
+        if (e->in[at] == SYNC_0 && e->in[at + 1u] == SYNC_1) {
+            const size_t size = frame_at(e, at);
+            if (size > 0u && size <= e->n - at) {
+                return 1;
+            }
+        }
+    }
+    return 0;
+}
+
+/* Take the frames in `in`. A doubtful one that is not whole is given up once a whole one stands behind its begin. */
+static void parse(LineEnd *e, int64_t now)
 {
     if (e->n > 0u && (e->in[0] != SYNC_0 || (e->n > 1u && e->in[1] != SYNC_1))) {
         drop(e, 0u, 1);
     }
     while (e->n > 0u) {
-        const uint32_t n = e->n >= 4u ? get16(e->in + 2) : 0u;
-        const size_t size = e->n >= 4u ? LINE_HEAD + n + 4u : sizeof e->in;
-        int damaged = n > LINE_PAYLOAD;
-        if (!damaged && e->n < size) {
-            if (!silent) {
-                return;
-            }
-            damaged = 1;
+        const size_t size = frame_at(e, 0u);
+        if (size > e->n && !(e->doubtful && is_passed(e))) {
+            return;
         }
-        if (!damaged) {
-            damaged = get32(e->in + LINE_HEAD + n) != mcap_crc_update(&e->crc, 0u, e->in, LINE_HEAD + n);
-        }
-        if (damaged) {
+        if (size == 0u || size > e->n) {
             e->counts.damaged++;
             e->missing |= e->open;
             drop(e, 1u, 1);
         } else {
-            take_frame(e, e->in, n, now);
+            e->doubtful = 0;
+            take_frame(e, e->in, (uint32_t)(size - LINE_HEAD - 4u), now);
             drop(e, size, 0);
         }
     }
+    e->doubtful = 0;
 }
 
 void line_input(LineEnd *e, const void *bytes, size_t n, int64_t now)
 {
     const uint8_t *p = bytes;
-    if (is_silent(e, now)) {
-        parse(e, 1, now);
-    }
+    doubt(e, now);
     if (n > 0u) {
         e->came = now;
         e->counts.bytes_taken += n;
@@ -527,7 +555,7 @@ void line_input(LineEnd *e, const void *bytes, size_t n, int64_t now)
         e->n += part;
         p += part;
         n -= part;
-        parse(e, 0, now);
+        parse(e, now);
     }
 }
 

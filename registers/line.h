@@ -7,8 +7,8 @@
  *
  * All numbers are little-endian. The CRC, that of mcap_crc.h, is of all bytes before it. The receiver takes a frame of
  * its session if it is the next one, and requests the rest again (go-back-N, LINE_WINDOW frames) if one is missing or
- * damaged; behind bytes that are no frame it looks for the next sync. The sender also repeats what was not acknowledged
- * for some time.
+ * damaged; behind bytes that are no frame it looks for the next sync. A part of a frame that silence follows is kept
+ * until its rest comes, or a whole frame. The sender also repeats what was not acknowledged for some time.
  *
  * The outside requests an acknowledgement when nothing has come for 250 ms.
  *
@@ -151,6 +151,7 @@ typedef struct LineEnd {
     int has_requested;
 
     int64_t came; ///< [ns] when the last byte came
+    int doubtful; ///< the frame that `in` begins with was followed by silence
     size_t n;     ///< bytes in `in`
     uint8_t in[LINE_FRAME];
     uint8_t out[LINE_FRAME];

@@ -57,7 +57,8 @@ class Wire {
 public:
     double flipped = 0, lost = 0, twice = 0, added = 0; ///< probabilities, of a bit and of bytes
     bool cut = false;
-    int latency = 0; ///< [ms]
+    int latency = 0;      ///< [ms]
+    std::size_t held = 0; ///< the last bytes wait until others push them
 
     explicit Wire(std::mt19937 &random) : random_(random) {}
     void send(const std::uint8_t *p, std::size_t n)
@@ -70,7 +71,7 @@ public:
     Bytes come(std::int64_t t, std::size_t most)
     {
         Bytes bytes;
-        for (; !waiting_.empty() && bytes.size() < most && waiting_.front().first <= t; waiting_.pop_front()) {
+        for (; waiting_.size() > held && bytes.size() < most && waiting_.front().first <= t; waiting_.pop_front()) {
             bytes.push_back(waiting_.front().second);
         }
         return bytes;
@@ -436,6 +437,23 @@ TEST(Line, AFrameCutInTwoBySilenceIsSentAgain)
     link.check_whole();
 }
 
+TEST(Line, BytesThatWaitForOthersAreNoneLost)
+{
+    for (const std::size_t held : {1u, 3u, 25u, 200u}) {
+        Link link(6);
+        link.down.held = link.up.held = held;
+        link.start_board();
+        link.greet();
+        for (int i = 0; i < 50; i++) {
+            run_until(link, [&] { return line_is_open(&link.outside) != 0 && line_is_flushed(&link.outside) != 0; });
+            link.put(i % 2 != 0, {LINE_WORDS, LINE_LAST, 9, Bytes(100, 7)});
+        }
+        run_until(link, [&] { return link.is_flushed(); });
+        link.check();
+        link.check_whole();
+    }
+}
+
 TEST(Line, ShoutsComeOnceEachInOrOutOfASession)
 {
     Link link(6);
@@ -503,6 +521,7 @@ TEST(Line, NothingIsLostAddedOrChanged)
         link.baud = std::array{9600u, 115200u, 921600u}[any(3)];
         for (Wire *wire : {&link.down, &link.up}) {
             wire->latency = static_cast<int>(any(4) == 0 ? any(20) : 0);
+            wire->held = any(4) == 0 ? any(30) : 0;
             wire->flipped = std::array{0.0, 1e-5, 1e-4}[any(3)];
             wire->lost = std::array{0.0, 1e-4, 1e-3}[any(3)];
             wire->twice = std::array{0.0, 1e-4}[any(2)];
