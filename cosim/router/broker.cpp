@@ -27,7 +27,7 @@ constexpr const char *ready_topic = "ready"; ///< an observer subscribes to it b
 std::string listen(zmq::socket_t &socket, const std::string &address, const char *what)
 {
     try {
-        uninterrupted([&] { socket.bind(address); });
+        bind(socket, address);
     } catch (const zmq::error_t &error) {
         throw LinkError(std::string("cannot listen at ") + address + " for " + what + ": " + error.what());
     }

@@ -267,7 +267,31 @@ TEST(Router, ImpossibleConfigurationsAreRefusedAtOnce)
               "cannot listen at " + first.address() + ": Address already in use; is another controller running?");
     EXPECT_TRUE(refusal("tcp://*:*").starts_with("tcp://*:* can be reached from other machines"));
     EXPECT_TRUE(refusal("nonsense").starts_with("nonsense can be reached"));
-    EXPECT_TRUE(is_local("tcp://127.0.0.1:7") && is_local("ipc://@x") && !is_local("tcp://10.0.0.1:7"));
+    for (const char *address : {"tcp://127.0.0.1:7", "tcp://127.9.9.9:*", "tcp://localhost:7", "tcp://[::1]:7",
+                                "tcp://::1:7", "tcp://[::ffff:127.0.0.1]:7", "ipc://@x", "inproc://x"}) {
+        EXPECT_TRUE(is_local(address)) << address;
+    }
+    for (const char *address : {"tcp://10.0.0.1:7", "tcp://127.example.org:7", "tcp://127.0.0.1:0;10.0.0.1:7",
+                                "tcp://[::]:7", "tcp://[fe80::1]:7", "tcp://[::ffff:10.0.0.1]:7",
+                                "tcp://localhost.example.org:7", "tcp://", "tcp://127", "udp://127.0.0.1:7", ""}) {
+        EXPECT_FALSE(is_local(address)) << address;
+    }
+}
+
+TEST(Router, AnAddressOfThisMachineMayBeOfIpv6OrItsName)
+{
+    zmq::context_t context;
+    for (const char *address : {"tcp://[::1]:*", "tcp://[::ffff:127.0.0.1]:*", "tcp://localhost:*"}) {
+        RouterConfig config = listening("tcp");
+        config.address = address;
+        config.sharing = Sharing::forbidden;
+        Router router(context, two_nodes(1000), config);
+        Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+        auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
+        auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
+        EXPECT_EQ(router.run(), "") << address;
+        EXPECT_EQ(serve_a.get() + serve_b.get(), "") << address;
+    }
 }
 
 TEST(Router, MissingNodesAreNamed)

@@ -62,7 +62,7 @@ Router::Router(zmq::context_t &context, const ControllerConfig &controller, Rout
         authenticator_->guard(greetings_);
     }
     try {
-        uninterrupted([&] { greetings_.bind(config_.address); });
+        cosim::bind(greetings_, config_.address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + config_.address + ": " + error.what() +
                         (error.num() == EADDRINUSE ? "; is another controller running?" : ""));

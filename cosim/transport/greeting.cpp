@@ -50,7 +50,7 @@ void Member::connect(zmq::socket_t &socket, const char *peer, const std::string 
         use_keys(socket, *keys);
     }
     try {
-        uninterrupted([&] { socket.connect(address); });
+        cosim::connect(socket, address);
     } catch (const zmq::error_t &error) {
         throw LinkError(std::string("cannot connect to ") + peer + address + ": " + error.what() +
                         "; expected tcp://HOST:PORT or ipc://@NAME");

@@ -4,6 +4,8 @@
 #include "cosim/transport/handshake.h"
 #include "cosim/transport/shared_channel.h"
 
+#include <arpa/inet.h>
+#include <array>
 #include <atomic>
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -25,13 +27,48 @@ constexpr int most_waiting = 10;                    ///< frames; in lock step, f
 constexpr std::chrono::milliseconds look = 100ms;   ///< between two checks of a silent side
 constexpr std::chrono::milliseconds long_look = 1s; ///< for the end of the program; a signal wakes it at once
 constexpr std::chrono::milliseconds for_ever = -1ms;
+constexpr std::string_view tcp = "tcp://", localhost = "tcp://localhost:";
+
+/// Only an address in brackets is one of IPv6: libzmq would write those of IPv4 as such, too.
+void choose_family(zmq::socket_t &socket, const std::string &address)
+{
+    socket.set(zmq::sockopt::ipv6, address.starts_with("tcp://["));
+}
 
 } // namespace
 
 bool is_local(const std::string &address)
 {
-    return address.starts_with("ipc://") || address.starts_with("inproc://") || address.starts_with("tcp://127.") ||
-           address.starts_with("tcp://localhost:");
+    if (!address.starts_with(tcp)) {
+        return address.starts_with("ipc://") || address.starts_with("inproc://");
+    }
+    std::string host = address.substr(tcp.size(), address.rfind(':') - tcp.size());
+    if (host.starts_with('[') && host.ends_with(']')) {
+        host = host.substr(1, host.size() - 2);
+    }
+    std::array<std::uint8_t, 16> bytes;
+    if (inet_pton(AF_INET, host.c_str(), bytes.data()) == 1) {
+        return bytes[0] == 127;
+    }
+    in6_addr six;
+    return inet_pton(AF_INET6, host.c_str(), &six) == 1
+               ? IN6_IS_ADDR_LOOPBACK(&six) || (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == 127)
+               : host == "localhost";
+}
+
+void bind(zmq::socket_t &socket, std::string address)
+{
+    if (address.starts_with(localhost)) { // libzmq does not resolve what it binds
+        address.replace(0, localhost.size(), "tcp://127.0.0.1:");
+    }
+    choose_family(socket, address);
+    uninterrupted([&] { socket.bind(address); });
+}
+
+void connect(zmq::socket_t &socket, const std::string &address)
+{
+    choose_family(socket, address);
+    uninterrupted([&] { socket.connect(address); });
 }
 
 void set_up(zmq::socket_t &socket, const Limits &limits)
@@ -197,7 +234,7 @@ void Link::share(std::unique_ptr<SharedChannel> channel)
 std::string Link::bind(const std::string &address)
 {
     try {
-        uninterrupted([&] { socket_.bind(address); });
+        cosim::bind(socket_, address);
     } catch (const zmq::error_t &error) {
         throw LinkError("cannot listen at " + address + ": " + error.what());
     }

@@ -41,9 +41,14 @@ enum class Sharing {
 inline constexpr std::pair<std::string_view, Sharing> sharing_words[] = {
     {"allowed", Sharing::allowed}, {"forbidden", Sharing::forbidden}, {"required", Sharing::required}};
 
-/// Whether only this machine can reach an address of libzmq: "tcp://127.0.0.1:7000", "ipc://@name" (an abstract
-/// socket, which leaves no file behind), "inproc://name" (within one context).
+/// Whether only this machine can reach an address of libzmq: "tcp://127.0.0.1:7000", "tcp://[::1]:7000",
+/// "tcp://localhost:7000", "ipc://@name" (an abstract socket, which leaves no file behind), "inproc://name" (within one
+/// context).
 bool is_local(const std::string &address);
+
+/// Listen or connect at such an address, or at one of another machine. Throws zmq::error_t.
+void bind(zmq::socket_t &socket, std::string address);
+void connect(zmq::socket_t &socket, const std::string &address);
 
 /// Set the options of every socket:
 /// - The kernels of both machines check each TCP connection. So a lost machine or network is noticed within seconds,

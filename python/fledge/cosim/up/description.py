@@ -20,6 +20,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from fledge import serial_line
+from fledge.loopback import is_loopback
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 from registers.location import line_of
 
@@ -156,7 +157,8 @@ class Plan:
 
 
 def is_local(address: str) -> bool:
-    return address.startswith(("ipc://", "tcp://127.", "tcp://localhost:"))
+    host = address.removeprefix("tcp://").rpartition(":")[0]
+    return address.startswith("ipc://") or is_loopback(host.removeprefix("[").removesuffix("]"))
 
 
 def own_address(host: str) -> str:

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from fledge.cosim import keys
-from fledge.cosim.up.description import SimError, busy, read
+from fledge.cosim.up.description import SimError, busy, is_local, read
 from fledge.targets import TARGETS
 
 GOOD = """
@@ -313,6 +313,18 @@ def test_an_address_in_use(folder):
     assert busy(f"ipc://@fledge-taken-{os.getpid()}") == ""
     assert busy("tcp://127.0.0.1:70000") == "ports go up to 65535"
     assert busy("tcp://127.0.0.1:*") == busy("tcp://*:*") == busy("tcp://lo:7000") == ""
+
+
+@pytest.mark.parametrize("host, local", [
+    ("127.0.0.1", True), ("127.3.2.1", True), ("localhost", True), ("[::1]", True), ("[::ffff:127.0.0.1]", True),
+    ("127.example.org", False), ("[::ffff:192.0.2.1]", False), ("[2001:db8::1]", False), ("*", False)])
+def test_the_addresses_of_this_machine_alone_are_those_of_ipv4_and_ipv6(host, local):
+    assert is_local(f"tcp://{host}:7000") == is_local(f"tcp://{host}:*") == local
+
+
+def test_what_stays_on_this_machine_needs_no_keys(folder):
+    for address in ("tcp://[::1]:*", "tcp://localhost:*", "tcp://127.0.0.1:*", "ipc://@name"):
+        assert not read(write(folder, f'address = "{address}"\n' + NODE)).beyond
 
 
 def test_a_host_needs_keys_or_trust(folder):

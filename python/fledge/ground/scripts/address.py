@@ -19,7 +19,6 @@ it is sent; keys=link.keys and role=0: of a secured link.
 from __future__ import annotations
 
 from collections.abc import Callable
-from ipaddress import ip_address
 from typing import Any
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
@@ -30,14 +29,6 @@ from fledge.ground.scripts.member import Member, Onlooker
 
 LOOPBACK = "127.0.0.1"
 OF_FRAMES = {"timer", "limit", "keys", "role"}
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host's name or address is this machine's alone."""
-    try:
-        return host == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def open_link(address: str, accepts: Callable[[bytes], bool] | None = None, frames: Frames | None = None) -> Link:

@@ -18,8 +18,8 @@ from aiohttp import ClientError, ClientSession
 from fledge.commands import Dictionary, Timed
 from fledge.commands.fields import place_of
 from fledge.errors import Failure, SetupError
-from fledge.ground.scripts.address import is_loopback
 from fledge.ground.scripts.links import Link
+from fledge.loopback import is_loopback
 
 PATIENCE = 60.0         # [s] for an answer of the server
 POLL = 0.5              # [s] between requests for the answer of an operator

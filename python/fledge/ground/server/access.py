@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from fledge.errors import SetupError, did_you_mean, listed
-from fledge.ground.scripts.address import is_loopback
 from fledge.ground.server.passwords import Password
+from fledge.loopback import is_loopback
 
 ROLES = ("view", "command", "administer")
 KEYS = {"host", "port", "certificate", "key", "plain_http", "session_h", "idle_min", "user", "token"}  # of its file

@@ -25,7 +25,6 @@ from urllib.parse import unquote_to_bytes, urlsplit
 from aiohttp import web
 
 from fledge.errors import SetupError
-from fledge.ground.scripts.address import is_loopback
 from fledge.ground.server.access import NAMES, Access, User
 from fledge.ground.server.answers import Refusal
 from fledge.ground.server.bounds import Bounds
@@ -34,6 +33,7 @@ from fledge.ground.server.logins import Logins, cookie
 from fledge.ground.server.request_log import Log, RequestLog
 from fledge.ground.server.routes import ANYONE, add_routes, loads, row_of
 from fledge.ground.server.sessions import Session, Sessions
+from fledge.loopback import is_loopback
 
 LOGGED = 2000                       # [bytes] of a body that the log gets whole; the most without a login
 HEADERS_MOST = 128                  # of a request

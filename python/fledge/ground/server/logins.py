@@ -11,13 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 from aiohttp import web
 
 from fledge import __version__
-from fledge.ground.scripts.address import is_loopback
 from fledge.ground.server.access import ROLES
 from fledge.ground.server.answers import Refusal, answer
 from fledge.ground.server.passwords import PASSWORD_MOST, digest
 from fledge.ground.server.request_log import RequestLog, network_of
 from fledge.ground.server.routes import ANYONE, USER, loads, route
 from fledge.ground.server.sessions import Sessions
+from fledge.loopback import is_loopback
 
 ATTEMPTS, ATTEMPTS_S = 10, 600      # failed logins of one address, or of a browser that was a user before, within [s]
 NAMED = 30                          # those of one name, of all addresses and browsers that were never that user
