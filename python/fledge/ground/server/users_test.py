@@ -518,6 +518,15 @@ def test_tls(tmp_path):
         assert all(cookie.startswith("__Host-fledge-") and "Secure" in cookie for cookie in cookies)
         async with server.client.get(f"{server.url}/api/crafts", **trust) as answer:
             assert answer.status == 200
+        for cipher in ("ECDHE-RSA-AES128-GCM-SHA256", "ECDHE-RSA-CHACHA20-POLY1305", "AES128-SHA", "AES128-GCM-SHA256",
+                       "DHE-RSA-AES128-GCM-SHA256", "ECDHE-RSA-AES128-SHA"):
+            old = ssl.create_default_context(cafile=tmp_path / "server.pem")
+            old.maximum_version = ssl.TLSVersion.TLSv1_2
+            old.set_ciphers(cipher)
+            with nullcontext() if cipher.startswith("ECDHE") and cipher[-3:] != "SHA" else \
+                    pytest.raises(ClientError, match="handshake failure|Cannot connect"):
+                async with server.client.get(f"{server.url}/api/session", ssl=old):
+                    pass
 
     for table, says in (({"host": "0.0.0.0"}, r"needs certificate and key, for TLS \(or plain_http = \"everybody"),
                         ({"host": "0.0.0.0", "plain_http": PLAIN}, r"needs \[\[user\]\] or"),
