@@ -70,7 +70,7 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
             tolerance: float = 0.0, times: Times | None = None) -> list[Difference]:
     """The Differences between two Archives, the earliest of each field, by time; [] if they have the same bits.
 
-    topics: names or endings of those to compare; None: all of both
+    topics: names or endings of those to compare; None: all of both whose messages are plain structs
     ignore: endings of field names that do not count, as "head.sequence"
     tolerance: differences of numbers up to this do not count
     times: a function that selects from an array of times [ns]; None: all
@@ -126,10 +126,11 @@ def _at(text: str, element: str) -> str:
 
 
 def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[str]:
-    """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all."""
+    """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all whose
+    messages are plain structs in both."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
-        return names
+        return [name for name in names if not any(name in c.topics and c.topics[name].problem for c in (a, b))]
     wanted = []
     for topic in topics:
         dotted = topic.replace("/", ".").strip(".")

@@ -36,13 +36,16 @@ def compare(options: argparse.Namespace) -> int:
     """Print the differences of two records; returns the exit code."""
     from fledge.archive import compare as comparing
     from fledge.cli.console import complain, counted, say
-    from fledge.cli.runs import open_run
+    from fledge.cli.runs import decodable, open_run
 
     if _is_motion(options.runs[1]):
         return _with_file(options)
     a, b = map(open_run, options.runs)
     if a.path.resolve() == b.path.resolve():
         complain(f"{a.path}: compared with itself", "")
+    if options.topics is None:
+        for archive in (a, b):
+            decodable(archive)
     differences = comparing.compare(a, b, options.topics, options.ignore, options.tolerance)
     origins = comparing.origins(a, b)
     if not differences:

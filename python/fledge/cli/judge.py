@@ -98,6 +98,7 @@ def _reported(options: argparse.Namespace, sim: Simulation, scenario: str, where
     function = sim.mission.scenarios[scenario]
     plots = sim.plots = Plots(folder)
     report = pages.Report(sim, f"{scenario}, {where}", function)
+    sim.archives_motion = True
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__, **metadata,
                 **sim.mission.metadata())
     problem, code, outcomes = attempt(options, sim, scenario, function)

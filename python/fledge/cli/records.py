@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 
 from fledge.cli.arguments import parse_duration
-from fledge.cli.console import complain, say, size_of
-from fledge.cli.runs import SCENE, WHAT, open_run
+from fledge.cli.console import say, size_of
+from fledge.cli.runs import SCENE, WHAT, decodable, open_run
 from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
 
     from fledge.archive import Archive
 
@@ -73,8 +72,9 @@ def plot(options: argparse.Namespace) -> int:
         figures = [draw(archive, *options.fields)]
     else:  # a figure per topic, a panel per field
         figures = []
-        for channel in _decodable(archive):
-            fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items() if not n.startswith("head.")}
+        for channel in decodable(archive):
+            fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items()
+                      if not n.startswith("head.") and f.dtype[0] != "S"}       # a text has no curve
             if channel.count and fields:
                 figures.append(draw(archive, *fields, name=channel.name, title=channel.name,
                                     titles=[f.meaning or f.name for f in fields.values()]))
@@ -113,7 +113,7 @@ def convert(options: argparse.Namespace) -> int:
         return _about(archive)
     if options.oem or options.aem or options.stk or options.spk is not None:
         return _motion(archive, options)
-    topics = [channel.topic for channel in _decodable(archive)]
+    topics = [channel.topic for channel in decodable(archive)]
     if not topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
     for wanted, ending, write in ((options.hdf5, ".h5", archive.to_hdf5), (options.mat, ".mat", archive.to_mat)):
@@ -140,14 +140,6 @@ def _motion(archive: Archive, options: argparse.Namespace) -> int:
     for form in ("e", "a") if options.stk else ("oem",) if options.oem else ("aem",):
         say(str(motion.write(run, form, options.out or archive.path, options.frame, options.xml)))
     return 0
-
-
-def _decodable(archive: Archive) -> list[Any]:
-    """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
-    for channel in archive.topics.values():
-        if channel.problem:
-            complain(f"without {channel.topic} ({channel.schema}), which cannot be decoded: {channel.problem}")
-    return [channel for channel in archive.topics.values() if not channel.problem]
 
 
 def _about(archive: Archive) -> int:

@@ -91,6 +91,7 @@ class _Run:
         self.options, self.sim, self.name, self.scenario, self.folder = options, sim, name, scenario, folder
         sim.pace = options.pace
         sim.plots = Plots(folder) if not options.no_plots else False
+        sim.archives_motion = True
         sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
                     **sim.mission.metadata())
         self.replay = check_replay.Replay(folder) if options.check_replay else None

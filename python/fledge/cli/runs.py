@@ -19,6 +19,7 @@ from fledge.disk import make
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from fledge.archive import Archive
+    from fledge.archive.reader import Channel
 
 RUNS = Path("runs")
 KEPT = RUNS / "kept"
@@ -137,6 +138,14 @@ def open_run(name: str) -> Archive:
     for part in parts:
         complain(f"{path} is not of the last run: {_left(part)}", "")
     return archive
+
+
+def decodable(archive: Archive) -> list[Channel]:
+    """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
+    for channel in archive.topics.values():
+        if channel.problem:
+            complain(f"without {channel.topic} ({channel.schema}), which cannot be decoded: {channel.problem}")
+    return [channel for channel in archive.topics.values() if not channel.problem]
 
 
 def _left(part: Path) -> str:

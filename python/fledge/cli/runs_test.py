@@ -12,7 +12,7 @@ import matplotlib.pyplot
 import pytest
 
 import fledge
-from fledge import Archive, RunError, cli
+from fledge import Archive, RunError, cli, scene
 from fledge.archive import mcap
 from fledge.cli.judge import reported
 from fledge.cli.runs import alone, find_run, folder_of
@@ -66,6 +66,15 @@ SCENARIOS = '''
         plt.figure(num="by hand/2")
         plt.plot([1, 2])
         assert sim.time > 100, "too early"
+
+    def estimate(sim):
+        """By navigation."""
+        sim.record(sim.world.nav.attitude)
+        sim.run(60)
+
+    def nothing(sim):
+        """Without a record."""
+        sim.run(60)
 
     def waiting(sim):
         """As long as the file `wait` is there."""
@@ -122,6 +131,23 @@ def test_two_runs_into_one_folder_never_mix(here, capsys):
     assert code == 0 and "ended" in printed
     assert (here / "runs/looker/waiting/run.mcap").read_bytes() == (here / "alone/run.mcap").read_bytes()
     assert cli.main(["run", "looker", "waiting"]) == 0     # the folder is free again
+
+
+def test_a_run_has_what_its_view_needs_and_no_more(here):
+    assert cli.main(["run", "looker", "short"]) == 0
+    record = Archive("runs/looker/short/run.mcap")
+    assert list(record.topics) == ["/flight/tracking/error", "/world/craft/state"]
+    assert record.time("error").tolist() == record.time("state").tolist()
+    sim = fledge.load("looker")
+    log = sim.record(sim.flight.tracking.error, sim.world.craft.state)
+    sim.run(60)
+    assert [record.raw[topic].tobytes() for topic in ("error", "state")] == [
+        log.raw[topic].tobytes() for topic in ("error", "state")]
+    assert len(scene.of(record).crafts[0].turning.time) > 1
+    assert cli.main(["run", "looker", "estimate"]) == 0
+    assert list(Archive("runs/looker/estimate/run.mcap").topics) == ["/world/nav/attitude"]
+    assert cli.main(["run", "looker", "nothing"]) == 0
+    assert Archive("runs/looker/nothing/run.mcap").time("state").tolist() == list(range(61))
 
 
 def test_two_simulations_in_one_program_do_not_write_one_file(here):

@@ -109,6 +109,7 @@ class Simulation:
         self.plots: Any = None                  # collects the figures of Log.plot(); None: they are shown; False: none
         self.wall = 0.0                         # [s] of wall time that run() took so far
         self._archive: Any = None               # (path, metadata) of the archive that the next run opens
+        self.archives_motion = False            # an archive has attitudes, for a view in 3-D, whatever is recorded
         self._revisions: Revisions | None = None    # for that archive
         self.watches: list[Any] = []            # the requirements that are judged while it runs
         self._outputs: str | None = None        # the record of all outputs that the next run opens
@@ -554,6 +555,8 @@ class Simulation:
             while resumed and (os.path.exists(path) or os.path.exists(path + ".part")):
                 path = _next_name(path)
             self._archive = (path, metadata)
+            if self.archives_motion:
+                self._archive_motion()
             lines = {**metadata, "seed": str(self.seed), "assumptions": "\n".join(self.assumptions)}
             self._core.open_archive(path, list(lines.items()))
             for name, pairs in (("parameters", parameters(self.processes)), ("instances", instances(self.processes)),
@@ -565,6 +568,18 @@ class Simulation:
                 self._core.archive_metadata("missing", [("until", f"{self._core.now} ns"), ("why", why)])
             if feeds := self.feeds:
                 self._core.archive_metadata("feeds", [(path, source) for path, source, _ in feeds])
+
+    def _archive_motion(self) -> None:
+        """Archive the states of all spacecraft, unless a record has an attitude: as often as the records, at 1 Hz
+        without any."""
+        logs = self._core.logs
+        if any(log.struct.name in ("CraftState", "NavAttitude") for log in logs):
+            return
+        every = min((log.every for log in logs if log.every), default=0 if logs else 1_000_000_000)
+        for instance in (instance for process in self.processes for instance in process):
+            for field in _core.struct(instance).fields:
+                if field.group == "out" and field.struct.name == "CraftState":
+                    self._core.record(getattr(instance, field.name), every, True)
 
     def close_archive(self, **metadata: object) -> str | None:
         """Finish the archive, if one is being written; returns its path, or None."""

@@ -65,12 +65,14 @@ SCENARIOS = '''
 
     def failing(sim):
         """It does not hold."""
+        sim.archives_motion = False
         sim.record(sim.flight.tracking.error)
         sim.run(1)
         assert sim.time > 5, "too <early>"
 
     def stopped(sim):
         """Ctrl-C."""
+        sim.archives_motion = False
         sim.run(3)
         raise KeyboardInterrupt
 
@@ -188,7 +190,7 @@ def test_defaults_differ_in_colour_from_given_values(here):
 def test_a_failed_check(here):
     page = fly(here, scenario="failing", code=1)
     assert 'class="verdict failed"' in page.source
-    assert page.says('missions/looker/scenarios.py, line 16: too <early> assert sim.time > 5, "too <early>"')
+    assert page.says('missions/looker/scenarios.py, line 17: too <early> assert sim.time > 5, "too <early>"')
     assert page.says("2 samples, at every instant")
 
 

@@ -103,6 +103,17 @@ def test_the_record_is_still_the_same_and_the_file_whole(formation):
         foxglove.write(scene.of(record), cut, both.with_name("again.mcap"))
 
 
+def test_the_file_is_compared_without_its_scene(formation, capsys):
+    record, both = formation
+    with fledge.Archive(record) as archive:
+        same = f"identical: {len(archive.topics)} topics, .* hash {digest(archive, archive.topics)}\n"
+    for pair in ((record, both), (both, record), (both, both)):
+        assert cli.main(["compare", *map(str, pair)]) == 0
+        printed = capsys.readouterr()
+        assert re.fullmatch(same, printed.out) and printed.err.count("without /scene/") == 2 * pair.count(both)
+    assert cli.main(["compare", str(both), str(both), "--topics", "scene"]) == 2
+
+
 @pytest.mark.long("flies and writes a scene")
 def test_the_command_writes_it_beside_the_record_and_hides_nothing(formation, tmp_path, monkeypatch, capsys):
     (tmp_path / "runs/formation/free").mkdir(parents=True)

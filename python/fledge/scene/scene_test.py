@@ -329,7 +329,7 @@ def test_without_node_or_a_folder_for_it_the_error_has_the_reason(record, monkey
     with pytest.raises(SetupError, match="need Node"):
         bundle.build()
     (tmp_path / "file").touch()
-    monkeypatch.setattr(bundle, "folder", lambda: tmp_path / "file/view")      # where nobody may write
+    monkeypatch.setattr(bundle, "folder", lambda: tmp_path / "file/view")      # where none can be made
     monkeypatch.setattr(shutil, "which", lambda name: name)
     with pytest.raises(SetupError, match="the 3-D view must be built, and this user may not write into .*/file/view;"):
         bundle.build()
