@@ -32,7 +32,7 @@ class Part:
         try:
             self._lock = create(self.part)
         except OSError as error:
-            raise self._named(error) from None
+            raise _named(error, self.path) from None
         return self.part
 
     def __exit__(self, failed: type[BaseException] | None, error: BaseException | None, _: object) -> None:
@@ -42,12 +42,13 @@ class Part:
                 return
             self.part.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                raise self._named(error) from None
+                raise _named(error, self.path) from None
         finally:
             os.close(self._lock)
 
-    def _named(self, error: OSError) -> OSError:
-        return OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path))
+
+def _named(error: OSError, path: Path) -> OSError:
+    return OSError(error.errno, f"cannot be written: {error.strerror}", str(path))
 
 
 def create(part: Path) -> int:
@@ -109,7 +110,10 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
             created += make(part.parent)
             locks.append(create(part))
             fresh.append((part, folder / name))
-            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+            try:
+                part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+            except OSError as error:
+                raise _named(error, folder / name) from None
         for part, whole in fresh:
             if whole.exists() and whole.read_bytes() == part.read_bytes():
                 part.unlink()
@@ -124,6 +128,15 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
         for parent in reversed([] if done else created):
             parent.rmdir()
     return [whole for _, whole in fresh]
+
+
+def reserve(path: Path) -> None:
+    """Give a sparse file its room on the disk: where that is full, a write to its mapped memory ends the process."""
+    with path.open("r+b") as file:
+        try:
+            os.posix_fallocate(file.fileno(), 0, os.fstat(file.fileno()).st_size)
+        except OSError as error:
+            raise _named(error, path) from None
 
 
 def make(folder: Path, mode: int = 0o777) -> list[Path]:

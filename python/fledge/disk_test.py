@@ -3,7 +3,8 @@
 
 import pytest
 
-from fledge.disk import Part
+from fledge.cli.failures import in_words
+from fledge.disk import Part, write_files
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path):
@@ -26,3 +27,16 @@ def test_what_was_there_stays_where_writing_fails(tmp_path):
         with Part(path) as part:
             part.write_text(str(1 / 0))
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"] and path.read_text() == "old"
+
+
+def test_a_full_disk_is_named_by_file_or_folder(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(OSError) as error:
+        write_files({"a/b.txt": "text"}, tmp_path)
+    assert in_words(error.value) == f"{tmp_path}/a/b.txt: cannot be written: No space left on device"
+    assert not list(tmp_path.iterdir())
+    assert in_words(OSError(28, "No space left on device"), tmp_path) == \
+        f"No space left on device, in {tmp_path} or the folder of temporary files"

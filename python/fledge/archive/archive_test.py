@@ -740,7 +740,8 @@ def test_topics_whose_names_are_alike_keep_their_values(tmp_path, form):
     topics = ["/imu.raw", "/imu/raw", "/", "", "//", "/a/x", "/a", "/b", "/b/x", "/b/x/c", "/b/x", "/end", "/1", "/\0",
               "/" + "long" * 30 + "1", "/" + "long" * 30 + "2", "/metadata", "/_metadata/run", "/time"]
     for i, topic in enumerate(topics):
-        maker.message(maker.channel(topic, "X", "float64 x  # x [m] a \0 place", {"": "\0"}), 0, 0, struct.pack("<d", i))
+        channel = maker.channel(topic, "X", "float64 x  # x [m] a \0 place", {"": "\0"})
+        maker.message(channel, 0, 0, struct.pack("<d", i))
     maker.metadata("run", {"": "\0", "a\0": "b"})
     maker.close()
     a = Archive(tmp_path / "x.mcap")

@@ -450,8 +450,8 @@ class Archive(Records[Channel]):
                head: bool = True) -> Path:
         """Write a file of MATLAB, version 5, which Octave and scipy read too; returns the path.
 
-        A struct per topic, `flight_tracking_error`: in it `time` (n, 1) [s], `time_ns`, and an array (n, ...) per field;
-        its structs `units`, `meanings` and, of enumerations, `values` have texts by the same names. The run's metadata
+        A struct per topic, `flight_tracking_error`: in it `time` (n, 1) [s], `time_ns`, and an array (n, ...) per
+        field; its structs `units`, `meanings` and, of enumerations, `values` have texts by the same names. The run's metadata
         are the struct `metadata`. In names, each character that MATLAB does not take is `_`; one that is then another's
         gets `_2`, and one that would be too long is cut.
         topics, head: as for `to_hdf5`. Raises ArchiveError for a topic of 4 GB, which the format does not hold.

@@ -130,7 +130,7 @@ def carry_out(options: argparse.Namespace) -> int:
     except Exception as error:
         trace(options)
         if expected(error):
-            complain(in_words(error))
+            complain(in_words(error, getattr(options, "out", None) or "."))
             return 1 if type(error).__name__ == "RunError" else 2
         if options.debug:
             return 70

@@ -2,6 +2,7 @@
 """Errors and warnings in the words that a user reads."""
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -27,8 +28,9 @@ def expected(error: BaseException) -> bool:
     return isinstance(error, (SetupError, RunError, ArchiveError))
 
 
-def in_words(error: BaseException) -> str:
-    """The text of an error; of an error of the operating system the file and the reason, without the number."""
+def in_words(error: BaseException, folder: str | os.PathLike[str] = ".") -> str:
+    """The text of an error; of an error of the operating system the file and the reason, without the number. folder:
+    into which the command writes"""
     if type(error).__name__ == "CompositionError":
         return cannot_fly(str(error).splitlines())
     if isinstance(error, PermissionError) and isinstance(error.filename, str):
@@ -36,7 +38,10 @@ def in_words(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError) and (package := _package_of(str(error.name))):
         return f"{error.name} is not installed; as root, run: apt-get install {package}"
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        if error.filename:
+            return f"{error.filename}: {error.strerror}"
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        return error.strerror + (f", in {os.path.abspath(folder)} or the folder of temporary files" if full else "")
     return str(error)
 
 

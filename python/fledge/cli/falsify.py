@@ -15,6 +15,7 @@ from pathlib import Path
 from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit, command_line
 from fledge.cli.console import say
 from fledge.cli.runs import alone
+from fledge.disk import write_files
 from fledge.errors import Failure
 from fledge.progress import Bar
 
@@ -102,10 +103,10 @@ def _search(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
             smallest = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
     if smallest:
         path = folder / f"{regression.name_of(flights.requirement)}.py"
-        path.write_text(regression.scenario(flights, smallest, command), encoding="utf-8")
+        write_files({path.name: regression.scenario(flights, smallest, command)}, folder)
     wall = time.perf_counter() - begun
     facts = _facts(options, flights, tried, smallest, path)
-    (folder / "searched.json").write_text(json.dumps({**facts, "command": command}, indent=1) + "\n", encoding="utf-8")
+    write_files({"searched.json": json.dumps({**facts, "command": command}, indent=1) + "\n"}, folder)
     if options.json:
         print(json.dumps(facts, indent=1))
     else:
@@ -205,8 +206,7 @@ def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> in
              "high": estimate.high, "runs": estimate.runs, "repetitions": estimate.parts,
              "levels": [[_finite(x) for x in level] for level in estimate.levels],
              "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None)}
-    path = folder / "probability.json"
-    path.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    path, = write_files({"probability.json": json.dumps(facts, indent=1) + "\n"}, folder)
     if options.json:
         print(json.dumps(facts, indent=1))
         return 0

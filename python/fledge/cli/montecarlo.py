@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, add_update_limit, command_line
 from fledge.cli.console import Plots, complain, say, size_of
+from fledge.cli.failures import in_words
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
 from fledge.progress import Bar
@@ -155,11 +156,15 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
         result = campaign.fly(runs, options.seed, options.jobs, progress=line.count, strict=options.strict,
                               folder=folder, scheduler=options.scheduler)
     wall = time.perf_counter() - begun
-    data, paths = report.write(result, folder, command)
     from fledge.report import campaign as page
 
-    paths.insert(0, page.write(folder / "report.html", data, [path for path in paths if path.suffix == ".png"],
-                               command_line(options), campaign.folder))
+    try:
+        data, paths = report.write(result, folder, command)
+        paths.insert(0, page.write(folder / "report.html", data, [path for path in paths if path.suffix == ".png"],
+                                   command_line(options), campaign.folder))
+    except OSError as error:
+        raise Failure(f"{in_words(error)}; the {int(result.flown.sum())} runs that were flown are kept in "
+                      f"{folder / 'unfinished'}: when there is room, the same command writes the report", 1) from None
     if not result.interrupted:
         result.close()
     if options.json:
@@ -228,8 +233,11 @@ def _single(campaign: Campaign, options: argparse.Namespace, folder: Path) -> in
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
     shown = [field.field_path.recorded for field in d.shown]
-    if shown and len(log):
-        log.plot(*shown, columns=1 if len(shown) < 4 else 2, name="retained", title=title)
+    try:
+        if shown and len(log):
+            log.plot(*shown, columns=1 if len(shown) < 4 else 2, name="retained", title=title)
+    except OSError as error:
+        problem, code = "; ".join(filter(None, [problem, in_words(error)])), code or 1
     record = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if record:
         say(f"  record   {record} ({size_of(record)})")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import os
 import signal
-import sys
 from functools import partial
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
@@ -269,7 +268,7 @@ class Programs:
 
     def start(self, name: str, work: Callable[[], Any]) -> None:
         """work: returns the exit code, or nothing"""
-        from fledge.pool import fork
+        from fledge.pool import fork, leave
 
         pid = fork()
         if pid:
@@ -284,9 +283,7 @@ class Programs:
         except BaseException as error:
             complain(f"{type(error).__name__}: {error}")
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
+            leave(code)
 
     def poll(self) -> bool:
         """Whether the run can go on: none has failed, or the controller has had no time yet to notice it."""

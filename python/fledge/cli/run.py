@@ -132,11 +132,17 @@ class _Run:
         plots = self.sim.plots
         if not isinstance(plots, Plots):
             return []
+        return self._written(plots.whole) or plots.saved
+
+    def _written(self, write: Callable[[], Any]) -> Any:
+        """The result of a function that writes; None where it cannot, as on a full disk, by which the run has failed,
+        besides what else was wrong with it."""
         try:
-            return plots.whole()
+            return write()
         except OSError as error:
-            self.problem, self.code = self.problem or f"failed: {in_words(error)}", self.code or 1
-            return plots.saved
+            self.problem = f"{self.problem}\n  {in_words(error)}" if self.problem else f"failed: {in_words(error)}"
+            self.code = self.code or 1
+            return None
 
     def show(self) -> None:
         """Print what came of it, and write the summary and the page."""
@@ -154,12 +160,13 @@ class _Run:
             say(f"  assumed  {line}")
         health.show_modes(sim)
         health.show(self.findings)
-        summary = health.write(self.folder / "summary.json", sim, self.name, self.problem, self.findings, self.outcomes)
-        say(f"  summary  {summary}")
+        if summary := self._written(lambda: health.write(self.folder / "summary.json", sim, self.name, self.problem,
+                                                         self.findings, self.outcomes)):
+            say(f"  summary  {summary}")
         if record:
             self._put_aside()
-        if self.report:
-            say(f"  report   {self._write_report(record)}")
+        if self.report and (report := self._written(lambda: self._write_report(record))):
+            say(f"  report   {report}")
 
     def _show_times(self) -> None:
         sim = self.sim

@@ -14,13 +14,14 @@ Neither the order of the shares nor a break between them changes a bit.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
-from fledge.disk import Part
+from fledge.disk import Part, reserve
 from fledge.interruption import Interruption
 from fledge.mission.provenance import identity
 from fledge.mission.simulation import Finding
@@ -176,8 +177,6 @@ class Store:
     # --- memory and files ---
 
     def _check_room(self) -> None:
-        import os
-
         wanted = 8 * (self.runs * len(self.names) + sum(a * b * c for a, b, c in self._shapes))
         if self.folder:
             there = next(parent for parent in self.folder.parents if parent.exists())
@@ -185,8 +184,8 @@ class Store:
         else:
             room, what = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2, "half of this machine's memory"
         if wanted > room:
-            raise SetupError(f"{self.runs} runs need {wanted / 1e9:.1f} GB, more than {what}, {room / 1e9:.1f} GB: fly "
-                             "fewer" + ("" if self.folder else ", or give a folder"))
+            raise SetupError(f"{self.runs} runs need {wanted / 1e6:,.1f} MB, more than {what}, {room / 1e6:,.1f} MB: "
+                             "fly fewer, or " + ("free some" if self.folder else "give a folder"))
 
     def _name(self, i: int) -> Path:
         return self.folder / ("rows.npy" if i == 0 else f"series-{i - 1}.npy")
@@ -217,10 +216,12 @@ class Store:
         self.folder.mkdir(parents=True)
         for i, shape in enumerate([(self.runs, len(self.names)), *self._shapes]):
             array = np.lib.format.open_memmap(self._name(i), "w+", float, shape, fortran_order=i == 0)
+            reserve(self._name(i))
             for first in range(0, shape[0], 2**16):     # NaN is not what an empty file has
                 array[first:first + 2**16] = np.nan
             del array
-        (self.folder / "plan.json").write_text(self._plan, encoding="utf-8")
+        with Part(self.folder / "plan.json") as part:
+            part.write_text(self._plan, encoding="utf-8")
 
     def save(self) -> None:
         """Write the state, for a campaign that goes on later."""

@@ -26,11 +26,11 @@ traceback. Ctrl-C reaches only the reader of the results: when the reader ends, 
 
 from __future__ import annotations
 
-from fledge.pool.children import Children, cores, fork
+from fledge.pool.children import Children, cores, fork, leave
 from fledge.pool.local import Local
 from fledge.pool.work import LAST_LINES, Died, Pool, Work, anywhere, in_order
 
-__all__ = ["LAST_LINES", "Children", "Died", "Local", "Pool", "Work", "anywhere", "cores", "fork", "in_order",
+__all__ = ["LAST_LINES", "Children", "Died", "Local", "Pool", "Work", "anywhere", "cores", "fork", "in_order", "leave",
            "open_pool"]
 
 

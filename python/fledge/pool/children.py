@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe, wait
+from typing import NoReturn
 
 from fledge.pool.work import death
 
@@ -48,6 +49,16 @@ def fork(deaf: bool = False) -> int:
             gc.enable()
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return process
+
+
+def leave(code: int) -> NoReturn:
+    """End such a copy, once what it printed is written, as far as that is possible."""
+    try:
+        for out in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):     # as where the disk is full
+                out.flush()
+    finally:
+        os._exit(code)
 
 
 class Children:

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import sys
 import traceback
 from collections.abc import Callable, Sequence
 from itertools import islice
@@ -13,7 +11,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from fledge.errors import SetupError
-from fledge.pool.children import Children, cores
+from fledge.pool.children import Children, cores, leave
 from fledge.pool.work import Died, Flown, Item, Pool, Result, Work, answer, taken
 
 
@@ -71,6 +69,4 @@ def _serve(work: Work[Item, Any], items: Sequence[Item], place: int | None, pipe
     except BaseException:
         traceback.print_exc()
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+        leave(code)

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fledge import mission as missions
-from fledge.errors import Failure, SetupError
+from fledge.errors import Failure, RunError, SetupError
 from fledge.disk import write_files
 from fledge.pool import LAST_LINES, Died, Work, anywhere, open_pool
 from fledge.verify.flight import FILE, Flight, Flown
@@ -109,7 +109,11 @@ def _fly(flight: Flight, hash: str) -> Flown:
         flown = judged(flight, hash)
     except (Failure, SetupError, OSError) as error:
         flown = Flown(flight.scenario, flight.target, flight.seed, hash, str(error))
-    write_files({FILE: flown.as_json()}, flight.folder)
+    try:
+        write_files({FILE: flown.as_json()}, flight.folder)
+    except OSError as error:
+        raise RunError("\n  ".join([f"{flight.title}: {flown.error or 'it has flown'}",
+                                    f"{error.filename}: {error.strerror}"])) from None
     return flown
 
 
