@@ -99,9 +99,9 @@ RULES = {
 # these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
     ("units elements errors disk columns display interruption programs", "what all others need"),
-    ("progress folders frames elf serial_line contents", "a progress bar; the folders of a project and of "
+    ("progress folders frames elf serial_line contents junit", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "
-     "boards; builds that follow contents, not times"),
+     "boards; builds that follow contents, not times; results for a CI"),
     ("attitude", "representations of attitudes"),
     ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
     ("records", "recorded fields by name, of a run in memory or of a file"),

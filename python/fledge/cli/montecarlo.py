@@ -18,6 +18,7 @@ from fledge.cli.arguments import add_campaign, add_mission, add_pool, add_seed, 
 from fledge.cli.console import Plots, complain, say, size_of
 from fledge.cli.failures import in_words
 from fledge.cli.runs import alone
+from fledge.disk import write_files
 from fledge.errors import Failure, listed
 from fledge.progress import Bar
 
@@ -58,6 +59,8 @@ def _add_common(sub: argparse.ArgumentParser, name: str) -> None:
     sub.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
     sub.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
+    sub.add_argument("--junit", metavar="FILE", help="also write the runs and requirements as test cases for a CI, as "
+                     "JUnit's XML")
     sub.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
     add_update_limit(sub)
     sub.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
@@ -69,8 +72,8 @@ def montecarlo(options: argparse.Namespace) -> int:
 
     if (options.runs is None) == (options.only is None):
         raise Failure("montecarlo: give --runs N, or --only INDEX to fly one of them")
-    if options.only is not None and options.json:
-        raise Failure("montecarlo: --json is for --runs")
+    if options.only is not None and (options.json or options.junit):
+        raise Failure(f"montecarlo: {'--json' if options.json else '--junit'} is for --runs")
     return _fly(Campaign(options.mission, options.campaign), options, options.runs, "montecarlo", [])
 
 
@@ -78,8 +81,8 @@ def sweep(options: argparse.Namespace) -> int:
     """Fly a sweep, or one run of it; returns the exit code."""
     from fledge.montecarlo import Sweep
 
-    if options.only is not None and options.json:
-        raise Failure("sweep: --json is for all points")
+    if options.only is not None and (options.json or options.junit):
+        raise Failure(f"sweep: {'--json' if options.json else '--junit'} is for all points")
     axes = dict(map(_axis, options.axes))
     if len(axes) < len(options.axes):
         raise Failure("sweep: an axis is given twice")
@@ -162,6 +165,9 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
         data, paths = report.write(result, folder, command)
         paths.insert(0, page.write(folder / "report.html", data, [path for path in paths if path.suffix == ".png"],
                                    command_line(options), campaign.folder))
+        if options.junit:
+            junit = Path(options.junit)
+            paths += write_files({junit.name: report.junit(result, data, wall, command)}, junit.parent)
     except OSError as error:
         raise Failure(f"{in_words(error)}; the {int(result.flown.sum())} runs that were flown are kept in "
                       f"{folder / 'unfinished'}: when there is room, the same command writes the report", 1) from None

@@ -30,6 +30,7 @@ from fledge.montecarlo.drivers import SIGNIFICANCE, drivers
 from fledge.montecarlo.sweep import Sweep, text as text_of
 from fledge.montecarlo.plots import PERCENTILES, figures, judged, percentiles
 from fledge.objects.si import enumerator_names
+from fledge.junit import ERROR, FAILURE, SKIPPED, Case, Suite, document
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from fledge.montecarlo.result import Result
 
 FAILURES_MAX = 1000     # in a summary
+CASES_MAX = 10000       # runs as test cases
 
 
 def confidence(passed: int, n: int) -> tuple[float, float]:
@@ -253,6 +255,22 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
             part.write_bytes(_hdf5(result))
         paths.append(folder / "runs.h5")
     return data, [*paths, *(save(figure, folder) for figure in figures(result))]
+
+
+def junit(result: Result, data: dict[str, Any], wall: float, command: Callable[[int], str]) -> str:
+    """The runs as test cases, beyond CASES_MAX only those that have failed; then the requirements. data: of summary();
+    wall: [s] that the runs took; command: of a run's index, repeats that run"""
+    title = f"{data['mission']}.{data['campaign']}"
+    runs = range(len(result)) if len(result) <= CASES_MAX else itertools.islice(result.failures, CASES_MAX)
+    cases = [Case(f"run {i}", (FAILURE if result.complete[i] else ERROR) if i in result.failures else
+                  "" if result.flown[i] else SKIPPED,
+                  f"{result.failures[i]}\n{command(i)}" if i in result.failures else
+                  "" if result.flown[i] else "it was not flown") for i in runs]
+    required = [Case(row["requirement"], FAILURE if row["held"] < row["of"] else "",
+                     f"{row['message']}: held in {row['held']} of {row['of']} runs".removeprefix(": "))
+                for row in data["requirements"]]
+    return document(f"{title}, seed {data['seed']}", [Suite(title, wall, cases),
+                                                      *[Suite(f"{title}.requirements", 0.0, required)] * bool(required)])
 
 
 def as_csv(result: Result) -> str:

@@ -6,10 +6,9 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
-from fledge.errors import Failure, did_you_mean, printable
+from fledge.errors import Failure, did_you_mean
+from fledge.junit import ERROR, FAILURE, SKIPPED, Case, Suite, document
 from fledge.requirements.declared import METHODS
 from fledge.requirements.judge import UNKNOWN, VIOLATED
 from fledge.verify.evidence import NOT_SHOWN, Row, facts
@@ -105,11 +104,9 @@ def only_there(given: Sequence[dict[str, str]], rows: Sequence[Row]) -> list[Row
 
 def junit(mission: str, rows: Sequence[Row], flown: Sequence[Flown]) -> str:
     """A suite for each flight, with a case for each requirement that it shows, and one for those that none shows."""
-    top = ElementTree.Element("testsuites", name=f"verify {mission}")
+    suites = []
     for flight in flown:
-        suite = _suite(top, f"{mission}.{flight.target}.{flight.scenario}", flight.wall)
-        if flight.error:
-            _case(suite, "flight", "error", flight.error)
+        cases = [Case("flight", ERROR, flight.error)] if flight.error else []
         for row in rows:
             shown = flight.of(row.id)
             if shown is None:
@@ -117,34 +114,15 @@ def junit(mission: str, rows: Sequence[Row], flown: Sequence[Flown]) -> str:
             margin = "" if shown.margin is None else f"margin {shown.margin:g} {shown.unit}".rstrip()
             at = "" if shown.at is None else f" at t = {shown.at:g} s"
             if shown.verdict == VIOLATED:
-                _case(suite, row.id, "failure", f"{row.text} {shown.where}{at}: {margin}")
+                cases.append(Case(row.id, FAILURE, f"{row.text} {shown.where}{at}: {margin}"))
             elif shown.verdict == UNKNOWN:
-                _case(suite, row.id, "error", f"unknown: {shown.reason}")
+                cases.append(Case(row.id, ERROR, f"unknown: {shown.reason}"))
             else:
-                _case(suite, row.id).text = f"{margin}{at}"
-    others = [row for row in rows if not row.shown]
-    if others:
-        suite = _suite(top, f"{mission}.without_flight", 0.0)
-        for row in others:
-            by = f"{row.evidence or row.verdict}" + (
-                " by " + ", ".join(child.id for child in row.children) if row.of_children else "")
-            _case(suite, row.id, "skipped", by if row.verdict != NOT_SHOWN else "no flight shows it")
-    for suite in top:
-        for kind, name in (("tests", "testcase"), ("failures", "testcase/failure"), ("errors", "testcase/error"),
-                           ("skipped", "testcase/skipped")):
-            suite.set(kind, str(len(suite.findall(name))))
-    ElementTree.indent(top)
-    return ElementTree.tostring(top, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _suite(top: Element, name: str, wall: float) -> Element:
-    return ElementTree.SubElement(top, "testsuite", name=name, time=f"{wall:.3f}")
-
-
-def _case(suite: Element, name: str, kind: str = "", message: str = "") -> Element:
-    """A case of a suite, with its problem."""
-    case = ElementTree.SubElement(suite, "testcase", classname=suite.get("name", ""), name=name)
-    if kind:
-        ElementTree.SubElement(case, kind, message=printable(message))
-        return case
-    return ElementTree.SubElement(case, "system-out")
+                cases.append(Case(row.id, text=f"{margin}{at}"))
+        suites.append(Suite(f"{mission}.{flight.target}.{flight.scenario}", flight.wall, cases))
+    others = []
+    for row in (row for row in rows if not row.shown):
+        by = f"{row.evidence or row.verdict}" + (
+            " by " + ", ".join(child.id for child in row.children) if row.of_children else "")
+        others.append(Case(row.id, SKIPPED, by if row.verdict != NOT_SHOWN else "no flight shows it"))
+    return document(f"verify {mission}", suites + [Suite(f"{mission}.without_flight", 0.0, others)] * bool(others))

@@ -11,7 +11,6 @@ import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import unquote
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from fledge import cli
 from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
 from fledge.disk import ROOT
+from fledge.junit_test import read
 from fledge.report.report_test import Page
 from fledge.requirements import Requirements
 from fledge.verify import coverage, evidence, figure, tables
@@ -301,7 +301,7 @@ def test_the_page_stands_alone_and_each_of_its_links_leads_somewhere(report):
 
 
 def test_junit_has_a_case_for_each_requirement_of_each_flight(report):
-    top = ElementTree.parse(report / "junit.xml").getroot()
+    top = read((report / "junit.xml").read_text(encoding="utf-8"))
     suites = {suite.get("name"): suite for suite in top}
     assert set(suites) == {"spinner.desktop.settle", "spinner.desktop.brief", "spinner.without_flight"}
     brief = suites["spinner.desktop.brief"]
