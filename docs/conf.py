@@ -49,6 +49,7 @@ html_theme_options = {"sidebar_hide_name": False}
 CHAPTERS = {
     "Begin": ["Tutorial <docs/tutorial>", "docs/guide", "docs/cookbook", f"{NOTEBOOKS}/notebook",
               "3-D view <docs/view>", "Prototypes <docs/prototypes>", "Existing code <docs/existing-code>",
+              "CI <docs/ci>",
               "Debugging <docs/debugging>", "docs/glossary"],
     "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "FMI <docs/fmi>",
                          "registers/README"],

@@ -18,9 +18,11 @@ import os
 import re
 import shutil
 import subprocess
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 
 import fledge
 from fledge import attitude, flight as fsw, flight_math, world
@@ -242,6 +244,35 @@ def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
     assert follow("leon3-debugging.md", shell) >= 12
+
+
+def of_ci():
+    """The commands of each file of docs/ci.md, the variables, and where the reports are."""
+    files = {file: yaml.safe_load(text) for _, file, text in BLOCK.findall((ROOT / "docs/ci.md").read_text()) if file}
+    github, gitlab = files[".github/workflows/test.yml"], files[".gitlab-ci.yml"]["test"]
+    steps = github["jobs"]["test"]["steps"]
+    return [([step["run"] for step in steps if "run" in step], github["env"], steps[-1]["with"]["path"] + "/**/*.xml"),
+            (gitlab["script"], gitlab["variables"], gitlab["artifacts"]["reports"]["junit"])]
+
+
+def test_both_files_for_a_ci_do_the_same():
+    (github, *others), (gitlab, *of_gitlab) = of_ci()
+    assert others == of_gitlab and [line for line in gitlab if not line.startswith("apt-get")] == github
+    assert set(re.findall(r"\$(\w+)", github[0])) == others[0].keys()
+
+
+@pytest.mark.long("clones this repository, builds and tests a project: a minute")
+def test_a_ci_tests_a_project(tmp_path):
+    (clone, test), variables, reports = of_ci()[0]
+    shell = Shell(tmp_path)
+    for command in ["fledge new project sat", "cd sat", "fledge new mission scan",
+                    f"export FLEDGE={ROOT} REVISION=$(git -C {ROOT} rev-parse --short=12 HEAD)", clone,
+                    'test "$(git -C ../fledge rev-parse --short=12 HEAD)" = "$REVISION"',
+                    f"mv ../fledge ../clone && ln -s {ROOT} ../fledge", test]:     # which is built already
+        printed, status = shell.run(command)
+        assert status == 0, f"$ {command}\n{printed}"
+    counts = [ElementTree.parse(file).getroot().iter("testsuite") for file in tmp_path.glob(f"sat/{reports}")]
+    assert sum(int(suite.get("tests")) for suites in counts for suite in suites) == 1
 
 
 def test_fragments_of_python_call_what_there_is():

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from string import Template
 
-from fledge import folders
+from fledge import __version__, folders
 from fledge.disk import write_files
 from fledge.errors import did_you_mean
 from introspect import keywords
@@ -241,7 +241,9 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     _no_keyword(name, name)
     if name in _TAKEN or name.startswith("fledge_"):
         raise NewError(f"the name {name} is Fledge's or CMake's own; choose another for the project")
-    texts: dict[Path, str | bytes] = {folder / file: _read(TEMPLATES / file).replace("my_sat", name) for file in FILES}
+    texts: dict[Path, str | bytes] = {
+        folder / file: _read(TEMPLATES / file).replace("my_sat", name).replace("FLEDGE_VERSION", __version__)
+        for file in FILES}
     texts[folder / ".gitignore"] = "build/\nruns/\nverification/\n__pycache__/\n.*cache/\n"
     _write(texts)
     for part in ("flight", "world", "missions"):

@@ -129,6 +129,10 @@ def without_preset(name: str | os.PathLike[str], **parameters: Any) -> Simulatio
 
 
 def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], preset: bool = True) -> Simulation:
+    if own := folders.project():
+        from fledge.mission.provenance import compare_with_project
+
+        compare_with_project(own)
     mission = find(name)
     simulation = Simulation(mission.name, seed, empty=mission.several)
     simulation.mission = mission

@@ -6,7 +6,10 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
+import tomllib
+import warnings
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,6 +133,26 @@ def _revision(running: subprocess.Popen[bytes]) -> str:
     if running.returncode or commit == "(initial)":
         return ""
     return commit[:12] + "-dirty" * any(not line.startswith("#") for line in lines)
+
+
+@cache
+def compare_with_project(folder: Path) -> None:
+    """Warn, once, where another Fledge runs than the project's pyproject.toml names in [tool.fledge]: by `version`, or
+    by `revision`, of which 12 digits count."""
+    file = folder / "pyproject.toml"
+    text = file.read_text(encoding="utf-8") if file.is_file() else ""
+    try:
+        named = tomllib.loads(text).get("tool", {}).get("fledge", {})
+    except tomllib.TOMLDecodeError as error:
+        raise SetupError(f"{file}: {error}") from None
+    if other := named.keys() - {"version", "revision"}:
+        raise SetupError(f"{file}: [tool.fledge] has version and revision; found {', '.join(sorted(other))}")
+    for name, wanted in named.items():
+        found = __version__ if name == "version" else Revisions(None).read().get("fledge", "")
+        if not (found == wanted if name == "version" else found and found.startswith(str(wanted)[:12])):
+            line = next((i for i, line in enumerate(text.splitlines(), 1) if "tool.fledge" in line), 1)
+            warnings.warn_explicit(f"this project names the {name} {wanted} of Fledge, and {found or 'an unknown one'} "
+                                   f"runs: take that, or name this here", UserWarning, str(file), line)
 
 
 def extension() -> Path:

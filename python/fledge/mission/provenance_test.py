@@ -5,11 +5,12 @@ import json
 import os
 import shutil
 import subprocess
+import warnings
 
 import pytest
 
 import fledge
-from fledge import Archive
+from fledge import Archive, new
 from fledge.mission import provenance
 from fledge.mission.provenance import Revisions, parameters
 
@@ -49,6 +50,34 @@ def test_the_commit_and_whether_files_differ_from_it(tree):
     git(tree, "add", ".")
     git(tree, "commit", "-qm", "second")
     assert Revisions(None).read() == {"fledge": git(tree, "rev-parse", "HEAD")[:12]} != {"fledge": commit}
+
+
+def test_a_project_that_names_another_fledge_warns(tree, tmp_path, monkeypatch):
+    project = tmp_path / "sat"
+    new.project(project)
+    file = project / "pyproject.toml"
+    monkeypatch.setenv("FLEDGE_PROJECT", str(project))
+
+    def warned(text):
+        provenance.compare_with_project.cache_clear()
+        file.write_text(text)
+        with warnings.catch_warnings(record=True) as found:
+            fledge.load(fledge.mission.find("nadir_spin").folder)
+            fledge.load(fledge.mission.find("nadir_spin").folder)
+        return [(str(warning.message), warning.filename, warning.lineno) for warning in found
+                if "of Fledge" in str(warning.message)]
+
+    written, commit = file.read_text(), git(tree, "rev-parse", "HEAD")
+    assert f'version = "{fledge.__version__}"\n' in written
+    assert warned(written) == warned(f'[tool.fledge]\nrevision = "{commit}"') == warned("[tool.mypy]") == []
+    assert warned('# A comment.\n[tool.fledge]\nversion = "9.1"\n') == [
+        (f"this project names the version 9.1 of Fledge, and {fledge.__version__} runs: take that, or name this here",
+         str(file), 2)]
+    (text, _, line), = warned(f'[tool.fledge]\nversion = "{fledge.__version__}"\nrevision = "0123456789ab"\n')
+    assert line == 1
+    assert text.startswith(f"this project names the revision 0123456789ab of Fledge, and {commit[:12]} runs")
+    with pytest.raises(fledge.SetupError, match="has version and revision; found versions"):
+        warned("[tool.fledge]\nversions = 1\n")
 
 
 def test_a_worktree_a_detached_head_and_packed_refs(tree):
