@@ -12,6 +12,7 @@ import fledge
 from fledge import attitude, cli
 from fledge.analysis.faults import fly
 from fledge.analysis.matrix import Fault, Matrix
+from fledge.analysis.page import EFFECTS
 from fledge.targets import build
 from fledge.units import deg, minute, s
 
@@ -149,6 +150,9 @@ def test_the_command_writes_a_table(mission, tmp_path, capsys, monkeypatch):
         (unit, kind, begin) for unit in ("world.gyro", "world.css") for begin in ("200.0", "300.0")
         for kind in ("HIGH", "LOW", "BABBLE", "BIAS", "DRIFT", "DROPOUT", "DELAY", "DEAD")}
     assert {row["effect"] for row in rows} >= {"violated", "tolerated"}
+    shown = re.findall(r'<tr class="(\w+)( hidden)?"', page)       # the worst in front
+    assert shown == sorted(shown, key=lambda row: (not row[1], list(EFFECTS).index(row[0])))
+    assert [effect for effect, _ in shown] != [row["effect"] for row in rows]
     for effect in ("violated", "tolerated"):
         assert f"{sum(row['effect'] == effect for row in rows)}" in output
     assert "http" not in page.replace("http-equiv", "") and str(mission.parent) not in page.partition("<main>")[0]

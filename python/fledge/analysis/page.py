@@ -55,6 +55,12 @@ def hidden(flight: Flight) -> bool:
     return flight.effect in ("violated", "failed") and flight.detected is None
 
 
+def worst_first(flights: Sequence[Flight]) -> list[Flight]:
+    """In front what flight did not report, then by effect, then by the margin that is left."""
+    return sorted(flights, key=lambda flight: (not hidden(flight), list(EFFECTS).index(flight.effect),
+                                               flight.least[1] if flight.least else 1.0))
+
+
 def text(flights: Sequence[Flight]) -> list[str]:
     """Lines: for each scenario and mode the effect of each unit's faults by kind; then the counts. A mark shows where
     flight did not notice."""
@@ -97,7 +103,8 @@ def write(flights: Sequence[Flight], matrix: Matrix, folder: Path, command: str)
     assert matrix.simulation.mission
     about = {"mission": matrix.simulation.name, "seed": matrix.simulation.seed, "command": command,
              "versions": identity(matrix.simulation.mission.folder)}
-    rows = [cells(flight) for flight in flights]
+    worst = worst_first(flights)
+    rows = [cells(flight) for flight in worst]
     chosen = {name: [f"{row[name]:g}" if isinstance(row[name], float) else row[name] for row in rows]
               for name in FILTERS}
     filters = {name: list(dict.fromkeys(values)) for name, values in chosen.items() if len(set(values)) > 1}
@@ -105,7 +112,7 @@ def write(flights: Sequence[Flight], matrix: Matrix, folder: Path, command: str)
     page = templates().get_template("faults.html").render(
         about=about, rows=rows, filters=filters,
         values=[[chosen[name][i] for name in filters] for i in range(len(rows))],
-        hidden=[hidden(flight) for flight in flights],
+        hidden=[hidden(flight) for flight in worst],
         effects={name: (counts[name], what) for name, what in EFFECTS.items()},
         scenarios=list(dict.fromkeys(flight.scenario for flight in flights)))
     data: dict[str, Any] = {**about, "flights": [{**asdict(flight), "faults": [

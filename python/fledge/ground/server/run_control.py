@@ -53,7 +53,8 @@ class RunControl(ABC):
 
     @abstractmethod
     def faults(self) -> list[dict[str, Any]]:
-        """The parameters of the world that may be changed."""
+        """The parameters of the world that may be changed: first the planned faults of units, those of the most faulty
+        unit in front; then what else these units have."""
 
     @abstractmethod
     def inject(self, path: str, value: Any) -> str:
@@ -113,11 +114,31 @@ class Pace(RunControl):
     def faults(self) -> list[dict[str, Any]]:
         from fledge.objects import struct
 
-        return [{"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
-                 "value": _plain(getattr(instance, field.name))}
-                for process in self.sim.processes if process not in self.sim.flights
-                for name, instance in process.instances.items() for field in struct(instance).fields
-                if field.group == "par" and not field.spare]
+        rows: list[tuple[int, dict[str, Any]]] = []
+        for process in self.sim.processes:
+            for name, instance in process.instances.items() if process not in self.sim.flights else ():
+                fields = [field for field in struct(instance).fields if field.group == "par" and not field.spare]
+                takes_faults = any(field.name == "faults" and field.struct for field in fields)
+                for field in fields:
+                    row = {"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
+                           "value": _plain(field, getattr(instance, field.name))}
+                    if takes_faults and field.name == "faults":
+                        row |= self._planned(field, row["value"])
+                        rows.append((-1 - len(row["value"]), row))
+                    else:
+                        rows.append((0 if takes_faults else 1, row))
+        return [row for _, row in sorted(rows, key=lambda rank: rank[0])]
+
+    def _planned(self, field: Any, faults: list[dict[str, Any]]) -> dict[str, Any]:
+        """What a person must know to plan faults, and an example: one that begins now."""
+        from fledge.objects.si import enumerator_names
+
+        members = {member.name: member for member in field.struct.fields}
+        kinds = [kind for number, kind in enumerator_names(members["kind"]).items() if number]
+        units = ", ".join(f"{name} [{member.unit}]" if member.unit == "ns" else name for name, member in members.items())
+        example = {"kind": kinds[-1], "begin": max(int(self.sim.time_ns), 0)}
+        return {"meaning": f"planned faults: a list of {units}; kinds: {', '.join(kinds)}",
+                "example": [*faults, example]}
 
     def inject(self, path: str, value: Any) -> str:
         steps = re.findall(r"\w+|\[\d+\]", path)
@@ -213,5 +234,14 @@ def _check(action: str, seconds: float, speed: float | None) -> None:
         raise SetupError(f"a run can pause, go and step; found '{action}'")
 
 
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, (int, float, str)) else str(value)
+def _plain(field: Any, value: Any) -> Any:
+    """A parameter for JSON: enumerators by their names; of structs in a list, the members that are not 0."""
+    from fledge.objects import struct
+    from fledge.objects.si import enumerator_names
+
+    if isinstance(value, tuple):
+        return [{member.name: _plain(member, part) for member in struct(element).fields
+                 if (part := getattr(element, member.name))} for element in value]
+    if isinstance(value, int):
+        return enumerator_names(field).get(value, value)
+    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, (float, str)) else str(value)

@@ -204,6 +204,14 @@ async def test_run_control_and_faults(tmp_path):
         wheels = c.room.crafts["nadir_spin"].simulation.world.wheels
         await c.post(run, {"fault": {"path": "world.wheels.friction", "value": [0, 0.03, 0, 0]}})
         assert list(wheels.friction)[:4] == [0, 0.03, 0, 0]
+        rows = (await c.get(run))["faults"]
+        units = [row["path"] for row in rows if "example" in row]
+        assert [row["path"] for row in rows[:len(units)]] == units and units[-1] == "world.nav.faults"
+        assert "kinds: HIGH, LOW" in rows[0]["meaning"] and rows[0]["value"] == []
+        answer = await c.post(run, {"fault": {"path": units[-1], "value": rows[len(units) - 1]["example"]}})
+        first = answer["faults"][0]      # the unit with the most faults
+        assert first["path"] == units[-1] and first["value"] == [{"kind": "DEAD", "begin": int(stepped["t_ns"])}]
+        assert len(first["example"]) == 2
         for fault, why in (({"path": "world.wheels.frictio", "value": 1}, "did you mean 'friction'"),
                            ({"path": "world.wheel.friction", "value": 1}, "did you mean 'wheels'"),
                            ({"path": "world.wheels.friction", "value": "x"}, "friction"),

@@ -81,7 +81,7 @@ export async function open(context) {
         body.replaceChildren(...matches.slice(0, MOST).map((fault) => {
             const pick = () => {
                 path.value = fault.path;
-                value.value = JSON.stringify(fault.value);
+                value.value = JSON.stringify(fault.example ?? fault.value);
                 value.focus();
                 value.select();
             };
