@@ -441,6 +441,34 @@ def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
 
 @pytest.mark.long("a page in a browser")
 @needs_browser
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_names_stand_out_from_their_edge_whatever_is_behind_them(browser, record, tmp_path, theme):
+    browser.open(scene.view(record, tmp_path / "view.html"), f"#theme={theme}&t=300")
+    colours = browser.evaluate("""(() => {
+        const brush = document.createElement("canvas").getContext("2d", {willReadFrequently: true});
+        const channels = (colour) => {
+            brush.fillStyle = colour;
+            brush.fillRect(0, 0, 1, 1);
+            return [...brush.getImageData(0, 0, 1, 1).data].slice(0, 3);
+        };
+        return [...document.querySelectorAll(".label")].map((label) => {
+            const {color, textShadow} = getComputedStyle(label);
+            return [label.dataset.name, channels(color), channels(/^(rgb|color)[^)]*\\)/.exec(textShadow)[0])];
+        });
+    })()""")
+
+    def luminance(channels):        # of WCAG 2
+        c = np.array(channels) / 255
+        return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055)**2.4) @ [0.2126, 0.7152, 0.0722]
+
+    assert {"b1", "b2", "b3", "Sun"} <= {name for name, *_ in colours}
+    for name, *both in colours:
+        dark, bright = sorted(map(luminance, both))
+        assert (bright + 0.05) / (dark + 0.05) > 4.5, name
+
+
+@pytest.mark.long("a page in a browser")
+@needs_browser
 def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
     mesh = tmp_path / "craft.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
