@@ -4,6 +4,7 @@
 import re
 import shutil
 from collections import Counter
+from xml.etree import ElementTree
 
 import pytest
 
@@ -151,6 +152,22 @@ def test_names_that_would_break_the_picture_are_shown_as_they_are(sim):
     picture = render(source, "svg").decode()
     assert 'a&quot;b\\n&lt;c&gt;&amp;\ufffd{}|' in picture
     assert picture.count("</svg>") == 1 and "call &lt;/svg&gt;()" in picture
+
+
+@graphviz
+@pytest.mark.parametrize("name", ["nadir_spin", "earth_imager"])     # graphviz cannot draw the second side by side
+def test_no_wire_runs_over_words(name):
+    wiring = Wiring(fledge.load(name))
+    *below, words = ElementTree.fromstring(render(dot(wiring, links=True), "svg"))[0]
+    assert words.get("class") == "words" and words.get("stroke") and not words.findall(".//{*}path")
+    texts = Counter(text.text for text in words.iter("{http://www.w3.org/2000/svg}text"))
+    assert Counter(text for link in wiring.links for text in (link.ports, link.message)) <= texts
+    kinds = [group.get("class") for group in below if group.get("class")]
+    assert kinds == sorted(kinds, key=["cluster", "edge", "node"].index)
+    for group in below:
+        assert group.get("class") == "node" or not group.findall(".//{*}text")
+        assert group.get("class") != "node" or group.findall(".//{*}text")
+    assert {"flight", "world"} <= texts.keys()
 
 
 @graphviz

@@ -32,7 +32,12 @@ SHADES = {"flight": ("#1f5a96", "#f3f7fb", "#e4edf6"),  # of lines, of the groun
 NAMES = {INK: "ink", SOFT: "soft", PALE: "pale", PAPER: "ground", ACCENT: "accent",
          **{shade: kind + part for kind, shades in SHADES.items()
             for shade, part in zip(shades, ("", "-ground", "-box"))}}
+ASIDE = ', constraint="false"'     # of a wire that lets processes stand side by side
 FONT = "DejaVu Sans,Helvetica,Arial,sans-serif"
+
+# In graphviz' SVG: the groups of boxes and wires, and the words in them.
+GROUPS = re.compile(r'<g id="(?:clust|edge)\d+".*?(?=<g id="(?:clust|edge|node)\d+"|</g>\n</svg>)', re.DOTALL)
+WORDS = re.compile(r'<g id="a_edge\d+-label">.*?</g>\n|<text\b.*?</text>\n', re.DOTALL)
 
 
 def save(wiring: Wiring, path: Path | str) -> Path:
@@ -51,16 +56,35 @@ def save(wiring: Wiring, path: Path | str) -> Path:
 
 def render(source: str, kind: str) -> bytes:
     """The picture that graphviz makes of a text in its language. Raises SetupError if it is not installed."""
-    try:
-        done = subprocess.run(["dot", f"-T{kind}", *(["-Gdpi=144"] if kind == "png" else [])], input=source.encode(),
-                              capture_output=True)
-    except FileNotFoundError:
-        raise SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
-                         ) from None
-    if done.returncode:
+    # Where it fails with processes side by side, they stand one below the other.
+    for text in (source, source.replace(ASIDE, "")):
+        try:
+            done = subprocess.run(["dot", f"-T{kind}", *(["-Gdpi=144"] if kind == "png" else [])], input=text.encode(),
+                                  capture_output=True)
+        except FileNotFoundError:
+            raise SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"
+                             ) from None
+        if not done.returncode:
+            break
+    else:
         raise SetupError("graphviz cannot draw the wiring: " + done.stderr.decode(errors="replace").strip())
+    if kind == "svg":
+        return _words_on_top(done.stdout.decode()).encode()
     # A PDF holds its creation date: write the same date each time.
     return re.sub(rb"(?<=/CreationDate \(D:)\d{14}", b"19700101000000", done.stdout)
+
+
+def _words_on_top(picture: str) -> str:
+    """The SVG with the words of wires and the titles of boxes over all wires, each with an edge of paper."""
+    words: list[str] = []
+
+    def without(group: re.Match[str]) -> str:
+        words.extend(WORDS.findall(group[0]))
+        return WORDS.sub("", group[0])
+
+    picture, end = GROUPS.sub(without, picture), "</g>\n</svg>"
+    return picture.replace(end, f'<g class="words" stroke="{PAPER}" stroke-width="3" stroke-linejoin="round" '
+                           f'style="paint-order: stroke">\n{"".join(words)}</g>\n{end}')
 
 
 # --- graphviz' language ----------------------------------------------------------------------------
