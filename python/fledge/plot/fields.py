@@ -216,7 +216,7 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
     # all constant: keep them apart from the frame
     elif lines and not words and all(len(y) and min(y) == max(y) for y in lines):
         low, high = min(y[0] for y in lines), max(y[0] for y in lines)
-        pad = 0.1 * max(high - low, abs(high), 1e-3)
+        pad = 0.1 * max(high - low, abs(low), abs(high)) or 1.0
         axis.set_ylim(low - pad, high + pad)
 
 

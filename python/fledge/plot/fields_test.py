@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plots: their words, and what is drawn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,13 @@ def test_a_rate_is_shown_in_degrees_per_second(log):
     axis = plot(log, "craft.state.omega_BN_B[2]", units={"omega_BN_B[2]": "deg/s"}).axes[0]
     assert axis.get_ylabel() == r"${}^{B}\omega_{B/N}$  [deg/s]"
     np.testing.assert_allclose(axis.lines[0].get_ydata(), np.degrees(0.2), rtol=1e-9)
+
+
+@pytest.mark.parametrize("value, ends", [(0.0, (-1, 1)), (-4e-7, (-4.4e-7, -3.6e-7)), (5.0, (4.5, 5.5))])
+def test_the_axis_of_a_constant_has_it_in_the_middle(log, value, ends):
+    series = log.series("error.omega_BR_B[2]")
+    axis, = plot(log, replace(series, values=np.full_like(series.values, value))).axes
+    assert axis.get_ylim() == pytest.approx(ends)
 
 
 def test_an_enumeration_has_its_names_on_the_axis(log, tmp_path):

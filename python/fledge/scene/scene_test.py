@@ -338,6 +338,20 @@ def test_without_node_or_a_folder_for_it_the_error_has_the_reason(record, monkey
 # --- tracks that grow, and places on the ground, in the viewer's own code ---------------------------
 
 @needs_node
+def test_the_axis_of_a_constant_has_it_in_the_middle_and_marks_of_time_are_round():
+    axes, steps = in_node("""
+        import {TIME_STEPS, aroundConstant} from "SOURCES/axis.js";
+        console.log(JSON.stringify([[[0, 0], [5, 5], [-2e-9, -2e-9], [0, 1], [null, null]].map(
+            ([low, high]) => aroundConstant(low, high)), TIME_STEPS]));
+    """)
+    assert axes == [[-1, 1], [4.5, 5.5], [pytest.approx(-2.2e-9), pytest.approx(-1.8e-9)], None, None]
+    assert steps == sorted(set(steps)) and steps[0] == 1e-3 and steps[-1] > 1e10
+    assert all(60 % step == 0 for step in steps if 1 <= step < 60)
+    assert all(3600 % step == 0 and step % 60 == 0 for step in steps if 60 <= step < 3600)
+    assert all(86400 % step == 0 for step in steps if 3600 <= step < 86400)
+
+
+@needs_node
 def test_a_track_grows_within_a_bound_and_stays_where_it_was():
     """A day of a circle at 4 Hz: its first minute and its last are still on the circle."""
     found = in_node("""

@@ -2,6 +2,7 @@
 // Plots of recorded fields. All of them and the picture share one time axis and one cursor.
 import uPlot from "uplot";
 
+import {TIME_STEPS, aroundConstant} from "./axis.js";
 import {age, level} from "./data.js";
 
 const COLOURS = {
@@ -69,8 +70,10 @@ export class Plots {
         const chart = new uPlot({
             width: 320, height: 170,
             title: `${field}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}${rows ? "" : ", never written"}`,
-            scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [8, 12, 0, 0],
-            axes: [{ ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map(clock) },
+            scales: { x: { time: false, min: this.span[0], max: this.span[1] }, y: { range: (_, low, high) =>
+                aroundConstant(low, high) ?? (low == null ? [null, null] : uPlot.rangeNum(low, high, 0.1, true)) } },
+            padding: [8, 28, 0, 0],      // half of the last mark's words
+            axes: [{ ...axis, size: 26, space: 60, incrs: TIME_STEPS, values: (_, ticks) => ticks.map(clock) },
                 { ...axis, size: 58, values: (_, ticks) => ticks.map((tick) => short(tick)) }],
             series: [{ label: "t", value: (_, t) => (t == null ? "" : clock(t)) },
                 ...Array.from({ length: n }, (_, k) => ({
