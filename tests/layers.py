@@ -98,6 +98,7 @@ RULES = {
 # The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
 # these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
+    ("basilisk", "what its words are here, for errors"),
     ("units elements errors disk columns display interruption programs", "what all others need"),
     ("progress folders frames elf serial_line contents junit", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "

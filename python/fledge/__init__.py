@@ -97,7 +97,12 @@ if TYPE_CHECKING:       # the same for editors
 
 def __getattr__(name: str) -> object:
     if name not in _LAZY:
-        raise AttributeError(f"fledge has no '{name}'; there are {', '.join(__all__)}")
+        from fledge.basilisk import WORDS
+        from fledge.errors import instead
+
+        # `from fledge import macros` replaces the text of an AttributeError.
+        kind = ImportError if name in WORDS else AttributeError
+        raise kind(f"fledge has no '{name}'{instead(name, __all__)} there are {', '.join(__all__)}")
     from importlib import import_module
 
     module, attribute = _LAZY[name]

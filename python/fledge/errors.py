@@ -75,12 +75,16 @@ def for_json(content: object, word: Callable[[float], str | None] = lambda _: No
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
-    """The known name that is most like `name`: the same but for case, or similar. "" if there is none."""
+    """The known name that is most like `name`: the same but for case and underscores, or similar. "" if there is
+    none."""
     from difflib import get_close_matches
 
+    def bare(text: str) -> str:
+        return text.lower().replace("_", "")
+
     names = list(known)
-    same = [other for other in names if other.lower() == name.lower()]
-    return next(iter(same or get_close_matches(name, names, 1, cutoff)), "")
+    same = [other for other in names if bare(other) == bare(name)]
+    return next(iter(get_close_matches(name, same, 1, 0.0) or get_close_matches(name, names, 1, cutoff)), "")
 
 
 def refuse_misspelt(owner: object, name: str, settings: Iterable[str]) -> None:
@@ -94,6 +98,16 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """What follows "... has no 'name'": "; did you mean 'names'?", or ";" if no known name is similar."""
     near = nearest(name, known)
     return f"; did you mean '{near}'?" if near else ";"
+
+
+def instead(name: str, known: Iterable[str]) -> str:
+    """The same of a name in Python, which may be a word of Basilisk: "; here, Basilisk's 'recorder' is ...;"."""
+    from fledge.basilisk import WORDS
+
+    names = list(known)
+    if name in WORDS and not nearest(name, names, 1.0):
+        return f"; here, Basilisk's '{name}' is {WORDS[name]};"
+    return did_you_mean(name, names)
 
 
 def suggesting(**synonyms: str) -> Callable[[Named], Named]:

@@ -2,6 +2,7 @@
 """What people read when something is wrong: the instance, the rule, what was found, the choices."""
 
 import csv
+import re
 import unicodedata
 from enum import Enum
 
@@ -15,6 +16,7 @@ from fledge.montecarlo.dispersions import Dispersions
 from fledge.objects.testing import kinds
 from fledge.requirements import settles
 from fledge.units import deg, kg, km, m, ms, s
+from tests.tree import ROOT
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
@@ -184,6 +186,47 @@ def test_a_type_error_of_the_body_of_a_function_stays(sim):
     with pytest.raises(TypeError) as error:
         world.Body("X", 1.0, 1.0, J=3)
     assert "it takes" not in str(error.value)
+
+
+def test_words_of_basilisk_have_those_of_fledge():
+    """Whatever docs/from-basilisk.md names among the modules."""
+    text = (ROOT / "docs/from-basilisk.md").read_text("utf-8").partition("## Modules")[2]
+    modules = re.findall(r"(?m)^\| (`.*) \| (.*) \|$", text)
+    assert len(modules) > 30
+    for theirs, ours in modules:
+        for word in re.findall(r"`(\w+)`", theirs):
+            answers = []
+            for module in (fsw, world):
+                with pytest.raises(AttributeError) as error:
+                    getattr(module, word)
+                answers.append(str(error.value).partition(";")[2])
+            names = re.findall(r"`(\w+)`", ours) or ["a wire"]
+            assert any(name in answer for name in names for answer in answers), (word, answers)
+
+
+@pytest.mark.parametrize("make, text", [
+    (lambda: fsw.MrpFeedback(Ki=1), "MrpFeedback has no attribute 'Ki'; did you mean 'K_I'? parameters: K, P, K_I, "),
+    (lambda: world.Spacecraft(IHubPntBc_B=1), "Spacecraft has no attribute 'IHubPntBc_B'; here, Basilisk's "
+     "'IHubPntBc_B' is I_B; parameters: "),
+    (lambda: fsw.MrpFeedback().torque.recorder(), "MrpFeedback.torque (BodyTorque) has no attribute 'recorder'; here, "
+     "Basilisk's 'recorder' is log = sim.record(f.tracking.error, every=1 * s); fields: "),
+    (lambda: fledge.Simulation().ExecuteSimulation(), "the simulation has no 'ExecuteSimulation'; here, Basilisk's "
+     "'ExecuteSimulation' is sim.run(10 * minute)"),
+    (lambda: fledge.Simulation().runn, "the simulation has no 'runn'; did you mean 'run'?"),
+    (lambda: fledge.macros, "fledge has no 'macros'; here, Basilisk's 'macros' is units, as in 0.5 * s: from "),
+    (lambda: fledge.units.sec2nano, "fledge.units has no unit 'sec2nano'; here, Basilisk's is 0.5 * s; the units are "),
+])
+def test_a_word_of_basilisk(make, text):
+    with pytest.raises((TypeError, AttributeError, ImportError)) as error:
+        make()
+    assert str(error.value).startswith(text)
+
+
+def test_a_property_that_fails_says_why():
+    sim = fledge.Simulation()
+    vars(sim)["_processes"] = None
+    with pytest.raises(AttributeError, match="NoneType"):
+        sim.processes
 
 
 def test_processes(sim):

@@ -346,5 +346,10 @@ def __getattr__(name: str) -> Any:
     # the text of an AttributeError.
     products = ["%s * %s" % (name[:i], name[i:]) for i in range(1, len(name))
                 if name[:i] in UNITS and name[i:] in UNITS]
-    raise ImportError("fledge.units has no unit '%s'; %sthe units are %s" % (
-        name, "write %s; " % products[0] if products else "", ", ".join(UNITS)))
+    try:
+        from fledge.basilisk import WORDS
+    except ImportError:     # under MicroPython
+        WORDS = {}
+    advice = "write %s; " % products[0] if products else (
+        "here, Basilisk's is %s; " % WORDS[name] if name in WORDS else "")
+    raise ImportError("fledge.units has no unit '%s'; %sthe units are %s" % (name, advice, ", ".join(UNITS)))

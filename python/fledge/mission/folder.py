@@ -303,6 +303,8 @@ def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | N
 
 def _advice(error: BaseException) -> str:
     """What Python does not say of an error: where the name is that is not defined, and how lists get units."""
+    from fledge.basilisk import WORDS
+
     if isinstance(error, NameError):
         from fledge import flight, units, world
 
@@ -311,8 +313,12 @@ def _advice(error: BaseException) -> str:
         for module, short in ((flight, "fsw"), (world, "world")):
             if error.name in dir(module):
                 return f"; write {short}.{error.name}"
+        if error.name in WORDS:
+            return f"; here, Basilisk's is {WORDS[error.name]}"
         if error.name == "np":
             return "; write import numpy as np at the top"
+    if isinstance(error, ModuleNotFoundError) and str(error.name).partition(".")[0] == "Basilisk":
+        return "; Fledge does not use it: `from fledge import flight as fsw, world` (docs/from-basilisk.md)"
     if isinstance(error, ImportError) and str(error.name).startswith("fledge.") and error.name in sys.modules:
         wanted = str(error).removeprefix("cannot import name '").partition("'")[0]
         return f"; did you mean '{near}'?" if (near := nearest(wanted, dir(sys.modules[error.name]))) else ""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeAlias
 
 from fledge import _core
 from fledge.elements import ELEMENTS
-from fledge.errors import SetupError, did_you_mean, listed, suggesting
+from fledge.errors import SetupError, instead, listed, suggesting
 from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
@@ -439,7 +439,7 @@ class Process:
     def unknown(self, name: str) -> str:
         """The text of the error for a name that the process does not have."""
         known = [*self._instances, *self._handles]
-        return (f"the process {self.name} has no '{name}'{did_you_mean(name, known)} it has "
+        return (f"the process {self.name} has no '{name}'{instead(name, [*known, *self._tasks])} it has "
                 + listed(known, none="nothing yet"))
 
     # --- declarations ---

@@ -19,8 +19,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from fledge import _core
-from fledge.errors import SetupError, refuse_misspelt, suggesting
-from fledge.mission.process import Flight, Process, World
+from fledge.errors import SetupError, did_you_mean, instead, listed, refuse_misspelt, suggesting
+from fledge.mission.process import Flight, Mode, Process, World
 from fledge.objects.plausible import check
 from fledge.objects.si import Time, time_ns
 from fledge.programs import in_debugger
@@ -98,6 +98,14 @@ class Simulation:
     def __setattr__(self, name: str, value: Any) -> None:
         refuse_misspelt(self, name, ("seed", "pace", "plots"))
         object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name in dir(type(self)):     # the latter: of a property that failed
+            return object.__getattribute__(self, name)
+        known = [n for n in dir(self) if not n.startswith("_")]
+        near = instead(name, known)
+        raise AttributeError(f"the simulation has no '{name}'"
+                             + (f"; it has {listed(known)}" if near == ";" else near.rstrip(";")))
 
     def _adopt(self, core: _core.Simulation, name: str) -> None:
         self._core = core

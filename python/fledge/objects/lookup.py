@@ -9,7 +9,7 @@ from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError, instead
 from fledge.objects import project
 from fledge.objects.si import enumeration
 
@@ -37,7 +37,7 @@ def lookup(module: str, types: dict[str, Any],
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
         own = [n for n in known if n not in types and n not in enumerations() and n[:1].isupper()
                and not isinstance(extra.get(n), dict) and not n.endswith("Error")]
-        near = did_you_mean(name, known)
+        near = instead(name, known)
         raise AttributeError(f"{module} has no '{name}'{near} " + (
             f"there are {', '.join(sorted(main + own))}" if near == ";" else "./fledge list names all"))
 

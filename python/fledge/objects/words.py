@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError, did_you_mean, instead
 from fledge.objects.script import function_text, prototype, python_text, script
 from fledge.objects.si import enumerator_names
 
@@ -31,7 +31,7 @@ def unknown_attribute(obj: Shown, name: str) -> str:
     """The error text for an unknown attribute."""
     groups = names_by_group(obj)
     everything = [n for names in groups.values() for n in names]
-    return f"{title(obj)} has no attribute '{name}'{did_you_mean(str(name), everything)} " + "; ".join(
+    return f"{title(obj)} has no attribute '{name}'{instead(str(name), everything)} " + "; ".join(
         f"{word}: {', '.join(groups[g])}" for g, word in GROUPS if g in groups)
 
 
