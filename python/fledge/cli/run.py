@@ -241,7 +241,7 @@ def _scenario(sim: Simulation, options: argparse.Namespace) -> tuple[str, Callab
 
         return "free", free
     assert sim.mission
-    if not sim.mission.scenarios:
+    if not sim.mission.scenarios and options.scenario not in sim.mission.functions:
         raise Failure(f"the mission {sim.name} has no scenarios: write one in scenarios.py, or fly it with --for 10min")
     from fledge.mission.scenario import chosen
 

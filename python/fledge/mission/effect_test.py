@@ -332,6 +332,9 @@ def build({arguments}):
 
 @pytest.mark.parametrize("flight, arguments, more, text", [
     ("w", "w, f", "", r"bad/flight.py, line 4: build\(\) gets f, flight; it calls the flight 'w'$"),
+    ("f", "w, altitude=500, *, turn=4", "", r"bad/world.py, line 4: build\(\) gets w, f, world and flight, and then "
+     r"its parameters: write build\(w, f, altitude=500, turn=4\)$"),
+    ("f", "", "", r"bad/world.py, line 4: build\(\) gets w, f, .*: write build\(w, f\)$"),
     ("f", "f, w", "", r"bad/world.py, line 4: build\(\) gets w, f, world and flight; it calls the world 'f'$"),
     ("f", "w, f", "f.more = fsw.InertialPointing()", r"bad/world.py makes flight.more: what flies is composed in "
      "flight.py, which targets take; world.py joins the world to it$"),

@@ -57,6 +57,7 @@ class Mission:
         self.folder = folder
         self.name = folder.name
         self.scenarios: dict[str, Any] = {}
+        self.functions: set[str] = set()        # the names of those in scenarios.py
         self.parameters: dict[str, Any] = {}
         self.computed: list[Computed] = []     # for flight, by its scripts
 
@@ -106,11 +107,15 @@ def find(name: str | os.PathLike[str]) -> Mission:
     known = missions()
     if str(name) in known:
         return known[str(name)]
-    if folder.is_dir() or os.sep in str(name):
-        raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py or a mission.py")
-    places = ", ".join(str(p) for p in dict.fromkeys(folders.of_missions()))
+    places = list(dict.fromkeys(folders.of_missions()))
+    for there in (folder, *(place / folder for place in places)):
+        if there.is_dir():
+            raise SetupError(f"there is no mission in {shown(there)}: the folder is there, but neither flight.py, what "
+                             "flies, nor mission.py is in it")
+    if os.sep in str(name):
+        raise SetupError(f"there is no mission in {name}: there is no such folder")
     raise SetupError(f"there is no mission '{name}'{did_you_mean(str(name), known)} there are "
-                     f"{', '.join(known) or 'none'} (looked in {places})")
+                     f"{', '.join(known) or 'none'} (looked in {', '.join(map(str, places))})")
 
 
 def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simulation:
@@ -164,7 +169,10 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
                 raise SetupError(f"{mission.folder / 'world.py'} makes {', '.join(sorted(made))}: what flies is "
                                  "composed in flight.py, which targets take; world.py joins the world to it")
         if (mission.folder / "scenarios.py").exists():
-            mission.scenarios = functions_of(files.execute("scenarios"))
+            scenarios = files.execute("scenarios")
+            mission.scenarios = functions_of(scenarios)
+            mission.functions = {name for name, value in vars(scenarios).items()
+                                 if isinstance(value, types.FunctionType) and value.__module__ == scenarios.__name__}
         check(simulation.processes)
         wires = simulation.wires
         for process in simulation.processes:
@@ -201,11 +209,25 @@ def _composed(process: Process) -> set[str]:
 
 
 def _refuse_names(file: str, build: Callable[..., Any]) -> None:
-    """Raise SetupError if the arguments of a build function are called as those of the other file, or in its order."""
+    """Raise SetupError if a build function lacks arguments, takes parameters in their place, or calls them as those of
+    the other file."""
     expected = _TAKES[file].split(", ")
+    meant = {"f": "flight", "w": "world"}
     code: Any = getattr(build, "__code__", None)    # of a function
-    for name, given in zip(expected, code.co_varnames[:code.co_argcount] if code else ()):
-        meant = {"f": "flight", "w": "world"}
+    if code is None:
+        return
+    takes = code.co_varnames[:code.co_argcount]
+    defaults = len(getattr(build, "__defaults__", None) or ())
+    first = [name for i, name in enumerate(takes) if i < len(takes) - defaults or name in meant]
+    takes_more = code.co_flags & 4      # *args
+    if len(first) < len(expected) and not takes_more:
+        from inspect import signature
+
+        own = [str(p) for p in signature(build).parameters.values() if p.name not in first]
+        raise SetupError(f"{shown(code.co_filename)}, line {code.co_firstlineno}: build() gets {_TAKES[file]}, "
+                         f"{' and '.join(meant[one] for one in expected)}, and then its parameters: write "
+                         f"build({', '.join([*first, *expected[len(first):], *own])})")
+    for name, given in zip(expected, takes):
         if given in {word for pair in meant.items() if pair[0] != name for word in pair}:
             raise SetupError(f"{shown(code.co_filename)}, line {code.co_firstlineno}: build() gets {_TAKES[file]}, "
                              f"{' and '.join(meant[one] for one in expected)}; it calls the "
