@@ -213,6 +213,22 @@ def test_an_implausible_value_warns_with_what_may_be_meant(make, text, warned):
     assert re.match("implausible: " + text, found)
 
 
+def test_what_is_implausible_warns_once_in_the_life_of_a_simulation(warned, tmp_path):
+    (tmp_path / "flight.py").write_text("def build(f):\n    pass\n")
+    (tmp_path / "world.py").write_text("from fledge import world\n\n\ndef build(w, f):\n    w.craft = world.Spacecraft("
+                                       "I_B=1, omega_BN_B=[0, 3, 0])\n    w.task('dynamics', every=1, run=[w.craft])\n")
+    sim = fledge.load(tmp_path)
+    for simulation in (sim, sim.clone()):
+        simulation.run(1)
+    sim.reset()
+    sim.run(1)
+    assert len(warned()) == 1
+    sim.reset()
+    sim.world.craft.omega_BN_B = [0, 4, 0]
+    sim.run(1)
+    assert len(warned()) == 2
+
+
 def test_a_period_in_nanoseconds_warns_before_the_flight_at_its_line(warned):
     sim = craft()
     sim.world.probe, sim.world.other = (world.Spacecraft(mass=1, I_B=1) for _ in range(2))

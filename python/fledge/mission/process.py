@@ -386,6 +386,7 @@ class Process:
         put(self, "_commands", None)
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
         put(self, "_choices", [])
+        put(self, "warned", set())  # of what is implausible
 
     @property
     def name(self) -> str:
@@ -728,6 +729,7 @@ class Process:
         other._tasks.update(self._tasks)
         other._choices.extend(self._choices)
         other._declared_at.update(self._declared_at)
+        other.warned.update(self.warned)
         for instance in other._instances.values():
             _core.set_context(instance, weakref.ref(other))
         events = {e.name: e for e in other._core_process.events}

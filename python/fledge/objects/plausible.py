@@ -74,15 +74,15 @@ def _of_instance(instance: _core.Module | _core.Model) -> Iterator[str]:
 
 
 def check(processes: Iterable[Any]) -> None:
-    """Warn of implausible parameters, at the lines that made their modules and models, and of tasks that run once."""
+    """Warn of implausible parameters, at the lines that made their modules and models, and of tasks that run once; of
+    each of these once in the life of a process."""
     for process in processes:
-        for task in process.tasks:
-            if task.period > LONGEST:
-                path = f"{process.name}.{task.name}"
-                _warn(f"implausible: {path} runs every {task.period / 86_400e9:g} days; every is in seconds",
-                      process.declared_at(path) or caller())
-        for name, instance in process.instances.items():
-            for text in _of_instance(instance):
+        found = [(path, f"{path} runs every {task.period / 86_400e9:g} days; every is in seconds")
+                 for task in process.tasks if task.period > LONGEST for path in [f"{process.name}.{task.name}"]]
+        found += [(name, text) for name, instance in process.instances.items() for text in _of_instance(instance)]
+        for name, text in found:
+            if text not in process.warned:
+                process.warned.add(text)
                 _warn(f"implausible: {text}", process.declared_at(name) or caller())
 
 
