@@ -272,7 +272,7 @@ void Simulation::reach(Ns t)
 
 void Simulation::ready_for(Ns t)
 {
-    check_assigned(structure_);
+    check_assigned(structure_, time() >= 0);
     if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
         const Ns reached = runtime_->reached;
         const auto commands = [this](const std::function<void(std::byte *, std::size_t)> &block) {

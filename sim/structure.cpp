@@ -291,7 +291,7 @@ std::set<const Instance *> check(const Structure &structure, const Roles &roles,
     return bad;
 }
 
-void check_assigned(const Structure &structure)
+void check_assigned(const Structure &structure, bool flown)
 {
     Faults faults;
     for (const auto &process : structure.processes) {
@@ -307,7 +307,11 @@ void check_assigned(const Structure &structure)
                     const std::string path = instance->path + "." + all[i].name;
                     faults.add(path +
                                " was assigned, but its head says that nothing was written, so that nothing "
-                               "reads it: give the message by sim.feed(" +
+                               "reads it: " +
+                               (flown ? "write its head too, " + path +
+                                            ".head = {\"quality\": \"GOOD\", \"sequence\": 1}; or reset() the "
+                                            "simulation, and give the message by sim.feed("
+                                      : "give the message by sim.feed(") +
                                path + ", ...)");
                 }
             }

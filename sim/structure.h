@@ -412,8 +412,8 @@ std::vector<const Instance *> with_parts(const Process &process, const Instance 
 std::set<const Instance *> check(const Structure &structure, const Roles &roles, Faults &faults);
 
 /// Throws SetupError that lists the inputs without a wire to which a user assigned, although their heads say that
-/// nothing was written: nothing reads them.
-void check_assigned(const Structure &structure);
+/// nothing was written: nothing reads them. flown: the simulation has run, so that no feed can begin.
+void check_assigned(const Structure &structure, bool flown);
 
 /// Collect inputs that must differ, such as two bodies to point at, but are wired to one output, or to two outputs
 /// with the same content at the start.

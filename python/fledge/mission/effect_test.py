@@ -64,6 +64,20 @@ def test_an_assigned_input_that_says_that_nothing_was_written_is_refused(sim):
     sim.run(1 * s)
 
 
+def test_a_free_input_that_is_assigned_between_two_runs_acts_as_the_refusal_says():
+    """No feed can begin then."""
+    sim = craft(mass=2 * kg)
+    sim.run(1 * s)
+    external = sim.world.craft.external
+    external.force_N = [4, 0, 0] * N
+    with pytest.raises(SetupError, match=r'it: write its head too, world.craft.external.head = {"quality": "GOOD", '
+                                         r'"sequence": 1}; or reset\(\) the simulation, and give the message by '):
+        sim.run(1 * s)
+    external.head = {"quality": "GOOD", "sequence": 1}
+    sim.run(1 * s)
+    assert sim.world.craft.state.v_CN_N[0] == pytest.approx(2.0)
+
+
 def test_a_process_that_is_left_alone_has_inputs_to_write(sim):
     """Its wires from others are gone."""
     sim.isolate("flight")
