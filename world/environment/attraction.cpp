@@ -64,6 +64,17 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
     sources_.clear();
     last_r_BP_N_.assign(bodies_.size(), Vector3d::Zero());
     covered_ = 0;
+    for (auto body = bodies_.begin(); !sky_ && body != bodies_.end(); ++body) {
+        const auto same = std::find_if(bodies_.begin(), body, [&](const GravityBody &other) {
+            return other.naif && body->naif && other.r_PN_N == body->r_PN_N && other.v_PN_N == body->v_PN_N;
+        });
+        if (same != body) {
+            const std::string both = name_of(*same) + " and " + name_of(*body);
+            throw sim::SetupError(craft_ + ".gravity: without a sky, " + both +
+                                  " are at one place: give the spacecraft a sky, which has their places, as in " +
+                                  "sky=world.Sky(epoch, center=world.EARTH), or give bodies places by at()");
+        }
+    }
     for (const GravityBody &body : bodies_) {
         if (sky_) {
             sources_.push_back(find(body));

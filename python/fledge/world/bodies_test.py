@@ -220,3 +220,11 @@ def test_the_system_of_a_planet_attracts_where_an_orbit_is_about_the_planet():
     flown(about(world.PLUTO, a=1e6 * km), [world.PLUTO_SYSTEM, world.SUN], sky=sky).run(1 * s)
     with pytest.raises(SetupError, match="it is about PLUTO, which does not attract"):
         flown(about(world.PLUTO, a=1e6 * km), [world.NEPTUNE_SYSTEM, world.SUN], sky=sky).run(1 * s)
+
+
+def test_bodies_at_one_place_need_a_sky():
+    for other, gravity in (("SUN", [world.EARTH, world.SUN]), ("MOON", [world.EARTH, world.MOON])):
+        with pytest.raises(SetupError, match=rf"world.craft.gravity: without a sky, EARTH and {other} are at one "
+                                             r"place: give the spacecraft a sky, .* as in sky=world.Sky\(epoch, "):
+            flown(about(world.EARTH), gravity).run(1 * s)
+    flown(about(world.EARTH), [world.EARTH, world.MOON.at([384e6, 0, 0])]).run(1 * s)
