@@ -101,6 +101,37 @@ TEST(CoupledParts, EveryCombinationKeepsMomentumAndEnergyForTenMinutes)
     }
 }
 
+TEST(CoupledParts, AnImpulseIsAllOfTheChangeOfMomentumAndDoesItsWork)
+{
+    const Vec3 p_N = vec3(3.0, -2.0, 1.0), p_B = vec3(0.5, 4.0, -1.0), h_N = vec3(0.3, 0.1, 0.2),
+               h_B = vec3(-0.2, 1.0, 0.4);
+    const Vector3d at(0.4, -0.7, 1.1);
+    for (unsigned kinds = 0; kinds < every_kind; kinds++) {
+        Assembly a;
+        assemble(a, kinds, kinds + 1);
+        a.fly(second, second, [] {});
+        const Matrix3d NB = a.dcm_BN().transpose();
+        const Vector3d p = view(p_N) + NB * view(p_B), h = view(h_N) + NB * view(h_B), w = a.omega();
+        const Vector3d r = a.r() + NB * at, v = a.v() + NB * w.cross(at);
+        const Sums before = a.sums();
+        a.craft.strike({{}, {}, p_N, p_B, h_N, h_B, vec(at)});
+        const Sums after = a.sums();
+        EXPECT_EQ(after.center, before.center) << kinds;
+        EXPECT_LT((after.linear - before.linear - p).norm(), 1e-12 * after.linear.norm()) << kinds;
+        EXPECT_LT((after.angular - before.angular - h - r.cross(p)).norm(), 1e-12 * after.angular.norm()) << kinds;
+        // Its work is that on the hub, by the mean of the motion before and after: what parts pass on does none.
+        const Vector3d mean_v = 0.5 * (v + a.v() + NB * a.omega().cross(at)), mean_w = 0.5 * NB * (w + a.omega());
+        EXPECT_NEAR(after.energy() - before.energy(), p.dot(mean_v) + h.dot(mean_w), 1e-12 * after.energy()) << kinds;
+        // The run goes on from there, and has the velocity of the whole.
+        a.fly(10 * second, 10 * second, [] {});
+        EXPECT_LT((a.sums().spin() - after.spin()).norm(), 1e-9 * after.spin().norm()) << kinds;
+        const Sums now = a.sums();
+        a.craft.strike({vec3(0.1, 0.2, -0.3), {}, {}, {}, {}, {}, std::nullopt});
+        EXPECT_LT((a.sums().linear - now.linear - now.mass * Vector3d(0.1, 0.2, -0.3)).norm(), 1e-11) << kinds;
+        EXPECT_LT((a.sums().spin() - now.spin()).norm(), 1e-12 * now.spin().norm()) << kinds;
+    }
+}
+
 /// The power [W] that the dampers take.
 double damped(const Assembly &a, double damping)
 {

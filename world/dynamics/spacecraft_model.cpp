@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace fledge::world {
 
@@ -246,6 +247,43 @@ void SpacecraftModel::update(Tick tick)
     } else {
         publish(tick.t);
     }
+}
+
+/// The derivatives are linear in force and torque, so the change of the state is their part times 1 s.
+void SpacecraftModel::strike(const Impulse &impulse)
+{
+    const Ns t = interface_.out.state.head.t;
+    const Attitude attitude(quad_at(x_ + at_sigma));
+    const auto both = [&](const Vec3 &in_N, const Vec3 &in_B) { return attitude.to_B(quad(in_N)) + quad(in_B); };
+    const Quad dv = both(impulse.dv_N, impulse.dv_B), angular = both(impulse.angular_N, impulse.angular_B);
+    Quad momentum = both(impulse.momentum_N, impulse.momentum_B);
+    derive(t, 0.0, x_, dx_); // whole_ is that of now
+    const double mass = coupled_ ? whole_.mass : interface_.par.mass;
+    if (mass == 0.0 && (impulse.at || dot(momentum, momentum) > 0.0)) {
+        throw sim::SetupError(name_ + ".mass is 0, so that a momentum has no effect: give the spacecraft its mass, or "
+                                      "the impulse as dv_N or dv_B");
+    }
+    momentum += mass * dv;
+    const Quad c = coupled_ ? 1.0 / mass * quad(whole_.moment) : quad(center_);
+    const Quad arm = impulse.at ? quad(*impulse.at) - c : Quad{};
+    double held[held_size] = {};
+    std::swap_ranges(held, held + held_size, held_);
+    const bool pushed = std::exchange(pushed_, pushed_ || mass > 0.0);
+    const bool simple = std::exchange(simple_, !(coupled_ || pushed_));
+    derive(t, 0.0, x_, without_.data());
+    put_quad(held_ + at_force_B, momentum);
+    put_quad(held_ + at_torque_B, angular + cross(arm, momentum));
+    derive(t, 0.0, x_, dx_);
+    for (std::size_t i = 0; i < n_; i++) {
+        x_[i] += dx_[i] - without_[i];
+    }
+    if (mass == 0.0) {
+        add_at(x_ + at_v, attitude.to_N(dv));
+    }
+    std::swap_ranges(held, held + held_size, held_);
+    pushed_ = pushed;
+    simple_ = simple;
+    publish(t);
 }
 
 /// How it steps in registers. While nothing pushes it: alone or with four balanced wheels, or with coupled parts that

@@ -40,6 +40,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -81,6 +82,17 @@ public:
     /// Throws RunError if the state is no longer finite, if the craft comes inside a body of its gravity, or if a
     /// force arrives and the mass is 0.
     void update(Tick tick) override;
+
+    /// What changes motion at once, as a collision does. The linear part acts at the centre of mass of all, or at `at`.
+    struct Impulse {
+        Vec3 dv_N, dv_B;             ///< [m/s] of the centre of mass
+        Vec3 momentum_N, momentum_B; ///< [N s]
+        Vec3 angular_N, angular_B;   ///< [N m s]
+        std::optional<Vec3> at;      ///< [m] relative to B's origin, B components
+    };
+    /// Let it act on the hub at the time of the last update, and publish the state after it. Parts that move keep their
+    /// inertial motion, but for what the hub exerts on them. Throws SetupError if it needs a mass, and there is none.
+    void strike(const Impulse &impulse);
 
     std::vector<sim::Model *> parts() const override;
     std::vector<sim::DifferentialState> differential_states() override;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A spacecraft's parts and gravity; orbits.
 #include "core/extension.h"
+#include "core/script.h"
 #include "core/triple.h"
 
 #include "sim/error.h"
@@ -176,6 +177,26 @@ void bind_world(py::module_ &m)
         "gravity", [](const AnyInstance &object) { return fields_of(craft_of(object).gravity()); }, "object"_a,
         "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays) of each body");
 
+    m.def(
+        "strike",
+        [](const AnyInstance &object, const std::array<Triple, 6> &parts, const std::optional<Triple> &at) {
+            auto &craft = craft_of(object);
+            const auto instance = instance_of(object);
+            if (running()) {
+                throw sim::SetupError(instance->path +
+                                      ".impulse: an update writes its own module alone; call it in a " +
+                                      "function of an event, or between two runs");
+            }
+            if (!instance->begun) {
+                throw sim::SetupError(instance->path + ".impulse: the run has not begun: set v_BN_N and omega_BN_B, " +
+                                      "or call it at a time, as in w.at(5 * minute, function)");
+            }
+            const auto vec = [](const Triple &a) { return vec3(a[0], a[1], a[2]); };
+            craft.strike({vec(parts[0]), vec(parts[1]), vec(parts[2]), vec(parts[3]), vec(parts[4]), vec(parts[5]),
+                          at ? std::optional(vec(*at)) : std::nullopt});
+        },
+        "craft"_a, "parts"_a, "at"_a,
+        "Let an impulse act: dv_N, dv_B [m/s], momentum_N, momentum_B [N s], angular_N, angular_B [N m s].");
     m.def(
         "set_body",
         [](const AnyInstance &object, const BodyFields &body) { environment_of(object).set_body(body_from(body)); },

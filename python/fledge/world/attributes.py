@@ -6,12 +6,15 @@ from __future__ import annotations
 import weakref
 from collections.abc import Collection, Iterable
 from contextlib import suppress
+from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError, did_you_mean, suggesting
+from fledge.objects.si import to_vector
+from fledge.units import N, m, s
 from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, SpaceWeather, number
@@ -100,6 +103,42 @@ def _get_orbit(craft: _core.Model) -> Orbit:
     r = [float(x - y) for x, y in zip(state.r_BN_N, r_PN_N)]
     v = [float(x - y) for x, y in zip(state.v_BN_N, v_PN_N)]
     return Orbit.from_state(body.at([0, 0, 0]), r, v)
+
+
+_IMPULSE = {"dv": ("m/s", m / s), "momentum": ("N s", N * s), "angular": ("N m s", N * m * s), "r": ("m", m)}
+
+
+@suggesting(dv="dv_N", force_N="momentum_N", force_B="momentum_B", torque_N="angular_N", torque_B="angular_B")
+def impulse(craft: _core.Model, /, *, dv_N: Any = None, dv_B: Any = None, momentum_N: Any = None,
+            momentum_B: Any = None, angular_N: Any = None, angular_B: Any = None, r_PB_B: Any = None) -> None:
+    """Change the motion at once, as a collision or a separation does: `craft.impulse(dv_B=[0, 0, 0.1] * m / s)`.
+
+    dv_N, dv_B: [m/s] change of the velocity of the centre of mass, N or B components; momentum_N, momentum_B: [N s] the
+    linear momentum that the spacecraft gets; angular_N, angular_B: [N m s] the angular momentum about its centre of
+    mass. What is given adds up. r_PB_B: [m] the point, relative to B's origin, where the linear part acts; not given:
+    the centre of mass of all.
+
+    It acts on the hub, at the time of the state: between two runs, or in a function of an event,
+    `w.at(5 * minute, lambda: w.craft.impulse(...))`. Panels and fuel that move keep their own motion but for what the
+    hub does to them; all momentum that is given is in the whole. Sensors and flight see it from the next instant on.
+
+    Raises SetupError before the run, on other shapes and units, and if it needs a mass and there is none.
+    """
+    path = f"{_core.path(craft)}.impulse"
+    given = {"dv_N": dv_N, "dv_B": dv_B, "momentum_N": momentum_N, "momentum_B": momentum_B, "angular_N": angular_N,
+             "angular_B": angular_B, "r_PB_B": r_PB_B}
+    vectors = {}
+    for name, value in given.items():
+        if value is not None:
+            unit, quantity = _IMPULSE[name.partition("_")[0]]
+            vectors[name] = to_vector(value, f"{path}: {name}", unit, quantity.dims)
+            if not all(map(isfinite, vectors[name])):
+                raise SetupError(f"{path}: {name}: expected finite numbers; found {value!r}")
+    at = vectors.pop("r_PB_B", None)
+    del given["r_PB_B"]
+    if not vectors:
+        raise SetupError(f"{path}: give at least one of {', '.join(given)}")
+    _core.strike(craft, [vectors.get(name, [0.0, 0.0, 0.0]) for name in given], at)
 
 
 # As they were set: their state depends on a sky that is set later.
@@ -254,7 +293,7 @@ def add_attributes(types: dict[str, Any], own: Collection[str] = ()) -> None:
     for name in own:
         _add_surroundings(types[name])
     for name, cls in types.items():
-        if more := [attribute for attribute in vars(cls) if attribute not in before[name]]:
+        if more := [n for n, value in vars(cls).items() if n not in before[name] and isinstance(value, property)]:
             cls.__signature__ = _Signature(more)
 
 
@@ -273,6 +312,8 @@ def _add_attributes(types: dict[str, Any]) -> None:
     craft.orbit = property(_get_orbit, _set_orbit, None,
                            "When set, the initial orbit; when read, the present one about the first body.")
     craft.sky = property(_get_sky, _set_sky, None, "The Sky that says where the bodies of `gravity` are, or None.")
+
+    craft.impulse = impulse
 
     following = types["EphemerisCraft"]
     following.orbit = _file_of("orbit", "The file of the orbit that it follows, as an OEM.")
