@@ -7,6 +7,7 @@
 #include "cosim/controller/topic_map.h"
 #include "cosim/protocol/words.h"
 
+#include <algorithm>
 #include <memory>
 
 namespace fledge::cosim {
@@ -53,6 +54,12 @@ struct AsynchronousConfig {
     std::vector<std::string> topics = {}; ///< that it writes, if nodes read them; empty: all "/NAME/..."
     unsigned complete = 0; ///< so many of its observers miss no message: the run waits for them. 0: they may
     std::vector<std::string> hears = {}; ///< of these topics; empty: of all
+
+    bool writes(const std::string &topic) const
+    {
+        return topics.empty() ? topic.starts_with("/" + name + "/")
+                              : std::find(topics.begin(), topics.end(), topic) != topics.end();
+    }
 };
 
 /// What was written in a run up to an instant, for a run that goes on from there.

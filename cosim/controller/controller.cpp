@@ -67,6 +67,14 @@ void ControllerConfig::check() const
         if (!names.insert(program.name).second) {
             throw std::invalid_argument("two programs are called " + program.name);
         }
+        for (const AsynchronousConfig &other : asynchronous) {
+            for (const std::string &topic : program.topics) {
+                if (&other != &program && other.writes(topic)) {
+                    throw std::invalid_argument("a topic has one writer; " + other.name + " and " + program.name +
+                                                " both write " + topic);
+                }
+            }
+        }
     }
 }
 

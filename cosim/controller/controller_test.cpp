@@ -535,6 +535,12 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
         EXPECT_TRUE(why(config).ends_with("'s name of 256 bytes; 255 are the most")) << why(config);
         *name = good;
     }
+    config.asynchronous = {{"ground", {}}, {"room", {"/up", "/ground/command"}}};
+    EXPECT_EQ(why(config), "a topic has one writer; ground and room both write /ground/command");
+    config.asynchronous[0].topics = {"/up"};
+    EXPECT_EQ(why(config), "a topic has one writer; room and ground both write /up");
+    config.asynchronous[1].topics = {"/ground/command"};
+    EXPECT_EQ(why(config), "");
     EXPECT_NO_THROW(configured({node}, 0));
 }
 

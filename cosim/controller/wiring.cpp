@@ -165,9 +165,7 @@ void Wiring::take_asynchronous(const Nodes &nodes)
         }
         for (NodeId id = 0; id < nodes.size(); id++) {
             const auto &program = nodes[id].program;
-            if (!program || topic.writer == id ||
-                !(program->topics.empty() ? topic.name.starts_with("/" + program->name + "/")
-                                          : contains(program->topics, topic.name))) {
+            if (!program || topic.writer == id || !program->writes(topic.name)) {
                 continue;
             }
             if (!topic.schema.given()) {

@@ -276,7 +276,19 @@ class _Reader(Tables):
         return order
 
     def writers(self, plan: Plan) -> None:
-        """Refuse a map that gives a topic two writers, as far as the missions tell."""
+        """Refuse a map that gives a topic two writers, as far as the missions tell, and asynchronous programs of one
+        topic: the controller would take the messages of one of them."""
+        asynchronous: dict[str, Program] = {}
+        for path, p in plan.tables():
+            if path[0] == "asynchronous":
+                for topic in p.writes:
+                    own = next((q for q in plan.programs if q.asynchronous and not q.writes and q is not p
+                                and topic.startswith(f"/{q.name}/")), None)
+                    other = own or asynchronous.setdefault(topic, p)
+                    if other is not p:
+                        self.refuse((*path, "writes"), "a topic has one writer",
+                                    f"{other.name} and {p.name} both write {topic}",
+                                    "let one of them write `writes = []`, or another topic")
         found: dict[str, tuple[tuple, Program]] = {}
         for path, p in plan.tables():
             for topic in self.written.get(p.name, ()):

@@ -371,6 +371,18 @@ def test_the_server_of_a_control_room_commands_the_processes_of_its_file(tmp_pat
             read(tmp_path / "sim.toml")
 
 
+def test_two_asynchronous_programs_do_not_write_one_topic(folder):
+    text = NODE + "".join(f'[[asynchronous]]\nname = "{name}"\ncommand = ["sh"]\n' for name in ("ground", "room"))
+    two = 'writes = ["{}"]\n'
+    advice = "let one of them write `writes = []`, or another topic"
+    assert complaints(folder, text + two.format("/ground/command")) == [
+        (10, f"a topic has one writer; ground and room both write /ground/command; {advice}")]
+    text = text.replace('[[asynchronous]]\nname = "room"', two.format("/up") + '[[asynchronous]]\nname = "room"')
+    assert complaints(folder, text + two.format("/up")) == [
+        (11, f"a topic has one writer; ground and room both write /up; {advice}")]
+    read(write(folder, text + two.format("/ground/command")))
+
+
 def test_boards_of_a_target_are_files_or_folders_of_them(folder):
     text = ('until = 1\n[[node]]\nmission = "nadir_spin"\nprocess = "world"\n[[node]]\nmission = "nadir_spin"\n'
             'process = "flight"\ntarget = "linux"\nboard = ["boards", "own.toml"]\n')
