@@ -70,7 +70,7 @@ void Process::add_task(Task task)
 {
     const std::string path = name + "." + task.name;
     if (task.period <= 0) {
-        throw SetupError("task " + path + ": its period must be > 0, found " + format_time(task.period));
+        throw SetupError("task " + path + ": its period must be at least 1 ns, found " + format_time(task.period));
     }
     if (task.offset < 0) {
         throw SetupError("task " + path + ": its offset must be >= 0, found " + format_time(task.offset));

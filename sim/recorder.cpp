@@ -34,7 +34,8 @@ Recorder::Recorder() : next_due_(never) {}
 
 Recorder::~Recorder() = default;
 
-std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every, bool keep)
+std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every, bool keep,
+                                      std::function<bool()> only)
 {
     const std::string path = instance->path + "." + field.name;
     if (field.type != FLEDGE_STRUCT || (field.group != FLEDGE_IN && field.group != FLEDGE_OUT)) {
@@ -55,6 +56,11 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
         if (log->instance == instance && log->field == &field) {
             log->every = std::min(log->every, every);
             log->keep = log->keep || keep;
+            if (!only) {
+                log->only.clear();
+            } else if (!log->only.empty()) {
+                log->only.push_back(std::move(only));
+            }
             return log;
         }
     }
@@ -63,6 +69,9 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
     log->field = &field;
     log->every = every;
     log->keep = keep;
+    if (only) {
+        log->only.push_back(std::move(only));
+    }
     logs_.push_back(log);
     next_due_ = 0; // the next instant computes it again
     return log;
@@ -123,9 +132,13 @@ void Recorder::open_archive(const std::string &path, const Pairs &run)
 
 void Recorder::begin_archive(std::unique_ptr<ArchiveFile> archive)
 {
-    for_all([&](Log &log) { declare(log, *archive); });
+    for_all([&](Log &log) {
+        if (log.archive) {
+            declare(log, *archive);
+        }
+        log.archived_ = log.archive;
+    });
     archive_ = std::move(archive);
-    for_all([](Log &log) { log.archived_ = true; });
 }
 
 bool Recorder::resume_archive(const std::string &path)
@@ -214,6 +227,10 @@ void Recorder::take_due(Ns t)
             continue;
         }
         log->due_ = due_after(log->every, t);
+        const auto holds = [](const auto &condition) { return condition(); };
+        if (!log->only.empty() && std::none_of(log->only.begin(), log->only.end(), holds)) {
+            continue;
+        }
         const std::byte *message = log->instance->memory() + log->field->offset;
         if (log->changes) {
             if (!log->last_.empty() && std::memcmp(log->last_.data(), message, log->last_.size()) == 0) {

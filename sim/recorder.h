@@ -21,7 +21,9 @@ struct Log {
     const FledgeField *field = nullptr;
     Ns every = 0;                                ///< 0: at each instant
     bool keep = true;                            ///< in memory
+    bool archive = true;                         ///< into an archive; false: that has all messages of the port
     bool changes = false;                        ///< only samples that differ from the one before
+    std::vector<std::function<bool()>> only;     ///< only where one of these holds; none: everywhere
     static constexpr std::size_t most = 100'000; ///< samples in memory, of what Recorder::written() brings
 
     std::vector<Ns> times;
@@ -62,10 +64,11 @@ public:
     Recorder();
     ~Recorder(); ///< an archive still open is left as NAME.part
 
-    /// Record a port from now on. A port that is already recorded has one log, with the shorter of the two periods.
+    /// Record a port from now on, while `only` holds, if it is given. A port that is already recorded has one log, with
+    /// the shorter of the two periods, and where any of both holds.
     /// Throws SetupError if the field is no port, `every` is negative, or an archive is open.
     std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
-                                bool keep = true);
+                                bool keep = true, std::function<bool()> only = {});
     const std::vector<std::shared_ptr<Log>> &logs() const { return logs_; }
     /// Record each writing of a port from now on, also into an archive that is open.
     std::shared_ptr<Log> follow(std::shared_ptr<Instance> instance, const FledgeField &field);

@@ -21,8 +21,8 @@ TEST(Process, RefusesWhatCannotBeATask)
     const auto refused = [&](const Task &task, const std::string &why) {
         EXPECT_EQ(error_of([&] { world.add_task(task); }), "task world." + task.name + why);
     };
-    refused({"a", 0, 0, 0, {first}}, ": its period must be > 0, found 0 s");
-    refused({"a", -1, 0, 0, {first}}, ": its period must be > 0, found -0.000000001 s");
+    refused({"a", 0, 0, 0, {first}}, ": its period must be at least 1 ns, found 0 s");
+    refused({"a", -1, 0, 0, {first}}, ": its period must be at least 1 ns, found -0.000000001 s");
     refused({"a", 1, -1, 0, {first}}, ": its offset must be >= 0, found -0.000000001 s");
     refused({"a", 1, 0, 0, {}}, " runs nothing");
     refused({"a", 1, 0, 0, {first, second, first}}, " runs world.one, which is already in task world.a");
@@ -74,7 +74,7 @@ TEST(Setup, NamesWhatIsWrong)
     EXPECT_THAT(error_of([&] {
                     flight.add_task({"gnc", 0, 0, 0, {scale}});
                 }),
-                HasSubstr("task flight.gnc: its period must be > 0, found 0 s"));
+                HasSubstr("task flight.gnc: its period must be at least 1 ns, found 0 s"));
     EXPECT_THAT(error_of([&] {
                     flight.add_task({"gnc", 10, -3 * ms, 0, {scale}});
                 }),

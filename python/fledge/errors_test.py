@@ -297,8 +297,8 @@ def test_what_is_missing_is_listed_as_a_whole(sim):
 def test_times(sim):
     f = sim.flight
     run = [f.control]
-    says("task flight.a: its period must be > 0, found 0 s", lambda: f.task("a", every=0, run=run))
-    says("task flight.a: its period must be > 0, found -0.1 s", lambda: f.task("a", every=-100 * ms, run=run))
+    says("task flight.a: its period must be at least 1 ns, found 0 s", lambda: f.task("a", every=0, run=run))
+    says("task flight.a: its period must be at least 1 ns, found -0.1 s", lambda: f.task("a", every=-100 * ms, run=run))
     says("task flight.a: every: expected a time, found 1.0 m", lambda: f.task("a", every=1 * m, run=run))
     says("task flight.a: every: expected a time within 292 years, found 1e+300 s",
          lambda: f.task("a", every=1e300, run=run))

@@ -727,26 +727,44 @@ void bind_wiring(Simulation &simulation)
             "(file, line, text) of each reason why it cannot run");
 }
 
+/// Whether a process is in one of the modes; empty if there are none.
+std::function<bool()> in_modes(sim::Simulation &simulation, const std::string &process,
+                               const std::vector<std::string> &modes)
+{
+    if (modes.empty()) {
+        return {};
+    }
+    return [&of = std::as_const(simulation.process(process)), modes] {
+        return std::find(modes.begin(), modes.end(), of.mode()) != modes.end();
+    };
+}
+
 /// Logs and archives.
 void bind_records(Simulation &simulation)
 {
     simulation
         .def(
             "record",
-            [](sim::Simulation &s, const AnyPort &view, Ns every, bool keep) {
+            [](sim::Simulation &s, const AnyPort &view, Ns every, bool keep, const std::string &process,
+               const std::vector<std::string> &modes) {
                 const sim::Port port = port_of(view);
-                return s.recorder().record(port.instance, *port.field, every, keep);
+                return s.recorder().record(port.instance, *port.field, every, keep, in_modes(s, process, modes));
             },
-            "view"_a, "every"_a, "keep"_a)
+            "view"_a, "every"_a, "keep"_a, "process"_a = "", "modes"_a = std::vector<std::string>{},
+            "modes: of the process; none: in all")
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
         .def_property_readonly("followed", [](sim::Simulation &s) { return s.recorder().followed(); })
         .def(
             "record_executive",
-            [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
+            [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every, const std::string &of,
+               const std::vector<std::string> &modes) {
                 const auto &instance = s.process(process).executive().instance();
-                return s.recorder().record(instance, instance->type().fields[output], every);
+                auto log =
+                    s.recorder().record(instance, instance->type().fields[output], every, true, in_modes(s, of, modes));
+                log->archive = false; // which follows the executive
+                return log;
             },
-            "process"_a, "output"_a, "every"_a)
+            "process"_a, "output"_a, "every"_a, "of"_a = "", "modes"_a = std::vector<std::string>{})
         .def(
             "open_archive",
             [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {

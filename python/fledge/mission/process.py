@@ -197,6 +197,11 @@ class Mode:
         self._process = weakly(process)
         self.name = name
 
+    @property
+    def process(self) -> Process:
+        """The process whose mode it is."""
+        return self._process()
+
     def enter(self) -> None:
         """Enter it at the next instant of its process. Raises SetupError if its condition does not hold."""
         self._process().enter(self.name)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from fledge.mission.linear import Linear
     from fledge.mission.linearize import Part
     from fledge.mission.log import Log
+    from fledge.mission.process import Modes
     from fledge.mission.provenance import Revisions
     from fledge.mission.state import Paths
     from fledge.mission.trim import Trim, Wanted
@@ -495,30 +496,61 @@ class Simulation:
 
         return Log(self, self._core.followed)
 
-    def record(self, *ports: _core.Message | Instance | ModePort, every: Time = 0) -> Log:
+    def record(self, *ports: _core.Message | Instance | Process | ModePort, every: Time = 0,
+               modes: Modes | None = None) -> Log:
         """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
 
-        A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
-        Log, which fills as the simulation runs.
+        A module or model stands for all its outputs, a process, `sim.flight`, for its mode. every: a time; 0, or less
+        than the instants are apart, records each instant, which is the largest rate. modes: of a process, or names of
+        flight's, in which alone samples are taken. Returns a Log, which fills as the simulation runs.
+
+        A port that is recorded twice has one record, with the shorter period and the modes of both.
         """
         from fledge.mission.field_path import ModePort
         from fledge.mission.log import Log
 
         period = time_ns(every, "record: every")
+        if not period and every:
+            raise SetupError(f"record: every: {every} is less than a nanosecond, the unit of time; 0 records each "
+                             "instant, which is the largest rate")
         if not ports:
             raise SetupError("record: name at least one port, as in sim.record(f.tracking.error)")
+        only = self._modes("record: modes", modes)
         logs = []
         for port in ports:
+            if isinstance(port, Process):
+                if not port.modes:
+                    raise SetupError(f"record: the process {port.name} has no modes; name its modules")
+                port = ModePort(port.name)
             if isinstance(port, (_core.Module, _core.Model)):
                 outputs = [f.name for f in _core.struct(port).fields if f.group == "out"]
-                logs += [self._core.record(getattr(port, name), period, True) for name in outputs]
+                logs += [self._core.record(getattr(port, name), period, True, *only) for name in outputs]
             elif isinstance(port, _core.Message):
-                logs.append(self._core.record(port, period, True))
+                logs.append(self._core.record(port, period, True, *only))
             elif isinstance(port, ModePort):
-                logs.append(self._core.record_executive(port.process, 0, period))
+                logs.append(self._core.record_executive(port.process, 0, period, *only))
             else:
                 raise SetupError(f"record: expected an input, output or module; found {port!r}")
         return Log(self, logs)
+
+    def _modes(self, what: str, modes: Modes | None) -> tuple[str, list[str]]:
+        """(process, names) of modes of one process; ("", []) of none."""
+        given = [] if modes is None else list(modes) if isinstance(modes, (list, tuple)) else [modes]
+        if modes is not None and not given:
+            raise SetupError(f"{what}: expected a mode, or several; found {modes!r}")
+        processes = {mode.process if isinstance(mode, Mode) else self.flight for mode in given}
+        names = [mode.name if isinstance(mode, Mode) else mode for mode in given]
+        for process in processes:
+            known = [name for name, _ in process.modes]
+            if process not in self.processes or len(processes) > 1:
+                raise SetupError(f"{what}: expected modes of one process of this simulation; found {given!r}")
+            for name in names:
+                if not isinstance(name, str):
+                    raise SetupError(f"{what}: expected modes, or their names; found a {type(name).__name__}")
+                if name not in known:
+                    raise SetupError(f"{what}: {process.name} has no mode '{name}'{did_you_mean(name, known)} it has "
+                                     + listed(known))
+        return (processes.pop().name if processes else ""), names
 
     def archive(self, path: str | os.PathLike[str], **metadata: object) -> None:
         """Write all records to an MCAP file too, from the next run on; close_archive() finishes it.

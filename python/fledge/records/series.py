@@ -254,6 +254,9 @@ class Records(Generic[P]):
         outer = [i for i, part in enumerate(shown[:-1]) if "[" in part]
         short = ".".join(shown[min(outer, default=-1):])
         words = words_of(field)
+        if field.type == "char":
+            raise SetupError(f"'{key}' is a text, and plots show numbers" + (
+                f": plot {key.removesuffix('name')}index, whose axis has the names" if port.type == MODE else ""))
         if port.type == MODE and name == "index":
             table = self._values(port)
             words = {int(i): text.decode() for i, text in zip(table["index"], table["name"])}
