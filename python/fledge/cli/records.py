@@ -108,6 +108,8 @@ def view(options: argparse.Namespace) -> int:
 
 
 def convert(options: argparse.Namespace) -> int:
+    if options.quaternions and not options.csv:
+        raise Failure("convert: --quaternions goes with --csv", 2)
     archive = open_run(options.run)
     if options.about:
         return _about(archive)

@@ -278,6 +278,9 @@ def test_a_run_is_kept_under_its_name(here, capsys):
     assert cli.main(["compare", "every second", "fast"]) == 1
     assert "a  runs/kept/every second/run.mcap\nb  runs/kept/fast/run.mcap\n" in capsys.readouterr().out
     assert cli.main(["plot", "fast", "error.sigma_BR"]) == 0 and cli.main(["convert", "fast", "--hdf5"]) == 0
+    assert cli.main(["convert", "fast", "--csv", "--quaternions", "--out", "tables"]) == 0
+    assert "beta_BR[3] [-]" in Path("tables/flight.tracking.error.csv").read_text()
+    assert cli.main(["convert", "fast", "--hdf5", "--quaternions"]) == 2
     assert sorted(p.name for p in (here / "runs/kept/fast").iterdir()) == [
         "error.png", "error_sigma_BR.png", "report.html", "run.h5", "run.mcap", "summary.json"]
     assert "run looker short --as fast --replace --set every=0.5" in (here / "runs/kept/fast/report.html").read_text()
