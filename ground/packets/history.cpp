@@ -495,41 +495,49 @@ std::set<Id> History::needed(const std::vector<Target> &targets, const std::vect
 }
 
 /// The last packets before a query, in the order of time: so many of each container, and the last that has a value of
-/// each input.
+/// each input. A file that was written with another database has other containers, so its packets are decoded.
 std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t> &before,
                                                const std::vector<Target> &inputs, const Query &query)
 {
     std::vector<Earlier> last;
-    const auto back = [&](const Wanted &wanted, const std::function<bool(const Stored &)> &needs_more) {
+    const std::string hash = hash_text(db_);
+    Decoder decoder(db_);
+    const auto back = [&](const std::set<std::string> &paths, const std::function<bool(const Stored &)> &needs_more) {
         std::vector<Piece> all = pieces({0, query.from - 1, query.session});
+        std::uint32_t left = most_sought;
         for (bool more = true; !all.empty() && more; all.pop_back()) {
-            walk({all.back()}, wanted, true,
-                 [&, session = session_of(*all.back().file)](const Stored &stored, const std::string &) {
-                     last.emplace_back(stored.t, stored.received, session,
-                                       std::vector(stored.packet.begin(), stored.packet.end()));
-                     return more = needs_more(stored);
-                 });
+            const bool same = metadata(*all.back().file, "archive", "database") == hash;
+            walk(
+                {all.back()}, [&](const std::string &container) { return !same || paths.contains(container); }, true,
+                [&, session = session_of(*all.back().file)](const Stored &stored, const std::string &) {
+                    if (!same) {
+                        const Decoded &done = decoder.decode(stored.packet, root_);
+                        if (done.container == no_id || !paths.contains(db_.containers[done.container].path)) {
+                            return more = --left != 0;
+                        }
+                    }
+                    last.emplace_back(stored.t, stored.received, session,
+                                      std::vector(stored.packet.begin(), stored.packet.end()));
+                    return more = needs_more(stored);
+                });
         }
     };
     for (const auto &[id, n] : before) {
-        back([&path = db_.containers[id].path](const std::string &container) { return container == path; },
-             [left = n](const Stored &) mutable { return --left != 0; });
+        back({db_.containers[id].path}, [left = n](const Stored &) mutable { return --left != 0; });
     }
-    Decoder decoder(db_);
     for (const Target &input : inputs) {
         std::set<std::string> paths;
         for (const Id id : carriers({input.parameter})) {
             paths.insert(db_.containers[id].path);
         }
-        back([&](const std::string &container) { return paths.contains(container); },
-             [&, left = most_sought](const Stored &stored) mutable { // it may lie behind a condition
-                 const Decoded &done = decoder.decode(stored.packet, root_);
-                 bool found = false;
-                 for (const Field &field : done.reason.empty() ? done.fields : std::span<const Field>()) {
-                     found = found || (field.parameter == input.parameter && leads(input.steps, done, field.node));
-                 }
-                 return !found && --left != 0;
-             });
+        back(paths, [&, left = most_sought](const Stored &stored) mutable { // it may lie behind a condition
+            const Decoded &done = decoder.decode(stored.packet, root_);
+            bool found = false;
+            for (const Field &field : done.reason.empty() ? done.fields : std::span<const Field>()) {
+                found = found || (field.parameter == input.parameter && leads(input.steps, done, field.node));
+            }
+            return !found && --left != 0;
+        });
     }
     std::reverse(last.begin(), last.end()); // packets of one time keep the order of the archive
     std::stable_sort(last.begin(), last.end(), [](const Earlier &a, const Earlier &b) {

@@ -78,6 +78,24 @@ def test_what_was_live_is_found_again(craft, flown):
                                    "gaps": []}]
 
 
+def test_an_input_from_before_a_query_is_found_where_the_database_has_changed(flown, tmp_path):
+    """The container of the bus voltage has another name now, and packets that were of none have one."""
+    text = XTCE.replace('name="Power"', 'name="Supply"').replace("</ContainerSet>", """
+        <SequenceContainer name="Other"><EntryList><ParameterRefEntry parameterRef="c"/></EntryList>
+        <BaseContainer containerRef="Packet"><RestrictionCriteria><Comparison parameterRef="b" value="2"/>
+        </RestrictionCriteria></BaseContainer></SequenceContainer></ContainerSet>""").replace(
+        "<ParameterSet>", '<ParameterSet><Parameter name="c" parameterTypeRef="u16"/>')
+    (tmp_path / "new.xml").write_text(text)
+    database = _ground.Database.read([(str(tmp_path / "new.xml"), "")])
+    _, _, folder = flown
+    for begin in (313, 310, 5):         # with the other's last value in the same file, the one before, and the first
+        rows, _ = _ground.History(str(folder), "imager", database).rows(["bus", "c"], begin * S, (begin + 8) * S)
+        times = [t for t in range(begin, begin + 9) if t >= 3]
+        assert rows[:, 0].copy().view(np.int64).tolist() == [t * S for t in times]
+        assert rows[:, 1].tolist() == [0.01 * (t - (t % 10 == 3)) for t in times]
+        assert rows[:, 2].tolist() == [(t - 3) // 10 * 10 + 3 for t in times]
+
+
 def test_a_replay_gives_a_second_monitor_the_same(craft, flown):
     monitor, sent, folder = flown
     history = _ground.History(str(folder), "imager", craft)
