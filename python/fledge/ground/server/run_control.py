@@ -135,9 +135,9 @@ class Pace(RunControl):
 
         members = {member.name: member for member in field.struct.fields}
         kinds = [kind for number, kind in enumerator_names(members["kind"]).items() if number]
-        units = ", ".join(f"{name} [{member.unit}]" if member.unit == "ns" else name for name, member in members.items())
+        words = ", ".join(f"{name} [ns]" if member.unit == "ns" else name for name, member in members.items())
         example = {"kind": kinds[-1], "begin": max(int(self.sim.time_ns), 0)}
-        return {"meaning": f"planned faults: a list of {units}; kinds: {', '.join(kinds)}",
+        return {"meaning": f"planned faults: a list of {words}; kinds: {', '.join(kinds)}",
                 "example": [*faults, example]}
 
     def inject(self, path: str, value: Any) -> str:

@@ -19,7 +19,7 @@ const AGAIN = 5000;     // [ms] between two requests for the parameters that hav
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
     let shown = [], pending = null, [folder, word] = split(context.selection);
-    let missing = new Uint8Array(0), said = "";      // the slots that have no value yet; as the server said it
+    let missing = new Uint8Array(0), answered = "";      // the slots that have no value yet; as the server answered it
     const there = (slot) => Boolean(store.seen[slot] || !missing[slot]);
     let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
     const values = new Shown(context, store), {get} = values;
@@ -185,12 +185,12 @@ export async function open(context) {
         detail.show?.();
     });
     async function learnMissing() {
-        if (!time.isLive || said === "[]") return;
+        if (!time.isLive || answered === "[]") return;
         const stretches = await api.get(path(craft, "missing")).catch(() => null), text = JSON.stringify(stretches);
-        if (!stretches || text === said) return;
+        if (!stretches || text === answered) return;
         missing = new Uint8Array(store.slots.length);
         for (const [from, to] of stretches) missing.fill(1, from, to + 1);
-        said = text;
+        answered = text;
         filter();
     }
     context.every(AGAIN, learnMissing);
@@ -204,7 +204,7 @@ export async function open(context) {
     context.on("learned", () => {
         glance = new Glance(store);
         groups = packets(store, glance);
-        said = "";
+        answered = "";
         plant();
         filter();
     });
