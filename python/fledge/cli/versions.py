@@ -31,7 +31,6 @@ def add(command: Callable) -> None:
 
 
 def versions(options: argparse.Namespace) -> int:
-
     from fledge import mission as missions
     from fledge.analysis import versions as comparing
     from fledge.cli.console import complain, counted, say
