@@ -9,7 +9,8 @@ const LOOKED = span(seconds(LOOK_BACK));
 
 export class Shown {
     constructor({api, craft, time, onTime}, store) {
-        const note = h("span", {class: "soft", hidden: time.isLive}, `each value is the newest of the ${LOOKED} before`);
+        const words = `each value is the newest of the ${LOOKED} before`;
+        const note = h("span", {class: "soft", hidden: time.isLive}, words);
         Object.assign(this, {api, craft, time, store, past: null, /** For the page's head, at a past time. */ note});
         onTime(() => { note.hidden = time.isLive; });
         this.get = this.get.bind(this);

@@ -44,7 +44,8 @@ export async function open(context) {
 
     // --- one packet ---
     let chosen = false;     // by the user; else the newest one is shown
-    const name = h("h2", {}, "No packet yet"), tip = h("p", {class: "soft tip"}, "It will be shown here."), why = h("p", {class: "problem", hidden: true});
+    const name = h("h2", {}, "No packet yet"), tip = h("p", {class: "soft tip"}, "It will be shown here."),
+          why = h("p", {class: "problem", hidden: true});
     const dump = h("div", {class: "hex", role: "img", "aria-label": "bytes of the packet"}),
           where = h("p", {class: "soft bits"}, "\u00a0");
     const fields = new Table({
@@ -86,8 +87,8 @@ export async function open(context) {
 
     function fill(packet, text) {
         put(name, text);
-        put(tip, chosen ? "" : "The newest packet when this page was opened. Choose another one in the list, or give bytes in hex; " +
-            "point at a field or a byte to see its place.");
+        put(tip, chosen ? "" : "The newest packet when this page was opened. Choose another one in the list, or give " +
+            "bytes in hex; point at a field or a byte to see its place.");
         fields.element.hidden = false;
         rows = (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) =>
             ({name, raw, value, status, bit, bits}));

@@ -67,7 +67,8 @@ export async function open(context) {
                     value ? span(age) : "", stale || !value);
             }
             const value = get(slot), [age, stale] = values.age(slot);
-            return write(name, value?.text ?? values.none(there(slot)), bare(of.unit), value?.level ?? 0, time.isLive && STATUSES[store.status[slot]] || "", value ? span(age) : "", stale);
+            return write(name, value?.text ?? values.none(there(slot)), bare(of.unit), value?.level ?? 0,
+                time.isLive && STATUSES[store.status[slot]] || "", value ? span(age) : "", stale);
         },
         moved: (row) => choose(shown[row]),
         viewed: () => request(),
