@@ -30,6 +30,7 @@ import numpy as np
 import fledge
 from fledge import files, world
 from fledge.archive import ArchiveError
+from fledge.archive.mcap import CHUNK, DATA_END, MAGIC, METADATA
 from fledge.errors import CompositionError, Failure, RunError, SetupError
 from fledge.files import ck, sclk, spk
 from fledge.ground import captures
@@ -44,6 +45,10 @@ NUMBERS = [b"", b"0", b"-1", b"1", b"1e999", b"-1e308", b"1e-400", b"nan", b"inf
 WORDS = [0, 1, 2, -1, 2**31 - 1, -2**31, 2**32 - 1, 10**6, 2**63 - 1, -2**63,
          *(int.from_bytes(bytes.fromhex(x), "big") for x in
            ("7ff0000000000000", "fff8000000000000", "7fefffffffffffff", "0000000000000001", "41dfffffffc00000"))]
+
+
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE = 1, 2, 3, 4, 5     # records of MCAP
+KEPT = (HEADER, SCHEMA, CHANNEL, MESSAGE, METADATA)
 
 
 class Verdict(NamedTuple):
@@ -151,6 +156,42 @@ def of_archive(data: bytes, r: random.Random) -> bytes:
         for name, content in entries.items():
             new.writestr(name, of_xml(content, r) if name.endswith(".xml") else content)
     return packed.getvalue()
+
+
+def of_record(data: bytes, r: random.Random) -> bytes:
+    """An MCAP file without chunks, checksums and summary, of which a record, or a text in it, is another, elsewhere,
+    twice there or absent."""
+    rows = list(_rows(data, len(MAGIC)))
+    rows = [row for op, body in rows for row in (_rows(body, 40) if op == CHUNK else [(op, body)]) if row[0] in KEPT]
+    if not rows:
+        return of_bytes(data, r)
+    at, other = r.randrange(len(rows)), r.randrange(len(rows))
+    kind = r.randrange(6)
+    if kind == 0:
+        del rows[at]
+    elif kind == 1:
+        rows.insert(at, rows[other])
+    elif kind == 2:
+        rows[at], rows[other] = rows[other], rows[at]
+    elif kind == 3:
+        rows[at] = rows[at][0], of_bytes(rows[at][1], r)
+    else:       # of a schema, channel or metadata; a text follows its length
+        at = r.choice([i for i, (op, _) in enumerate(rows) if op != MESSAGE] or [at])
+        body = rows[at][1]
+        begins = [i for i in range(2, len(body) - 4) if 0 < int.from_bytes(body[i - 4:i], "little") <= len(body) - i]
+        begin = r.choice(begins or [len(body)])
+        end = begin + int.from_bytes(body[begin - 4:begin], "little")
+        new = of_text(body[begin:end], r)
+        rows[at] = rows[at][0], body[:begin - 4] + len(new).to_bytes(4, "little") + new + body[end:]
+    rows += [(DATA_END, bytes(4)), (FOOTER, bytes(20))]
+    return MAGIC + b"".join(bytes([op]) + len(body).to_bytes(8, "little") + body for op, body in rows) + MAGIC
+
+
+def _rows(data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
+    """(operation code, content) of each whole record from a byte on."""
+    while at + 9 <= len(data) and at + 9 + (size := int.from_bytes(data[at + 1:at + 9], "little")) <= len(data):
+        yield data[at], data[at + 9:at + 9 + size]
+        at += 9 + size
 
 
 def copies(data: bytes, change: Callable[[bytes, random.Random], bytes], seed: int, count: int) -> Iterator[bytes]:
@@ -334,6 +375,17 @@ def frames(path: Path) -> None:
         repr(archive)
 
 
+def converted(path: Path) -> None:
+    from fledge.archive.compare import compare, digest
+
+    with fledge.Archive(path) as archive, fledge.Archive(path) as same:
+        readable = [topic for topic, channel in archive.topics.items() if not channel.problem]
+        archive.frame(readable), archive.parameters, digest(archive, archive.topics), compare(archive, same, readable)
+        archive.to_csv(path.with_suffix(""), readable)
+        archive.to_hdf5(path.with_suffix(".h5"), readable)
+        archive.to_mat(path.with_suffix(".mat"), readable)
+
+
 def fmu(folder: Path) -> Path:
     from fmi.testing import oscillator
 
@@ -364,7 +416,8 @@ def kinds() -> dict[str, tuple[Maker, Callable[[bytes, random.Random], bytes], C
         "TLE": (text("a.tle", TLE), of_text, messages), "SHADR": (text("a.csv", FIELD), of_text, pulled),
         "ICGEM": (text("a.gfc", DRIFTING), of_text, pulled), "XTCE": (database, of_xml, decoded),
         **{form: (partial(capture, form=form), of_bytes, captured) for form in ("pcap", "pcapng", "frames", "bin")},
-        "MCAP": (record, of_bytes, frames), "FMU": (fmu, of_archive, imported)}
+        "MCAP": (record, of_bytes, frames), "MCAP records": (record, of_record, converted),
+        "FMU": (fmu, of_archive, imported)}
 
 
 def campaign(kind: str, seed: int, count: int) -> Iterator[tuple[int, Verdict]]:
