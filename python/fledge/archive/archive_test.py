@@ -722,7 +722,7 @@ def test_csv_is_exact(run, tmp_path):
 
 def test_each_topic_has_a_csv_of_its_own(tmp_path):
     maker = Maker(tmp_path / "x.mcap")
-    topics = ["/a b", "/a_b", "/a+b", "/A_b", "/c/d", "/c.d", "/a_b_2"]
+    topics = ["/a b", "/a_b", "/a+b", "/A_b", "/c/d", "/c.d", "/a_b_2", "/" + "\u00e9" * 300, "/" + "\u00e9" * 301]
     for i, topic in enumerate(topics):
         maker.message(maker.channel(topic, "X", "float64 x  # x [m] a place"), 0, 0, struct.pack("<d", i))
     maker.close()

@@ -50,6 +50,7 @@ __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 # Of MATLAB.
 _KEYWORDS = frozenset("break case catch classdef continue else elseif end for function global if otherwise parfor "
                       "persistent return spmd switch try while".split())
+NAME_MOST = 200     # bytes of the name of a file, of 255 that disks take
 _SPARE = re.compile(r"(.*\.)?spare\w*")  # members that stand in for padding
 
 
@@ -384,7 +385,8 @@ class Archive(Records[Channel]):
             files = {}
             taken: set[str] = set()
             for row in selected:    # topics that differ in other characters have one name
-                name = unique(re.sub(r"[^\w.-]", "_", row[0].name), taken, str.lower)  # as some disks see it
+                name = re.sub(r"[^\w.-]", "_", row[0].name).encode()[:NAME_MOST].decode(errors="ignore")
+                name = unique(name, taken, str.lower)   # as some disks see it
                 files[path / f"{name}.csv"] = row
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
@@ -451,9 +453,9 @@ class Archive(Records[Channel]):
         """Write a file of MATLAB, version 5, which Octave and scipy read too; returns the path.
 
         A struct per topic, `flight_tracking_error`: in it `time` (n, 1) [s], `time_ns`, and an array (n, ...) per
-        field; its structs `units`, `meanings` and, of enumerations, `values` have texts by the same names. The run's metadata
-        are the struct `metadata`. In names, each character that MATLAB does not take is `_`; one that is then another's
-        gets `_2`, and one that would be too long is cut.
+        field; its structs `units`, `meanings` and, of enumerations, `values` have texts by the same names. The run's
+        metadata are the struct `metadata`. In names, each character that MATLAB does not take is `_`; one that is then
+        another's gets `_2`, and one that would be too long is cut.
         topics, head: as for `to_hdf5`. Raises ArchiveError for a topic of 4 GB, which the format does not hold.
         """
         from scipy.io import savemat

@@ -7,7 +7,7 @@ import argparse
 from fledge.cli.arguments import parse_duration
 from fledge.cli.console import say, size_of
 from fledge.cli.runs import SCENE, WHAT, decodable, open_run
-from fledge.errors import Failure
+from fledge.errors import Failure, excerpt
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ def plot(options: argparse.Namespace) -> int:
             fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items()
                       if not n.startswith("head.") and f.dtype[0] != "S"}       # a text has no curve
             if channel.count and fields:
-                figures.append(draw(archive, *fields, name=channel.name, title=channel.name,
-                                    titles=[f.meaning or f.name for f in fields.values()]))
+                figures.append(draw(archive, *fields, name=channel.name, title=excerpt(channel.name, 100),
+                                    titles=[excerpt(f.meaning or f.name, 100) for f in fields.values()]))
     if not figures:
         raise Failure(f"{archive.path}: there is nothing to plot", 1)
     for figure in figures:

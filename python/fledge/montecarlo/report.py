@@ -269,8 +269,8 @@ def junit(result: Result, data: dict[str, Any], wall: float, command: Callable[[
     required = [Case(row["requirement"], FAILURE if row["held"] < row["of"] else "",
                      f"{row['message']}: held in {row['held']} of {row['of']} runs".removeprefix(": "))
                 for row in data["requirements"]]
-    return document(f"{title}, seed {data['seed']}", [Suite(title, wall, cases),
-                                                      *[Suite(f"{title}.requirements", 0.0, required)] * bool(required)])
+    suites = [Suite(title, wall, cases), Suite(f"{title}.requirements", 0.0, required)]
+    return document(f"{title}, seed {data['seed']}", suites if required else suites[:1])
 
 
 def as_csv(result: Result) -> str:
