@@ -189,11 +189,12 @@ def _struct(name: str | None, sections: dict[Any, list[tuple[int, str]]], known:
         for n in names:
             if names.count(n) > 1:
                 raise DefinitionError(f"{name or 'the message'} has two members named {n}")
-        size, n = sum(m.size for m in members), sum(m.type.n if isinstance(m.type, Struct) else 1 for m in members)
-        for found, most, what in ((size, SIZE_MOST, "bytes"), (n, FIELDS_MOST, "fields")):
+        size = sum(m.size for m in members)
+        fields = sum(m.type.n if isinstance(m.type, Struct) else 1 for m in members)
+        for found, most, what in ((size, SIZE_MOST, "bytes"), (fields, FIELDS_MOST, "fields")):
             if found > most:
                 raise DefinitionError(f"{name or 'the message'} has {found} {what}; up to {most} are read")
-        known[name] = Struct(tuple(members), size, n)
+        known[name] = Struct(tuple(members), size, fields)
     return known[name]
 
 
