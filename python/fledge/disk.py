@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are written whole or not at all, by one program at a time, and paths as users see them."""
+"""Files that are written whole or not at all, by one program at a time, temporary folders, and paths as users see
+them."""
 
 from __future__ import annotations
 
@@ -9,6 +10,10 @@ import os
 import stat
 from collections.abc import Mapping
 from pathlib import Path
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from subprocess import Popen
 
 ROOT = Path(__file__).resolve().parents[2]      # flight/, targets/ and python/ lie there, in this tree or installed
 
@@ -49,6 +54,36 @@ class Part:
 
 def _named(error: OSError, path: Path) -> OSError:
     return OSError(error.errno, f"cannot be written: {error.strerror}", str(path))
+
+
+# Its standard input ends when this process and its copies have ended, however they did; a line says that all is done.
+_KEEPER = 'trap "" HUP INT TERM; read -r line || rm -rf -- "$1"'
+
+
+class Scratch:
+    """A temporary folder that is there until remove(), or as long as this object or this process. Raises OSError.
+
+    path: of it, in the folder that TMPDIR names.
+    """
+
+    def __init__(self, prefix: str) -> None:
+        import subprocess       # here, because most commands need none of these
+        import tempfile
+        import weakref
+
+        self.path = Path(tempfile.mkdtemp(prefix=prefix))
+        # A signal may kill this process, so another one removes what is left then.
+        keeper = subprocess.Popen(["sh", "-c", _KEEPER, "sh", self.path], stdin=subprocess.PIPE, cwd="/",
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        self.remove = weakref.finalize(self, _end_scratch, self.path, keeper, os.getpid())
+
+
+def _end_scratch(path: Path, keeper: Popen[bytes], owner: int) -> None:
+    import shutil
+
+    if os.getpid() == owner:        # a copy of the process leaves it to the original
+        shutil.rmtree(path, ignore_errors=True)
+        keeper.communicate(b"\n")
 
 
 def create(part: Path) -> int:
