@@ -2,24 +2,36 @@
 """An .fmu file, unpacked: what a simulation needs of it, and nothing that could leave its folder."""
 from __future__ import annotations
 
+import errno
 import os
 import platform
+import shutil
 import stat
+import struct
 import tempfile
 import weakref
 import zipfile
 import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from fledge.disk import shown
+from fledge.disk import Scratch, shown
 from fledge.errors import SetupError, listed
 from fledge.files.kvn import refuse
-from fledge.fmi.description import Description
+from fledge.fmi.description import MOST_BYTES as MOST_DESCRIPTION, Description
 
 # Limits of what is unpacked.
 MOST_FILES = 20_000
 MOST_BYTES = 4 << 30
-MOST_RATIO, RATIO_FROM = 500, 64 << 20  # [-], of files of so many bytes
+MOST_RATIO, RATIO_FROM = 500, 64 << 20  # [-], of an archive that grows to so many bytes
+
+_TEXT = "modelDescription.xml"
+# Those that the standards of FMI allow. zipfile unpacks others without a limit.
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+# What zipfile raises for damaged archives.
+_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, LookupError,
+            ArithmeticError)
 
 _opened: weakref.WeakValueDictionary[tuple[str, int, int], Archive] = weakref.WeakValueDictionary()
 
@@ -45,55 +57,89 @@ class Archive:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path, self.where = Path(path), str(shown(path))
-        try:
-            with zipfile.ZipFile(self.path) as archive:
+        with self._reading():
+            archive = zipfile.ZipFile(self.path)
+        with archive:
+            with self._reading():
                 entries = {name: entry for entry in archive.infolist() if (name := self._checked(entry))}
-                self._check_sizes(list(entries.values()))
-                if "modelDescription.xml" not in entries:
-                    tops = sorted({name.split("/")[0] for name in entries})
-                    refuse(self.where, 0, "expected an FMU; this archive has no modelDescription.xml at its top, but "
-                           + listed(tops, 8))
-                self.description = Description.read(archive.read(entries["modelDescription.xml"]),
-                                                    f"{self.where}: modelDescription.xml")
-                binary = self._binary(entries)
-                self._folder = tempfile.TemporaryDirectory(prefix="fledge-fmu-")
-                root = Path(self._folder.name)
-                for name, entry in entries.items():
-                    if name.startswith(("resources/", f"{binary.parent}/")):
-                        to = root / name
-                        to.parent.mkdir(parents=True, exist_ok=True)
-                        to.write_bytes(archive.read(entry))
+                self._check_sizes(entries)
+                text = archive.read(entries[_TEXT])
+            self.description = Description.read(text, f"{self.where}: {_TEXT}")
+            binary = self._binary(entries)
+            wanted = {name: entry for name, entry in entries.items()
+                      if name.startswith(("resources/", f"{binary.parent}/"))}
+            with self._reading():
+                self._scratch = self._unpacked(archive, wanted)
+        self.library, self.resources = self._scratch.path / binary, self._scratch.path / "resources"
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """What goes wrong with the archive, in words."""
+        try:
+            yield
         except SetupError:
             raise
         except OSError as error:
+            if error.errno == errno.EINVAL:     # a place before the file's begin
+                refuse(self.where, 0, "expected an FMU, which is a zip archive; its table of files is damaged")
             refuse(self.where, 0, f"expected an FMU; {error.strerror or error}")
-        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+        except _DAMAGED as error:
             refuse(self.where, 0, f"expected an FMU, which is a zip archive; {error}")
-        self.library, self.resources = root / binary, root / "resources"
-        self.resources.mkdir(exist_ok=True)
 
     def _checked(self, entry: zipfile.ZipInfo) -> str:
         """The name of a file of the archive; "" of a folder."""
         name = entry.orig_filename
         parts = PurePosixPath(name).parts
-        if "\\" in name or "\0" in name or ".." in parts or name.startswith("/") or ":" in parts[0]:
+        if "\\" in name or "\0" in name or ".." in parts or name.startswith("/") or ":" in "".join(parts[:1]):
             refuse(self.where, 0, f"the archive has '{name}', which leaves its folder; do not use this file")
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
             refuse(self.where, 0, f"the archive has '{name}', which is a link or device; do not use this file")
-        return "" if entry.is_dir() else str(PurePosixPath(name))
+        if not parts or entry.is_dir():
+            return ""
+        if entry.compress_type not in _METHODS:
+            refuse(self.where, 0, f"'{name}' is packed by method {entry.compress_type} of zip, and FMI allows deflate "
+                   "alone; pack the FMU anew")
+        return "/".join(parts)
 
-    def _check_sizes(self, entries: list[zipfile.ZipInfo]) -> None:
-        total = sum(entry.file_size for entry in entries)
+    def _check_sizes(self, entries: Mapping[str, zipfile.ZipInfo]) -> None:
+        packed, total = os.path.getsize(self.path), sum(entry.file_size for entry in entries.values())
         if len(entries) > MOST_FILES or total > MOST_BYTES:
             refuse(self.where, 0, f"the archive has {len(entries):,} files of {total:,} bytes; at most {MOST_FILES:,} "
                    f"files and {MOST_BYTES:,} bytes are unpacked")
-        for entry in entries:
-            if entry.file_size > max(RATIO_FROM, MOST_RATIO * entry.compress_size):
-                refuse(self.where, 0, f"'{entry.filename}' grows from {entry.compress_size:,} to {entry.file_size:,} "
-                       f"bytes; more than {MOST_RATIO} times is refused")
+        if total > max(RATIO_FROM, MOST_RATIO * packed):    # two entries may have the same packed bytes
+            refuse(self.where, 0, f"the archive grows from {packed:,} to {total:,} bytes; more than {MOST_RATIO} times "
+                   "is refused")
+        if _TEXT not in entries:
+            tops = sorted({name.split("/")[0] for name in entries})
+            refuse(self.where, 0, f"expected an FMU; this archive has no {_TEXT} at its top, but {listed(tops, 8)}")
+        if entries[_TEXT].file_size > MOST_DESCRIPTION:
+            refuse(self.where, 0, f"{_TEXT} has {entries[_TEXT].file_size:,} bytes; at most {MOST_DESCRIPTION:,} are "
+                   "read")
 
-    def _binary(self, entries: dict[str, zipfile.ZipInfo]) -> PurePosixPath:
+    def _unpacked(self, archive: zipfile.ZipFile, entries: Mapping[str, zipfile.ZipInfo]) -> Scratch:
+        name = ""
+        try:
+            scratch = Scratch("fledge-fmu-")
+            try:
+                (scratch.path / "resources").mkdir()
+                for name, entry in entries.items():
+                    to = scratch.path / name
+                    to.parent.mkdir(parents=True, exist_ok=True)
+                    with archive.open(entry) as source, to.open("wb") as target:
+                        shutil.copyfileobj(source, target, 1 << 20)
+                return scratch
+            except BaseException:
+                scratch.remove()
+                raise
+        except OSError as error:
+            place = tempfile.tempdir or "a temporary folder"
+            if error.errno in (errno.ENOSPC, errno.EDQUOT) or not name:
+                refuse(self.where, 0, f"no room to unpack it in {place}: {error.strerror or error}; make room there, "
+                       "or give another folder by TMPDIR")
+            refuse(self.where, 0, f"'{name}' cannot be unpacked into {place}: {error.strerror or error}")
+
+    def _binary(self, entries: Mapping[str, zipfile.ZipInfo]) -> PurePosixPath:
         machine = platform.machine()
         wanted = [f"{machine}-linux"]
         if self.description.version == 2:

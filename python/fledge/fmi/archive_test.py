@@ -2,7 +2,11 @@
 """What is read of an FMU, and each refusal with its line."""
 
 import os
+import signal
 import stat
+import subprocess
+import sys
+import time
 import zipfile
 
 import pytest
@@ -54,7 +58,20 @@ TEXT = "modelDescription.xml"
     ({"C:/x": b""}, "which leaves its folder"),
     ({link("resources/x"): b"/etc/passwd"}, "the archive has 'resources/x', which is a link or device"),
     ({"a/modelDescription.xml": GOOD}, "has no modelDescription.xml at its top, but a"),
-    ({TEXT: GOOD, "resources/zeros": bytes(100 << 20)}, "grows from .* bytes; more than 500 times is refused"),
+    ({TEXT: GOOD, **{f"resources/{i}": bytes(30 << 20) for i in range(3)}},
+     "the archive grows from .* to 94,3.* bytes; more than 500 times is refused"),
+    ({TEXT: GOOD.replace('valueReference="2"', 'valueReference="4294967296"')},
+     "valueReference of <Float64>: expected a number from 0 to 4,294,967,295; found 4294967296"),
+    ({TEXT: GOOD.replace('valueReference="2"', 'valueReference="-1"')}, "expected a number from 0 to .*; found -1"),
+    ({TEXT: GOOD.replace('factor="0.01"', 'factor="0"')}, "factor of the unit 'cm/s': expected a number that is not 0"),
+    ({TEXT: GOOD.replace('name="cm/s"', "")}, "<Unit> has no name"),
+    ({TEXT: GOOD.replace('name="x0"', 'name="x0" min="low"')}, "min of 'x0': expected a number; found 'low'"),
+    ({TEXT: GOOD.replace('Dimension start="3"', f'Dimension start="{"9" * 4000}"')},
+     "<Dimension>: a number of 4,000 digits; at most 1,000,000 elements are read"),
+    ({TEXT: GOOD.replace('<Float64 name="in.array"', "".join(
+        f'<Float64 name="a{i}" valueReference="{i}"><Dimension start="600000"/></Float64>' for i in (90, 91))
+        + '<Float64 name="in.array"')}, "'a91' has 600,000 elements, and 1,200,000 with the arrays before it"),
+    ({TEXT: GOOD.replace("<ModelVariables>", f"<ModelVariables>{'<a/>' * 500_001}")}, "more than 500,000 elements"),
     ({TEXT: "hello"}, f"x.fmu: {TEXT}, line 1: expected XML; syntax error"),
     ({TEXT: "<a>\n<b></a>"}, f"{TEXT}, line 2: expected XML; mismatched tag"),
     ({TEXT: "<a/>"}, "expected <fmiModelDescription>; found <a>"),
@@ -91,6 +108,60 @@ def test_a_file_that_is_no_archive_is_refused(tmp_path):
     path.write_bytes(data)
     with pytest.raises(SetupError, match="x.fmu: expected an FMU, which is a zip archive"):
         Archive(path)
+
+
+def test_names_of_an_archive_may_begin_with_the_folder_itself(tmp_path):
+    path = oscillator.make(tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        entries = {f"./{name}": archive.read(name) for name in archive.namelist()}
+    assert Archive(packed(tmp_path, {"./": b"", **entries})).description.name == "Oscillator"
+
+
+def test_other_methods_than_deflate_are_refused(tmp_path):
+    path = oscillator.make(tmp_path)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("resources/x", b"x")
+    with pytest.raises(SetupError, match="'resources/x' is packed by method 14 of zip, and FMI allows deflate alone"):
+        Archive(path)
+
+
+def test_what_is_not_read_of_a_description_does_not_count(monkeypatch):
+    monkeypatch.setattr("fledge.fmi.description.MOST_TAGS", 10)
+    assert list(described(2, "", "<LogCategories><Category/></LogCategories>" * 10).variables) == []
+
+
+def test_an_empty_type_is_none_of_a_variable():
+    variable = described(2, '<ScalarVariable name="x" valueReference="1"><Real declaredType="T"/></ScalarVariable>',
+                         '<TypeDefinitions><SimpleType name="T"/></TypeDefinitions>').variables["x"]
+    assert variable.type == "Float64" and variable.unit is None
+
+
+def test_a_full_folder_is_named(tmp_path):
+    path = oscillator.make(tmp_path)
+    script = ("import sys; from fledge import SetupError; from fledge.fmi import Archive\n"
+              "try:\n    Archive(sys.argv[1])\nexcept SetupError as error:\n    print(error)")
+    within = f"mount -t tmpfs -o size=8k,mode=777 none {tmp_path}/small && exec \"$@\""
+    (tmp_path / "small").mkdir()
+    done = subprocess.run(["unshare", "-rm", "sh", "-c", within, "sh", sys.executable, "-c", script, path], text=True,
+                          env={**os.environ, "TMPDIR": f"{tmp_path}/small"}, capture_output=True)
+    if "unshare" in done.stderr or "mount" in done.stderr:
+        pytest.skip("a folder of its own cannot be mounted here")
+    assert done.stdout == (f"{path}: no room to unpack it in {tmp_path}/small: No space left on device; make room "
+                           "there, or give another folder by TMPDIR\n")
+
+
+def test_a_killed_program_leaves_no_folder(tmp_path):
+    script = ("import signal, sys; from fledge.fmi import Archive\n"
+              "archive = Archive(sys.argv[1]); print(archive.library, flush=True); signal.pause()")
+    with subprocess.Popen([sys.executable, "-c", script, oscillator.make(tmp_path)], text=True,
+                          env={**os.environ, "TMPDIR": str(tmp_path)}, stdout=subprocess.PIPE) as program:
+        library = program.stdout.readline().strip()
+        assert os.path.isfile(library) and library.startswith(f"{tmp_path}/fledge-fmu-")
+        os.kill(program.pid, signal.SIGKILL)
+    until = time.monotonic() + 20
+    while list(tmp_path.glob("fledge-fmu-*")):
+        assert time.monotonic() < until
+        time.sleep(0.01)
 
 
 def test_a_limit_of_files_and_bytes_holds(tmp_path, monkeypatch):

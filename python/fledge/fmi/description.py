@@ -17,8 +17,15 @@ from fledge.units import BASE
 OLD = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "String": "String", "Enumeration": "Enumeration"}
 NUMBERS = ("Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 NEW = (*NUMBERS, "String", "Enumeration", "Boolean", "Binary", "Clock")
-MOST_ELEMENTS = 1_000_000
-_ELEMENT = re.compile(r"(.+)\[(\d+(?:, *\d+)*)\]")
+# Limits, so that a small file does not fill the memory.
+MOST_BYTES = 64 << 20       # of a description
+MOST_TAGS = 500_000         # of those that are read
+MOST_ELEMENTS = 1_000_000   # of all arrays together
+MOST_EXPONENT = 100         # of a unit
+_READ = ("CoSimulation", "ModelExchange", "ScheduledExecution", "UnitDefinitions", "TypeDefinitions",
+         "DefaultExperiment", "Annotations", "VendorAnnotations", "ModelVariables")     # in the root
+_ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?:, *\d{1,9})*)\]", re.ASCII)
+_WHOLE = re.compile(r"[+-]?\d{1,20}", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,7 @@ class Unit:
     offset: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Variable:
     """A variable, or an array of scalars `name[1]`, `name[2]` ... that are listed with indices.
 
@@ -88,18 +95,37 @@ class Description:
 
 
 def _parsed(data: bytes, where: str) -> Element:
-    """The root; each element has its line as the attribute "". Entities of a document type could fill the memory."""
+    """The root, with what is read of it; each element has its line as the attribute "". Entities of a document type
+    could fill the memory."""
+    if len(data) > MOST_BYTES:
+        refuse(where, 0, f"{len(data):,} bytes; at most {MOST_BYTES:,} are read")
     builder, parser = TreeBuilder(), expat.ParserCreate()
+    depth = skipped = tags = 0      # skipped: the depth of the element of the root that is not read
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        builder.start(name.rpartition(":")[2], {**attributes, "": str(parser.CurrentLineNumber)})
+        nonlocal depth, skipped, tags
+        tag, line = name.rpartition(":")[2], parser.CurrentLineNumber
+        depth += 1
+        skipped = skipped or depth == 2 and tag not in _READ and depth
+        if not skipped:
+            tags += 1
+            if tags > MOST_TAGS:
+                refuse(where, line, f"more than {MOST_TAGS:,} elements")
+            attributes[""] = str(line)
+            builder.start(tag, attributes)
+
+    def end(name: str) -> None:
+        nonlocal depth, skipped
+        if not skipped:
+            builder.end(name.rpartition(":")[2])
+        skipped = skipped if skipped < depth else 0
+        depth -= 1
 
     def doctype(*_: object) -> None:
         refuse(where, parser.CurrentLineNumber, "expected no document type, whose entities could fill the memory; "
                "remove <!DOCTYPE ...>")
 
-    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = builder.data, doctype
+    parser.StartElementHandler, parser.EndElementHandler, parser.StartDoctypeDeclHandler = start, end, doctype
     try:
         parser.Parse(data, True)
         return builder.close()
@@ -115,6 +141,7 @@ class _Reader:
         self.version = 0
         self.units: dict[str, Unit] = {}
         self.types: dict[str, Element] = {}
+        self.items: dict[str, tuple[tuple[str, int, str], ...]] = {}    # of the types that are enumerations
 
     def refuse(self, element: Element, text: str) -> NoReturn:
         refuse(self.where, int(element.get("", "0")), text)
@@ -124,14 +151,30 @@ class _Reader:
             self.refuse(element, f"<{element.tag}> has no {name}")
         return value
 
-    def number(self, element: Element, name: str, kind: type, default: Any = None) -> Any:
-        text = element.get(name)
+    def number(self, element: Element, name: str, default: float | None = None) -> float:
+        text = element.get(name) if default is not None else self.need(element, name)
+        try:
+            value = float(text) if text is not None else default
+        except ValueError:
+            value = math.nan
+        if value is None or not math.isfinite(value):
+            self.refuse(element, f"{name} of <{element.tag}>: expected a number; found '{_short(text)}'")
+        return value
+
+    def whole(self, element: Element, name: str, most: int, least: int = 0, default: int | None = None) -> int:
+        text = element.get(name) if default is not None else self.need(element, name)
         if text is None and default is not None:
             return default
-        try:
-            return kind(text if text is not None else self.need(element, name))
-        except ValueError:
-            self.refuse(element, f"{name} of <{element.tag}>: expected a number; found '{text}'")
+        text = (text or "").strip()
+        place = f"{name} of <{element.tag}>: expected a number"
+        if not _WHOLE.fullmatch(text):
+            self.refuse(element, f"{place}; found '{_short(text)}'")
+        if not least <= int(text) <= most:
+            self.refuse(element, f"{place} from {least:,} to {most:,}; found {text}")
+        return int(text)
+
+    def is_true(self, element: Element, name: str) -> bool:
+        return element.get(name, "").strip() in ("true", "1")
 
     def description(self) -> Description:
         root, where = self.root, self.where
@@ -146,7 +189,7 @@ class _Reader:
             kinds = [kind for kind in ("ModelExchange", "ScheduledExecution") if root.find(kind) is not None]
             self.refuse(root, f"this FMU is for {' and '.join(kinds) or 'nothing'} alone; Fledge flies FMUs for "
                         "co-simulation: export it anew as one")
-        if interface.get("needsExecutionTool") == "true":
+        if self.is_true(interface, "needsExecutionTool"):
             self.refuse(interface, "this FMU needs another program to run (needsExecutionTool), which Fledge does not "
                         "start; export one that stands alone")
         state = "State" if self.version == 3 else "state"
@@ -155,28 +198,32 @@ class _Reader:
             where, self.version, self.need(root, "modelName"),
             self.need(root, "instantiationToken" if self.version == 3 else "guid"),
             self.need(interface, "modelIdentifier"), root.get("description", ""), root.get("generationTool", ""),
-            all(interface.get(f"{can}FMU{state}") == "true" for can in ("canGetAndSet", "canSerialize")),
-            interface.get("hasEventMode") == "true", interface.get("canBeInstantiatedOnlyOncePerProcess") == "true",
+            all(self.is_true(interface, f"{can}FMU{state}") for can in ("canGetAndSet", "canSerialize")),
+            self.is_true(interface, "hasEventMode"), self.is_true(interface, "canBeInstantiatedOnlyOncePerProcess"),
             None if experiment is None or "stepSize" not in experiment.attrib
-            else self.number(experiment, "stepSize", float))
+            else self.number(experiment, "stepSize"))
         if not re.fullmatch(r"\w[\w.+-]*", found.identifier):
             self.refuse(interface, f"modelIdentifier: expected a name; found '{found.identifier}'")
         for unit in root.iterfind("UnitDefinitions/Unit"):
-            self.units[self.need(unit, "name")] = self.unit(unit)
+            name = self.need(unit, "name")
+            self.units[name] = self.unit(name, unit)
         for type_ in root.iterfind("TypeDefinitions/*"):
-            self.types[self.need(type_, "name")] = type_ if self.version == 3 else type_[0]
+            self.types[self.need(type_, "name")] = type_ if self.version == 3 or not len(type_) else type_[0]
         found.variables = self.variables()
         for message in root.iter("Message"):
             if "path" in message.attrib:
                 found.messages[message.attrib["path"]] = (message.get("type", ""), message.get("causality", ""))
         return found
 
-    def unit(self, unit: Element) -> Unit:
-        base, name = unit.find("BaseUnit"), unit.attrib["name"]
+    def unit(self, name: str, unit: Element) -> Unit:
+        base = unit.find("BaseUnit")
         if base is None:
             return Unit(name)
-        return Unit(name, tuple(self.number(base, letter, int, 0) for letter in BASE),
-                    self.number(base, "factor", float, 1.0), self.number(base, "offset", float, 0.0))
+        factor = self.number(base, "factor", 1.0)
+        if factor == 0.0:
+            self.refuse(base, f"factor of the unit '{name}': expected a number that is not 0")
+        return Unit(name, tuple(self.whole(base, letter, MOST_EXPONENT, -MOST_EXPONENT, 0) for letter in BASE), factor,
+                    self.number(base, "offset", 0.0))
 
     # --- variables ---
 
@@ -196,12 +243,18 @@ class _Reader:
             found[name] = self.variable(row, value)
             elements[name] = row, value
         starts = {v.references[0]: v.start for v in found.values() if v.start}
+        total = 0
         for name, (row, value) in elements.items():
-            if (dimensions := value.findall("Dimension")):
-                shape = tuple(self.dimension(each, starts) for each in dimensions)
-                if math.prod(shape) > MOST_ELEMENTS:
-                    self.refuse(row, f"'{name}' has {math.prod(shape):,} elements; at most {MOST_ELEMENTS:,} are read")
-                found[name] = replace(found[name], shape=shape)
+            if dimensions := [child for child in value if child.tag == "Dimension"]:
+                size, shape = 1, []
+                for each in dimensions:
+                    shape.append(self.dimension(each, starts))
+                    size = min(size * shape[-1], 10**20)    # not a number of thousands of digits
+                total += size
+                if total > MOST_ELEMENTS:
+                    with_others = f", and {total:,} with the arrays before it" if total > size else ""
+                    self.refuse(row, f"'{name}' has {size:,} elements{with_others}; at most {MOST_ELEMENTS:,} are read")
+                found[name] = replace(found[name], shape=tuple(shape))
             v = found[name]
             if len(v.start) == 1 < v.size:
                 found[name] = replace(v, start=v.start * v.size)        # one value for all elements
@@ -210,31 +263,59 @@ class _Reader:
         return {v.name: v for v in _arrays(found)}
 
     def dimension(self, dimension: Element, starts: Mapping[int, tuple[str, ...]]) -> int:
-        text = dimension.get("start") or "".join(starts.get(self.number(dimension, "valueReference", int), ("",))[:1])
+        text = dimension.get("start") or "".join(starts.get(self.reference(dimension), ("",))[:1])
         if not text.isdecimal():
-            self.refuse(dimension, f"<Dimension>: expected a whole number; found '{text}'")
+            self.refuse(dimension, f"<Dimension>: expected a whole number; found '{_short(text)}'")
+        if len(text) > 19:
+            self.refuse(dimension, f"<Dimension>: a number of {len(text):,} digits; at most {MOST_ELEMENTS:,} elements "
+                        "are read")
         return int(text)
+
+    def reference(self, element: Element) -> int:
+        return self.whole(element, "valueReference", 2**32 - 1)
 
     def variable(self, row: Element, value: Element) -> Variable:
         type_ = OLD[value.tag] if self.version == 2 else value.tag
         declared = self.types.get(value.get("declaredType", ""))
         facts = {**(declared.attrib if declared is not None else {}), **value.attrib}
-        texts = [start.get("value", "") for start in value.iterfind("Start")]
+        texts = [child.get("value", "") for child in value if child.tag == "Start"]
         if "start" in value.attrib:
             texts = [facts["start"]] if type_ == "String" else facts["start"].split()
         items: tuple[tuple[str, int, str], ...] = ()
         if type_ == "Enumeration":
             if declared is None:
                 self.refuse(row, f"'{row.get('name')}' is an enumeration without a declaredType")
-            items = tuple((self.need(item, "name"), self.number(item, "value", int), item.get("description", ""))
-                          for item in declared.iter("Item"))
+            items = self.items_of(value.attrib["declaredType"], declared)
+        if type_ in NUMBERS:
+            for end in ("min", "max"):
+                self.bound(row, end, facts.get(end))
         continuous = type_ in ("Float64", "Float32")
         unit = self.units.get(facts["unit"], Unit(facts["unit"])) if "unit" in facts else None
-        return Variable(row.attrib["name"], (self.number(row, "valueReference", int),), type_,
+        return Variable(row.attrib["name"], (self.reference(row),), type_,
                         row.get("causality", "local"),
                         row.get("variability", "continuous" if continuous else "discrete"), row.get("initial", ""),
                         tuple(texts), (), unit, facts.get("min"), facts.get("max"), items,
                         row.get("description", facts.get("description", "")), facts.get("intervalVariability", ""))
+
+    def items_of(self, name: str, type_: Element) -> tuple[tuple[str, int, str], ...]:
+        """Read once for all variables of the type."""
+        if name not in self.items:
+            self.items[name] = tuple((self.need(item, "name"), self.whole(item, "value", 2**63 - 1, -2**63),
+                                      item.get("description", "")) for item in type_.iter("Item"))
+        return self.items[name]
+
+    def bound(self, row: Element, name: str, text: str | None) -> None:
+        try:
+            if text is None or not math.isnan(float(text)):
+                return
+        except ValueError:
+            pass
+        self.refuse(row, f"{name} of '{row.get('name')}': expected a number; found '{_short(text)}'")
+
+
+def _short(text: str | None) -> str:
+    """A text of a file, for a message."""
+    return text if text is None or len(text) <= 40 else f"{text[:37]}..."
 
 
 def _arrays(found: Mapping[str, Variable]) -> Iterator[Variable]:
