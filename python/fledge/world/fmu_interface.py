@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from bisect import bisect
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from keyword import iskeyword
 from typing import Any
@@ -26,10 +27,11 @@ from introspect.model import Bounds, Enumeration, Enumerator, Field, Group, Kind
 
 ROOM = 256              # [bytes] of a text, with its end
 DIMS_MAX = 4            # as sim/table.h
+MOST_FIELDS = 100_000   # with the names of their enumerations: each takes 3 KB
 KINDS = (*NUMBERS, "String", "Enumeration", "Boolean")      # as Kind of fmi/importer/fmu.h
 _TYPES = dict(zip(KINDS, (Type.F64, Type.F32, Type.I8, Type.U8, Type.I16, Type.U16, Type.I32, Type.U32, Type.I64,
                           Type.U64, Type.CHAR, Type.ENUM, Type.U8)))
-_STEP = re.compile(r"(\w+)((?:\[\d+\])*)")
+_STEP = re.compile(r"(\w+)((?:\[\d{1,9}\])*)", re.ASCII)
 
 Messages = Mapping[str, tuple[Any, Mapping[str, str]]]
 
@@ -98,11 +100,12 @@ class Interface:
     def __init__(self, archive: Archive, messages: Messages = {}, extra: Sequence[str] | bool = ()) -> None:
         self.archive, self.description = archive, archive.description
         self.names: dict[str, str] = {}
-        self._used: set[str] = set()
+        self._used: dict[str, int] = {}
+        self._fields: dict[int, dict[str, Field]] = {}
         self._extra = extra
         self._image = bytearray()
         d = self.description
-        self._own = _identifier(d.name, set())
+        self._own = _identifier(d.name, {})
         self.plan = Plan(archive.path.name, str(archive.library), str(archive.resources), d.token, d.version,
                          d.event_mode, d.saves, d.single, archive)
         mapped: Messages = {**self._of_fledge(messages), **messages}
@@ -117,10 +120,13 @@ class Interface:
         types = {**_core.library("flight"), **_core.library("world"), **project.types("flight"),
                  **project.types("world")}
         found = {}
+        every = sorted(self.description.variables)
         for path, (type_, causality) in self.description.messages.items():
-            names = [name for name in self.description.variables if name.startswith(f"{path}.")]
-            if type_ in types and not given & set(names) and (causality != "local" or self._extra is True):
-                found[path.replace(".", "_")] = types[type_], {_from_zero(name[len(path) + 1:]): name for name in names}
+            if type_ in types and (causality != "local" or self._extra is True):
+                names = every[bisect(every, f"{path}."):bisect(every, f"{path}/")]      # "/" follows "."
+                if given.isdisjoint(names):
+                    found[path.replace(".", "_")] = types[type_], {_from_zero(name[len(path) + 1:]): name
+                                                                   for name in names}
         return found
 
     def _wanted(self, v: Variable) -> bool:
@@ -134,8 +140,11 @@ class Interface:
         for name in self._extra if not isinstance(self._extra, bool) else ():
             d[name]
         rest = [v for v in d.variables.values() if v.name not in self._taken]
-        unused = [v for v in rest if not _can_be(v) and v.causality in ("input", "output", "parameter")]
-        rest = [v for v in rest if _can_be(v)]
+        wide = {id(v.items): v.items for v in rest}         # variables share those of their type
+        wide = {key: items for key, items in wide.items() if not all(-2**31 <= n < 2**31 for _, n, _ in items)}
+        can = [_can_be(v) and id(v.items) not in wide for v in rest]
+        unused = [v for v, it in zip(rest, can) if not it and v.causality in ("input", "output", "parameter")]
+        rest = [v for v, it in zip(rest, can) if it]
         if unused:
             names = listed([f"{v.name} ({v.type})" for v in unused], 8)
             plan.assumptions.append(f"inputs and outputs: variables of {plan.file} that no message can hold keep their "
@@ -148,12 +157,19 @@ class Interface:
         tunable = [v for v in settable if v.causality == "parameter" and v.variability == "tunable"]
         fixed = [v for v in settable if v.causality == "parameter" and v.variability != "tunable"
                  or v.causality == "output" and v.initial == "exact" and v.variability != "constant"]
+        inputs, outputs = [v for v in rest if v.causality == "input"], [v for v in rest if self._wanted(v)]
+        own = [*inputs, *outputs, *tunable, *fixed]
+        names = sum(len(v.items) for v in own)
+        if len(own) + names > MOST_FIELDS:
+            with_names = f" with {names:,} names of values" if names else ""
+            raise SetupError(f"{self.archive.where}: {len(inputs):,} inputs, {len(outputs):,} outputs and "
+                             f"{len(tunable) + len(fixed):,} parameters{with_names}; at most {MOST_FIELDS:,} can be "
+                             "fields: export the FMU with fewer")
         ports: list[tuple[str, Group, Any, list[_Member]]] = []
         for name, (type_, fields) in mapped.items():
             group = self._direction(name, fields.values())
             ports.append((self._name(name), group, type_, [_Member("", d[v], path) for path, v in fields.items()]))
-        for name, group, variables in (("inputs", Group.IN, [v for v in rest if v.causality == "input"]),
-                                       ("outputs", Group.OUT, [v for v in rest if self._wanted(v)])):
+        for name, group, variables in (("inputs", Group.IN, inputs), ("outputs", Group.OUT, outputs)):
             if variables:
                 ports.append((self._name(name), group, *self._own_message(name, variables)))
         parameters = [_Member(self._name(v.name), v) for v in [*tunable, *fixed]]
@@ -168,7 +184,7 @@ class Interface:
 
     def _own_message(self, name: str, variables: Sequence[Variable]) -> tuple[Any, list[_Member]]:
         types: dict[str, Any] = {}
-        used = {"head"}
+        used = {"head": 1}
         members = [_Member(_identifier(v.name, used), v) for v in variables]
         fields, size, align = lay_out([head(types), *(_field(m.name, m.variable) for m in members)])
         where = f"world/{self.archive.path.name}"
@@ -193,8 +209,8 @@ class Interface:
                                 doc=f"of {self.archive.path.name}", struct=sub))
         for i, m in enumerate(parameters):
             initial = frozenset(["initial"] if i >= tunable else [])
-            fields.append(replace(_field(m.name, m.variable), group=Group.PAR, clauses=initial,
-                                  bounds=_bounds(m.variable)))
+            f = _field(m.name, m.variable)
+            fields.append(replace(f, group=Group.PAR, clauses=initial, bounds=_bounds(m.variable, f)))
         placed, size, align = lay_out(fields)
         where, d = f"world/{self.archive.path.name}", self.description
         origin = f"From {self.archive.path.name}, FMI {d.version}.0" + (f", by {d.tool}" if d.tool else "")
@@ -236,7 +252,7 @@ class Interface:
         inside: Struct | None = struct
         for step in path.split("."):
             parts = _STEP.fullmatch(step)
-            known = {f.name: f for f in inside.fields if not f.is_spare} if inside else {}
+            known = self._known(inside) if inside else {}
             if not parts or parts[1] not in known:
                 raise SetupError(f"{self.archive.where}: {port} ({struct.name}) has no field '{path}'"
                                  f"{did_you_mean(step, known)}".rstrip(";"))
@@ -253,6 +269,12 @@ class Interface:
         assert found
         return found, offset, count
 
+    def _known(self, struct: Struct) -> dict[str, Field]:
+        """Its fields by name; made once, not for each of them."""
+        if id(struct) not in self._fields:
+            self._fields[id(struct)] = {f.name: f for f in struct.fields if not f.is_spare}
+        return self._fields[id(struct)]
+
     def _check(self, f: Field, n: int, v: Variable, path: str) -> None:
         """That a field of a known message can hold a variable."""
         where = f"{self.archive.where}: {path} and {v.name}"
@@ -266,9 +288,7 @@ class Interface:
 
     def _add(self, v: Variable, f: Field, offset: int, path: str, given: bool = True) -> None:
         """Put a variable into the plan, and its start into the image, which is 0 of outputs."""
-        scale = f.unit.scale if f.unit else 1.0
-        unit = v.unit if v.unit and v.unit.dims is not None and not _raw(v, f) else None
-        factor, shift = (unit.factor / scale, unit.offset / scale) if unit else (1.0, 0.0)
+        factor, shift = _conversion(v, f)
         text = v.type == "String"
         n = math.prod(f.shape) if text else v.size
         discrete = self.plan.event_mode and v.causality == "input" and v.variability != "continuous"
@@ -280,12 +300,12 @@ class Interface:
                 if text:
                     data = v.start[0].encode()[:n - 1]
                 else:
-                    raw = [float(t) if v.type.startswith("Float") else _whole(t) for t in v.start]
+                    raw = [_number(t, v.type) for t in v.start]
                     values = raw if factor == 1.0 and shift == 0.0 else [factor * x + shift for x in raw]
-                    data = np.array(values).astype(_element(f.type).dtype).tobytes()
+                    data = _array(values, np.dtype(_element(f.type).dtype)).tobytes()
             except (ValueError, OverflowError):
                 raise SetupError(f"{self.description.where}: the start of {v.name} is no {v.type}: "
-                                 f"{' '.join(v.start)[:60]}") from None
+                                 f"{' '.join(v.start[:60])[:60]}") from None
             self._image[offset:offset + len(data)] = data
 
 
@@ -293,23 +313,36 @@ def _element(type_: Type) -> Element:
     return ELEMENTS[type_.name.lower()]
 
 
-def _whole(text: str) -> int:
-    return {"true": 1, "false": 0}[text] if text in ("true", "false") else int(text)
+def _number(text: str, type_: str) -> float:
+    """Raises ValueError."""
+    if type_ == "Boolean":
+        return ("false", "true", "0", "1").index(text) % 2
+    return float(text) if type_.startswith("Float") else int(text)
+
+
+def _array(values: Sequence[float], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
+    """Raises ValueError for what the type cannot hold."""
+    if dtype.kind != "f" and not all(np.iinfo(dtype).min <= x <= np.iinfo(dtype).max for x in values):
+        raise ValueError
+    with np.errstate(over="ignore"):
+        return np.array(values).astype(dtype)
 
 
 def _from_zero(path: str) -> str:
     """The path of a field with indices from 0, which FMI counts from 1."""
-    return re.sub(r"\[(\d+)\]", lambda found: f"[{int(found[1]) - 1}]", path)
+    return re.sub(r"\[(\d{1,9})\]", lambda found: f"[{int(found[1]) - 1}]", path)
 
 
-def _identifier(name: str, used: set[str]) -> str:
-    """The name as an identifier, and none that differs in its capitals alone: der(h) is der_h."""
+def _identifier(name: str, used: dict[str, int]) -> str:
+    """The name as an identifier, and none that differs in its capitals alone: der(h) is der_h. used: those, and the
+    last number that was appended to each."""
     text = re.sub(r"_+", "_", re.sub(r"\W+", "_", name, flags=re.ASCII)).strip("_")
     text = f"v_{text}" if not text or text[0].isdigit() or iskeyword(text) else text
-    found, i = text, 1
+    found, i = text, used.get(text.lower(), 1)
     while found.lower() in used:
         found, i = f"{text}_{i + 1}", i + 1
-    used.add(found.lower())
+    used[text.lower()] = i
+    used.setdefault(found.lower(), 1)
     return found
 
 
@@ -317,8 +350,7 @@ def _can_be(v: Variable) -> bool:
     """Whether a field can hold it."""
     if v.type == "Clock":
         return v.causality == "output" and v.clock == "triggered"
-    return (v.type in KINDS and len(v.shape) <= DIMS_MAX and v.size > 0 and (v.type != "String" or not v.shape)
-            and all(-2**31 <= value < 2**31 for _, value, _ in v.items))
+    return v.type in KINDS and len(v.shape) <= DIMS_MAX and v.size > 0 and (v.type != "String" or not v.shape)
 
 
 def _raw(v: Variable, f: Field | None = None) -> bool:
@@ -341,9 +373,9 @@ def _field(name: str, v: Variable) -> Field:
     shape = (ROOM,) if type_ is Type.CHAR else v.shape
     enumeration = None
     if type_ is Type.ENUM:
-        used: set[str] = set()
-        prefix = _identifier(name, set()).upper()
-        enumeration = Enumeration(_identifier(f"{name}_type", set()), "", tuple(
+        used: dict[str, int] = {}
+        prefix = _identifier(name, {}).upper()
+        enumeration = Enumeration(_identifier(f"{name}_type", {}), "", tuple(
             Enumerator(f"{prefix}_{_identifier(item, used).upper()}", value, about) for item, value, about in v.items),
             "")
     ctype = enumeration.name if enumeration else _element(type_).ctype
@@ -355,10 +387,17 @@ def _field(name: str, v: Variable) -> Field:
                  _unit(v) if number else None, doc=" ".join(word for word in words if word), enum=enumeration)
 
 
-def _bounds(v: Variable) -> Bounds | None:
+def _conversion(v: Variable, f: Field) -> tuple[float, float]:
+    """(factor, shift): a value of the field is factor * (value of the variable) + shift."""
+    if v.unit is None or v.unit.dims is None or _raw(v, f):
+        return 1.0, 0.0
+    scale = f.unit.scale if f.unit else 1.0
+    return v.unit.factor / scale, v.unit.offset / scale
+
+
+def _bounds(v: Variable, f: Field) -> Bounds | None:
     if v.type not in NUMBERS or v.lo is v.hi is None:
         return None
-    unit = v.unit if v.unit and v.unit.dims is not None and not _raw(v) and v.unit.name != "ns" else None
-    number: Callable[[str | None], float | None] = lambda text: None if text is None else (
-        float(text) * unit.factor + unit.offset if unit else float(text))
-    return Bounds(number(v.lo), number(v.hi))
+    factor, shift = _conversion(v, f)
+    lo, hi = (None if text is None else factor * float(text) + shift for text in (v.lo, v.hi))
+    return Bounds(lo, hi) if factor > 0 else Bounds(hi, lo)
