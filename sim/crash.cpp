@@ -200,11 +200,21 @@ private:
     std::size_t n_ = 0;
 };
 
-const char *name_of(int signal, const siginfo_t &about)
+/// A thread in which an FMU runs, which may have started the thread that crashed; null: none. Without the mutex, which
+/// this thread may hold.
+Thread *beside_fmu()
+{
+    const std::vector<Thread *> &threads = watch().threads;
+    const auto found =
+        std::ranges::find_if(threads, [](const Thread *thread) { return thread->running.function.load(); });
+    return found == threads.end() ? nullptr : *found;
+}
+
+const char *name_of(int signal, const siginfo_t &about, const Thread &thread)
 {
     // A large frame leaps over the guard below the stack.
-    const auto below = own()->lowest - reinterpret_cast<std::uintptr_t>(about.si_addr);
-    const bool beyond = own()->lowest && below + (1 << 16) < (1 << 24);
+    const auto below = thread.lowest - reinterpret_cast<std::uintptr_t>(about.si_addr);
+    const bool beyond = thread.lowest && below + (1 << 16) < (1 << 24);
     switch (signal) {
     case SIGSEGV: return about.si_code > 0 && beyond ? "stack overflow" : "segmentation fault (SIGSEGV)";
     case SIGBUS: return "bus error (SIGBUS)";
@@ -217,9 +227,9 @@ const char *name_of(int signal, const siginfo_t &about)
     }
 }
 
-void report(int signal, const siginfo_t &about)
+void report(int signal, const siginfo_t &about, const Thread &thread, bool beside)
 {
-    const Running &now = own()->running;
+    const Running &now = thread.running;
     const Instance *instance = now.instance;
     const Task *task = now.task;
     const char *const function = now.function;
@@ -229,7 +239,8 @@ void report(int signal, const siginfo_t &about)
     const std::int64_t run = now.of_campaign;
     {
         Line line;
-        line.put(terminal ? "\nfledge: " : "fledge: ").put(name_of(signal, about));
+        line.put(terminal ? "\nfledge: " : "fledge: ").put(name_of(signal, about, thread));
+        line.put(beside ? " in another thread, while one was" : "");
         if (instance) {
             line.put(" in ").put(instance->path).put(" (").put(instance->type().name).put(")");
             line.put(task ? ", task " : "").put(task ? task->name : std::string_view());
@@ -266,11 +277,13 @@ void report(int signal, const siginfo_t &about)
 void handle(int signal, siginfo_t *about, void *)
 {
     const int error = errno;
+    const bool beside = !own() && signal != SIGXCPU;
+    const Thread *const thread = beside ? beside_fmu() : own();
     // Another library of Fledge in this program may have found out that a function of an FMU takes too long.
-    if (own() && (signal != SIGXCPU || own()->late || own()->running.function)) {
+    if (thread && (signal != SIGXCPU || thread->late || thread->running.function)) {
         static std::atomic_flag reported;
         if (!reported.test_and_set()) {
-            report(signal, *about);
+            report(signal, *about, *thread, beside);
         } else { // of another thread, which ends the program
             const timespec while_it_does{2, 0};
             nanosleep(&while_it_does, nullptr);

@@ -44,7 +44,10 @@ Fmu::Fmu(const FmuFile &file, std::string name) : ticks(file.clocks.size(), 0), 
     if (!handle) {
         throw sim::SetupError(name_ + " (" + file_.file + "): its library cannot be loaded: " + dlerror());
     }
-    library_ = std::shared_ptr<void>(handle, dlclose);
+    library_ = std::shared_ptr<void>(handle, [name = file_.file](void *opened) {
+        const sim::Inside its("the destructors", name.c_str());
+        dlclose(opened);
+    });
 }
 
 void *Fmu::symbol(const char *function, bool needed) const

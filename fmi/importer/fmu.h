@@ -109,9 +109,12 @@ protected:
     template <class F, class... A> bool call(const Function<F> &f, A... arguments)
     {
         const int status = static_cast<int>(f(arguments...));
-        if (status > discard) {
-            dead_ |= status > error;
-            fail(f.name(), status > error ? "a fatal error" : "an error");
+        if (status < 0 || status > discard) {
+            dead_ |= status != error;
+            fail(f.name(), status == error   ? "an error"
+                           : status == fatal ? "a fatal error"
+                                             : "status " + std::to_string(status) +
+                                                   ", which is none of OK (0), warning, discard, error and fatal (4)");
         }
         return status != discard;
     }
@@ -132,6 +135,9 @@ protected:
         need(get, instance, &state);
         std::size_t n = 0;
         need(size, instance, state, &n);
+        if (n > most_state) {
+            fail(size.name(), "a state of " + std::to_string(n) + " bytes");
+        }
         std::vector<std::byte> bytes(n);
         need(serialize, instance, state, reinterpret_cast<Byte *>(bytes.data()), n);
         need(free, instance, &state);
@@ -155,7 +161,8 @@ protected:
     void log(int status, const char *text);
     std::string logged() const;
 
-    static constexpr int warning = 1, discard = 2, error = 3;
+    static constexpr int discard = 2, error = 3, fatal = 4;
+    static constexpr std::size_t most_state = std::size_t{1} << 30; ///< [bytes]
     FmuFile file_;
     std::string name_;
     double time_ = 0.0;

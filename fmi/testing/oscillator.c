@@ -3,14 +3,16 @@
  * outputs that repeat inputs of all types. oscillator.py has its description and makes the .fmu.
  *
  * The variable OSCILLATOR of the environment lets it misbehave: "KIND FUNCTION", as in "segv DoStep", the function
- * without fmi2 or fmi3, and perhaps " TIME" [s], before which it behaves. Kinds are segv, fpe, abort, endless, error,
- * fatal, nothing (it does nothing: DoStep makes no progress, Instantiate gives no instance), version (a wrong one), nan
- * (as outputs), grow (of states) and end (DoStep ends the simulation). */
+ * without fmi2 or fmi3, and perhaps " TIME" [s], before which it behaves. Kinds are segv, fpe, abort, overflow and
+ * smash (of the stack), thread (one of its own crashes), endless, error, fatal, negative and large (as status), nothing
+ * (it does nothing: DoStep makes no progress, Instantiate gives no instance), version (a wrong one), nan (as outputs),
+ * grow and huge (of states) and end (DoStep ends the simulation); "segv Library" crashes when it is unloaded. */
 #define _POSIX_C_SOURCE 200809L
 #include "fmi/standard/fmi2.h"
 #include "fmi/standard/fmi3.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -126,19 +128,60 @@ static int is(const Oscillator *o, const char *kind, const char *function)
     return strcmp(wanted[0], kind) == 0 && strcmp(wanted[1], function) == 0 && (o == NULL || o->now.t >= from);
 }
 
+static volatile int *volatile nowhere = NULL;
+static volatile int on = 1;
+
+static int deep(int n)
+{
+    volatile char room[1000];
+    room[n % 1000] = 1;
+    return on ? deep(n + 1) + room[n % 1000] : 0;
+}
+
+__attribute__((noinline)) static void smash(void)
+{
+    char room[8];
+    volatile char *volatile at = room;
+    for (int i = 0; i < 64; i++) {
+        at[i] = 'A';
+    }
+}
+
+static void *crash(void *unused)
+{
+    *nowhere = 1;
+    return unused;
+}
+
+__attribute__((destructor)) static void unload(void)
+{
+    if (is(NULL, "segv", "Library")) {
+        *nowhere = 1;
+    }
+}
+
 /* The status of a function, if it comes back: 0, or an error. */
 static int enter(Oscillator *o, const char *function)
 {
-    static volatile int *volatile nowhere = NULL;
-    static volatile int on = 1;
     if (is(o, "segv", function)) {
         *nowhere = 1;
+    } else if (is(o, "overflow", function)) {
+        on = deep(0) != 0;
+    } else if (is(o, "smash", function)) {
+        smash();
+    } else if (is(o, "thread", function)) {
+        pthread_t thread;
+        pthread_create(&thread, NULL, crash, NULL);
+        pthread_join(thread, NULL);
     } else if (is(o, "fpe", function)) {
         raise(SIGFPE);
     } else if (is(o, "abort", function)) {
         abort();
     }
     while (on && is(o, "endless", function)) {
+    }
+    if (is(o, "negative", function) || is(o, "large", function)) {
+        return is(o, "large", function) ? 77 : -1;
     }
     const int status = is(o, "fatal", function) ? fmi3Fatal : (is(o, "error", function) ? fmi3Error : fmi3OK);
     if (status != fmi3OK) {
@@ -494,7 +537,7 @@ fmi3Status fmi3FreeFMUState(fmi3Instance o, fmi3FMUState *state)
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance o, fmi3FMUState state, size_t *size)
 {
     ENTER3(o, "SerializedFMUStateSize")
-    *size = ((const State *)state)->size;
+    *size = is(o, "huge", "SerializedFMUStateSize") ? (size_t)1 << 60 : ((const State *)state)->size;
     return fmi3OK;
 }
 

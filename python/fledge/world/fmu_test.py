@@ -3,6 +3,7 @@
 
 import math
 import os
+import re
 import subprocess
 import sys
 
@@ -17,6 +18,7 @@ from fledge.export.fmu.mission import flight_fmu
 from fledge.mission.wiring import Wiring
 from fledge.montecarlo import Campaign
 from fledge.units import N, cm, m, ms, rad, s
+from fledge.world import fmu_interface
 from fmi.testing import oscillator
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -155,6 +157,49 @@ def test_a_message_that_does_not_fit_is_refused(tmp_path, fields, says):
         world.Fmu(oscillator.make(tmp_path), messages={"push": (Push, fields)})
 
 
+@pytest.mark.parametrize("factor", [0.01, -0.01])
+def test_bounds_have_the_unit_of_their_parameter(tmp_path, factor):
+    text = oscillator.description(2, token=str(factor)).replace('s="-1" factor="0.01"', f's="-1" factor="{factor}"')
+    text = text.replace('<Real unit="m" start="1"/>', '<Real unit="cm/s" start="1" min="-1" max="300"/>')
+    spring = world.Fmu(oscillator.make(tmp_path, 2, text))
+    bounds = next(f.bounds for f in _core.struct(spring).fields if f.name == "x0")
+    assert spring.x0 == factor and bounds[:2] == tuple(sorted((-factor, 300 * factor)))
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_parameters_in_nanoseconds_keep_their_bounds(tmp_path, version):
+    sim = flown(export(flight_fmu(fledge.load("flatsat")), tmp_path / "flight.fmu", version))
+    sim.check()
+    with pytest.raises(SetupError, match=r"flight_stars_tick must be in \[1e?"):
+        sim.world.spring.flight_stars_tick = 10 * s if version == "2" else 10_000_000_000
+
+
+def test_a_start_that_its_type_cannot_hold_is_refused(tmp_path):
+    text = oscillator.description(3)
+    for name, start, kind in (("in.i8", "300", "Int8"), ("in.u64", "-1", "UInt64"), ("in.flag", "2", "Boolean"),
+                              ("in.choice", str(2**40), "Enumeration"), ("in.i32", "9" * 5000, "Int32")):
+        wrong = re.sub(f'(name="{name}"[^>]* start=)"[^"]*"', rf'\1"{start}"', text)
+        assert wrong != text
+        with pytest.raises(SetupError, match=f"the start of {name} is no {kind}: {start[:40]}"):
+            world.Fmu(oscillator.make(tmp_path, text=wrong))
+
+
+def test_names_that_would_be_equal_have_numbers(tmp_path):
+    rows = "".join(f'<Float64 name="{"+" * i}" valueReference="{i}" causality="output"/>' for i in range(1, 4))
+    text = oscillator.description(3).replace("<ModelVariables>", f"<ModelVariables>{rows}")
+    names = [f.name for f in _core.struct(world.Fmu(oscillator.make(tmp_path, text=text)).outputs).fields]
+    assert names[1:6] == ["v_", "v__2", "v__3", "x", "v"]
+
+
+def test_fields_and_the_names_of_their_values_are_limited_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(fmu_interface, "MOST_FIELDS", 50)
+    items = "".join(f'<Item name="i{i}" value="{i}"/>' for i in range(20))
+    text = oscillator.description(3).replace('<Item name="ON"', f'{items}<Item name="ON"')
+    with pytest.raises(SetupError, match="oscillator.fmu: 14 inputs, 17 outputs and 4 parameters with 44 names of "
+                                         "values; at most 50 can be fields"):
+        world.Fmu(oscillator.make(tmp_path, text=text))
+
+
 def both(folder, version):
     """nadir_spin by the FMUs of its world and its flight, in one process; flight after the world."""
     sim = Simulation("both")
@@ -285,6 +330,18 @@ def test_a_feed_leaves_other_inputs_at_their_starts(path):
      "the FMU says: this function fails on purpose"),
     ("fatal ExitInitializationMode", "fmi{v}ExitInitializationMode answers with a fatal error"),
     ("nothing Instantiate", "world.spring (oscillator.fmu): fmi{v}Instantiate{c} makes no instance"),
+    ("negative DoStep", "fmi{v}DoStep answers with status -1, which is none of OK (0), warning, discard, error"),
+    ("large DoStep", "fmi{v}DoStep answers with status 77, which is none of OK"),
+    pytest.param("thread DoStep 0.5", "segmentation fault (SIGSEGV) in another thread, while one was in world.spring "
+                 "(Oscillator), task dynamics, in fmi{v}DoStep of oscillator.fmu, at t = 0.6 s",
+                 marks=oscillator.CRASH),
+    pytest.param("overflow DoStep 0.5", "stack overflow in world.spring (Oscillator), task dynamics, in "
+                 "fmi{v}DoStep of oscillator.fmu, at t = 0.6 s", marks=oscillator.CRASH),
+    pytest.param("smash DoStep 0.5", "segmentation fault (SIGSEGV) in world.spring (Oscillator), task dynamics, in "
+                 "fmi{v}DoStep of oscillator.fmu, at t = 0.6 s", marks=oscillator.CRASH),
+    pytest.param("segv Library", "segmentation fault (SIGSEGV) in the destructors of oscillator.fmu",
+                 marks=oscillator.CRASH),
+    ("huge SerializedFMUStateSize", "tateSize answers with a state of 1152921504606846976 bytes"),
     ("nothing DoStep", "no step from t = 0 s of the FMU comes to 0.1 s"),
     ("version GetVersion", "its description is of FMI {v}.0, and fmi{v}GetVersion of its library says"),
     ("end DoStep 0.3", "world.spring (oscillator.fmu) ends the simulation at t = 0."),
