@@ -171,7 +171,8 @@ def read(path: str | os.PathLike[str], spacecraft: int | None = None) -> Sclk:
             ("SCLK01_OUTPUT_DELIM", 1 <= delimiter <= len(DELIMITERS), "a number from 1 to 5"),
             ("SCLK01_TIME_SYSTEM", system in (1, 2), "1 (TDB) or 2 (TT)"),
             ("SCLK_PARTITION_END", all(a < b for a, b in zip(firsts, lasts)), "an end after each start"),
-            ("SCLK01_COEFFICIENTS", len(knots) % 3 == 0 and bool(np.all(rates > 0)) and max(map(abs, parallel)) < 2**62,
+            ("SCLK01_COEFFICIENTS", len(knots) % 3 == 0 and bool(np.all(rates > 0))
+             and all(abs(t) < 2**62 for t in parallel),
              "triplets of ticks, a time within 146 years of 2000 and a rate > 0")):
         if not good:
             kernel.refuse(f"{name}_{n}: expected {expected}", kernel.values[f"{name}_{n}"][0].line)

@@ -247,7 +247,7 @@ def test_units_times_and_frames_are_those_of_the_file():
     (replaced(ORBIT, "Lagrange", "Hermite").replace("EphemerisTimePosVel", "EphemerisTimePos"), "found 0.0"),
     (replaced(POSITIONS, "Lagrange", "Hermite"), "InterpolationMethod: expected Lagrange, for EphemerisTimePos has no "
      "rates; found Hermite"),
-    (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 five"), 
+    (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 five"),
      "SamplesM1: expected a whole number from 1 of up to 18 digits; found five"),
     (replaced(ORBIT, "Points\t\t 6", "Points\t\t " + "9" * 5000), "Points: expected a whole number from 0 of up to 18"),
     (replaced(ORBIT, "SamplesM1\t\t 5", "SamplesM1 \u0665"), "expected a whole number from 1"),

@@ -18,7 +18,8 @@ from fledge.files.kvn import refuse
 from fledge.files.values import NUMBER, Clock
 
 TOKEN = re.compile(r"'(?P<quoted>(?:[^']|'')*)'|(?P<mark>\+?=|[()])|(?P<word>(?:(?!\+=)[^\s,()='])+)|(?P<bad>[^\s,])")
-DATE = re.compile(r"@(\d{4}|\d\d?)-([A-Z]{3,9}|\d\d?)-(\d{4}|\d\d?)(?:[-/T](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?", re.ASCII)
+DATE = re.compile(r"@(\d{4}|\d\d?)-([A-Z]{3,9}|\d\d?)-(\d{4}|\d\d?)(?:[-/T](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?)?",
+                  re.ASCII)
 FAR = 1e300         # which whole numbers of any size would follow
 MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")
 

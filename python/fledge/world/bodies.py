@@ -80,9 +80,10 @@ class Body:
         degree: the highest, above which the file may lack what it promises; None: that of the file. mu and radius are
         then the file's. tides: whether the Moon, the Sun and the polar motion of the Sky change the Earth's field (IERS
         Conventions 2010, sections 6.2 and 6.4); where the file does not state its tide system, give it: "tide_free", or
-        "zero_tide" if C20 holds the permanent tide. epoch: the date, in the words of a Sky's, at which coefficients that change in time (gfct) hold for the
-        whole run; files without such need none. Raises SetupError with the line if the file is damaged or foreign, or
-        changes and has no epoch, if its mu is not this body's within 10 % (or 0), or if the tide system is not known.
+        "zero_tide" if C20 holds the permanent tide. epoch: the date, in the words of a Sky's, at which coefficients
+        that change in time (gfct) hold for the whole run; files without such need none. Raises SetupError with the line
+        if the file is damaged or foreign, or changes and has no epoch, if its mu is not this body's within 10 % (or 0),
+        or if the tide system is not known.
         """
         path = f"{self.name}.harmonics"
         if degree is not None and (not isinstance(degree, int) or degree < 0):

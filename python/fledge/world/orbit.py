@@ -254,8 +254,8 @@ class Orbit:
         u, local = _angle(u, "u"), to_number(ltan, f"{name}: ltan", "s", TIME)
         a = body.radius + to_number(altitude, f"{name}: altitude", "m", LENGTH)
         if not a > (surface := body.radius if body.surface is None else body.surface):
-            raise SetupError(f"{name}: the orbit must lie outside {body.name}, of radius {surface:.9g} m; found {a:.9g} m "
-                             "from its centre")
+            raise SetupError(f"{name}: the orbit must lie outside {body.name}, of radius {surface:.9g} m; found "
+                             f"{a:.9g} m from its centre")
         J2 = body.zonal(2).J[0]
         if body.name not in YEARS or not J2 > 0:
             raise SetupError(f"{name}: expected a planet with a known J2, of {', '.join(YEARS)}; found {body.name}")
