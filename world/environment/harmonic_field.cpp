@@ -175,6 +175,16 @@ double HarmonicField::J(int n) const
 
 namespace {
 
+/// A field of zeros, by what a file says.
+HarmonicField empty_field(const std::string &path, double mu, double radius, int degree)
+{
+    try {
+        return HarmonicField::zero(mu, radius, degree);
+    } catch (const sim::SetupError &error) {
+        refuse_file(path, error.what());
+    }
+}
+
 HarmonicField parse_shadr(std::string_view text, const std::string &path, double expected_mu, int wanted)
 {
     const auto lines = lines_of(text);
@@ -202,8 +212,8 @@ HarmonicField parse_shadr(std::string_view text, const std::string &path, double
     const Promise promise{*degree, *order};
     // 10^4.5 is halfway between mu in m^3/s^2 and in km^3/s^2, on the scale of exponents.
     const bool kilometres = expected_mu > 0.0 ? *mu * std::sqrt(1e9) < expected_mu : *radius < 1e5;
-    HarmonicField field = HarmonicField::zero(*mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0),
-                                              promise.kept(wanted, lines.size()));
+    HarmonicField field = empty_field(path, *mu * (kilometres ? 1e9 : 1.0), *radius * (kilometres ? 1e3 : 1.0),
+                                      promise.kept(wanted, lines.size()));
     field.name = path;
     field.order = std::min(field.degree, *order);
     Collector collector(path, field, promise, *normalised == 1);
@@ -420,7 +430,7 @@ HarmonicField parse_icgem(std::string_view text, const std::string &path, std::o
     std::size_t i = 0;
     const IcgemHead head = parse_head(lines, path, i);
     const Promise promise{*head.degree, *head.degree};
-    HarmonicField field = HarmonicField::zero(*head.mu, *head.radius, promise.kept(wanted, lines.size()));
+    HarmonicField field = empty_field(path, *head.mu, *head.radius, promise.kept(wanted, lines.size()));
     field.name = head.name;
     field.tide_system = head.tide_system;
     IcgemRows rows(path, head, field, promise, epoch);

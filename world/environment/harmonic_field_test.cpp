@@ -262,7 +262,8 @@ TEST(HarmonicField, DamagedIcgemIsRefusedWithItsLine)
     EXPECT_THAT(error(head + "gfc 2 0 1 0\ngfc 2 1 1 0\n"), HasSubstr("degree 2, order 2 is missing"));
     EXPECT_THAT(error(head + "gfx 2 0 1 0\n"), HasSubstr(":10: expected gfc, gfct, trnd"));
     EXPECT_THAT(error(head + "gfc 2 0 1\n"), HasSubstr(":10: expected n, m, C, S, found 3 values"));
-    EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"), HasSubstr("must be > 0"));
+    EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"),
+                HasSubstr("a.gfc: gravity field: mu and the radius must be > 0"));
 }
 
 } // namespace harmonic_field_test
