@@ -288,6 +288,21 @@ std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::u
     }
 }
 
+/// [ns] of TAI at a value of UTC. That does not tell whether it lies in a leap second or behind it: its count from an
+/// epoch does.
+static Wide tai_of(const Operand &time)
+{
+    const Wide tai = tai_of_utc(static_cast<std::int64_t>(time.word));
+    const Type &type = *time.type;
+    const auto raw = number_of(time.raw_kind, time.raw);
+    if (!raw || type.offset_from.of != Reference::Of::nothing || !type.epoch || !type.epoch->leap_seconds ||
+        type.encoding.calibrator.kind != Calibrator::Kind::none || !type.encoding.contexts.empty()) {
+        return tai;
+    }
+    const long double since = raw->extended() * type.scale + type.offset;
+    return type.epoch->ns + since < tai - one_second / 2.0L ? tai - one_second : tai;
+}
+
 /// Convert a time since the epoch or since another value, or a duration, to which another duration may be added.
 Status Decoder::convert_time(const Type &type, const Number &number, std::uint64_t &value)
 {
@@ -302,7 +317,7 @@ Status Decoder::convert_time(const Type &type, const Number &number, std::uint64
         sum = found->kind == Kind::duration ? ns
               : found->kind != Kind::time   ? nearest(seconds->real() * 1e9)
               : !type.epoch                 ? 0
-              : type.epoch->leap_seconds    ? tai_of_utc(ns)
+              : type.epoch->leap_seconds    ? tai_of(*found)
                                             : ns;
     }
     const Number since = number * exactly(type.scale) + exactly(type.offset);

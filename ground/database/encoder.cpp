@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <set>
 #include <vector>
 
 namespace fledge::ground {
@@ -163,6 +164,9 @@ private:
     void entry(const Entry &entry, std::size_t &at, std::size_t start)
     {
         if (!holds(entry.include)) {
+            if (entry.kind == Entry::Kind::argument) {
+                left_out_.insert(entry.name);
+            }
             return;
         }
         const std::int64_t n = entry.repeats ? number(entry.count) : 1, gap = entry.repeats ? number(entry.gap) : 0;
@@ -194,6 +198,7 @@ private:
                 throw Refusal(db_.where(entry.place) + ": " + command_.path + " has no argument " + entry.name);
             }
             const std::size_t from = at;
+            root_ = entry.name.size();
             value(type->second, values_.at(entry.name), entry.name, at, &entry.dimensions);
             places.push_back({entry.name, true, from, at - from});
             break;
@@ -212,6 +217,7 @@ private:
     {
         const Parameter &parameter = db_.parameters[entry.id];
         parameter_ = entry.id;
+        root_ = parameter.name.size();
         steps_.clear();
         if (const auto given = given_.find(parameter.name); given != given_.end()) {
             used_.push_back(parameter.name);
@@ -288,6 +294,7 @@ private:
                             : " is encoded by the algorithm " + type.encoding.algorithm + ", which is not computed"));
         } else {
             Known &known = known_.emplace_back();
+            known.root = root_;
             make(known, type, given, name);
             if (type.encoding.kind == Encoding::Kind::text || type.encoding.kind == Encoding::Kind::binary) {
                 put_bytes(type, known.content, name, at);
@@ -345,6 +352,13 @@ private:
         std::vector<std::uint8_t> content; ///< of text and binary
         std::uint64_t bits = 0;            ///< of others
         Operand value{}, raw{};            ///< raw: of no kind while the value is made
+        std::size_t root = 0;              ///< characters of the argument's or the parameter's own name
+
+        /// Whether a name means it: its path, or the end of that behind its root.
+        bool is(const std::string &reference) const
+        {
+            return name == reference || (name.ends_with("." + reference) && name.size() - reference.size() > root);
+        }
     };
 
     static std::optional<Number> plain(const Given &given)
@@ -446,8 +460,8 @@ private:
         return type.sort == Sort::absolute_time || type.sort == Sort::relative_time;
     }
 
-    /// The raw number of a time or a duration [ns].
-    static Number raw_time(const Type &type, const Number &number, const std::string &name)
+    /// The raw number of a time or a duration [ns]. early: [ns] of a time within a leap second.
+    static Number raw_time(const Type &type, const Number &number, const std::string &name, std::int64_t early)
     {
         if (type.offset_from.of != Reference::Of::nothing) {
             throw Refusal(name + " is relative to another time: that is not encoded");
@@ -457,7 +471,7 @@ private:
             throw Refusal(name + " must be a time; found " + text_of(number));
         }
         const Number since =
-            type.epoch ? Number((type.epoch->leap_seconds ? tai_of_utc(*utc) : *utc) - type.epoch->ns) : number;
+            type.epoch ? Number((type.epoch->leap_seconds ? tai_of_utc(*utc) - early : *utc) - type.epoch->ns) : number;
         const Number excess = since - exactly(type.offset), scale = exactly(type.scale);
         if (excess.is_whole() && scale.is_whole() && scale != 0 && excess.whole() % scale.whole() == 0) {
             return excess.whole() / scale.whole();
@@ -469,10 +483,11 @@ private:
     }
 
     /// The raw number of a number in units.
-    Number raw_of(const Type &type, const Number &number, const std::string &name)
+    Number raw_of(const Type &type, const Number &number, const Given &given, const std::string &name)
     {
         if (is_time(type)) {
-            return raw_time(type, number, name);
+            const bool leaps = given.kind == Given::Kind::text && is_leap_second(trimmed(given.text));
+            return raw_time(type, number, name, leaps ? one_second : 0);
         }
         const Calibrator *calibrator = &type.encoding.calibrator;
         for (const auto &[condition, other] : type.encoding.contexts) {
@@ -501,7 +516,8 @@ private:
         const Number number = number_of(type, given, name);
         known.value = operand_of(type, number);
         in_range(type, name, number, true);
-        const Number raw = is_number || type.sort == Sort::real || is_time(type) ? raw_of(type, number, name) : number;
+        const Number raw =
+            is_number || type.sort == Sort::real || is_time(type) ? raw_of(type, number, given, name) : number;
         in_range(type, name, raw, false);
         if (!is_number) {
             known.text = known.value.kind == Kind::label || known.value.kind == Kind::boolean ? shown(known.value)
@@ -658,9 +674,12 @@ private:
         std::pair<const Given *, Id> found{nullptr, no_id};
         if (reference.of == Reference::Of::argument) {
             for (std::size_t i = known_.size(); i-- > 0;) {
-                if (known_[i].name == reference.name || known_[i].name.ends_with("." + reference.name)) {
+                if (known_[i].is(reference.name)) {
                     return seen(known_[i]);
                 }
+            }
+            if (left_out_.contains(reference.name)) {
+                return nullptr;
             }
             if (const auto argument = values_.find(reference.name); argument != values_.end()) {
                 found = {&argument->second, types_.at(reference.name)};
@@ -706,6 +725,12 @@ private:
         case Condition::Kind::any: return std::any_of(condition.parts.begin(), condition.parts.end(), part_holds);
         case Condition::Kind::compare: break;
         }
+        for (const Reference *reference : {&condition.left, &condition.right}) { // as a decoder finds it
+            if (reference->of == Reference::Of::argument && left_out_.contains(reference->name) &&
+                find(*reference) == nullptr) {
+                return false;
+            }
+        }
         const Operand &left = needed(condition.left, condition);
         return condition.right.of == Reference::Of::nothing
                    ? compare(condition.op, left, condition.literal)
@@ -734,6 +759,8 @@ private:
     std::map<const Given *, Known> ahead_; ///< values to which others refer
     std::vector<std::uint32_t> steps_;     ///< into the parameter that is being written
     Id parameter_ = no_id;
+    std::size_t root_ = 0;           ///< characters of the name of the entry that is being written
+    std::set<std::string> left_out_; ///< arguments whose entries are not included
     std::size_t entries_ = 0;
 };
 

@@ -149,7 +149,7 @@ std::optional<Epoch> epoch_of(View text)
     if (*date > seconds_at(2200y / 1 / 1) * second) {
         return std::nullopt;
     }
-    return Epoch{static_cast<std::int64_t>(tai_of_utc(*date)), true};
+    return Epoch{static_cast<std::int64_t>(tai_of_utc(*date)) - (is_leap_second(text) ? second : 0), true};
 }
 
 std::optional<std::int64_t> date_of(View text)
@@ -157,12 +157,14 @@ std::optional<std::int64_t> date_of(View text)
     Scanner scan(text);
     const auto day = day_of(scan);
     Wide ns = Wide(day.value_or(0)) * second;
+    bool leaps = false;
     if (day && (scan.take("T") || scan.take(" "))) {
         const auto minutes = minutes_of(scan);
         const auto s = scan.take(":") ? scan.digits(2, 2) : std::nullopt;
-        if (!minutes || !s || *s > 59) {
+        if (!minutes || !s || *s > 60) {
             return std::nullopt;
         }
+        leaps = *s == 60;
         ns += Wide(*minutes + *s) * second + scan.fraction();
     }
     const bool east = scan.take("+");
@@ -175,7 +177,15 @@ std::optional<std::int64_t> date_of(View text)
     } else {
         scan.take("Z");
     }
+    if (leaps && std::find(steps.begin() + 1, steps.end(), static_cast<std::int64_t>(ns / second)) == steps.end()) {
+        return std::nullopt;
+    }
     return day && scan.at_end() ? narrow(ns) : std::nullopt;
+}
+
+bool is_leap_second(View text)
+{
+    return date_of(text) && text.find(":60") != View::npos;
 }
 
 std::optional<std::int64_t> duration_of(View text)

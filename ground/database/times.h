@@ -20,6 +20,9 @@ std::optional<Epoch> epoch_of(std::string_view text);
 /// "2026-03-01", "2026-03-01T12:00:00.5", with "Z", "+01:00" or nothing behind it: UTC. Nothing: it is no such date.
 std::optional<std::int64_t> date_of(std::string_view text);
 
+/// Whether it is such a date within a leap second, as "2016-12-31T23:59:60": it has the number of 1 s later.
+bool is_leap_second(std::string_view text);
+
 /// "P1DT2H3M4.5S", "1.5 s", "20 ms": [ns]. Nothing: it is no such duration.
 std::optional<std::int64_t> duration_of(std::string_view text);
 

@@ -53,12 +53,36 @@ TEST(Times, DatesAreThoseOfTheCalendar)
     EXPECT_EQ(date_of("2026-03-01T12:00:00+01:30"), utc(2026, 3, 1, 10, 30));
     EXPECT_EQ(date_of("2026-03-01T12:00:00-01:00"), utc(2026, 3, 1, 13));
     EXPECT_EQ(date_of("2026-03-01T12:00:00.12345678999"), utc(2026, 3, 1, 12) + 123'456'789);
-    for (const char *text :
-         {"", "2026", "2026-3-1", "2026-02-29", "2026-13-01", "2026-03-01T", "2026-03-01T12", "2026-03-01T12:00",
-          "2026-03-01T24:00:00", "2026-03-01T12:60:00", "2026-03-01T12:00:60", "2026-03-01T12:00:00.",
-          "2026-03-01T12:00:00+1", "2026-03-01T12:00:00X", "2026-03-01T12:00:00+", "1600-01-01", "2300-01-01", "12"}) {
+    for (const char *text : {"",
+                             "2026",
+                             "2026-3-1",
+                             "2026-02-29",
+                             "2026-13-01",
+                             "2026-03-01T",
+                             "2026-03-01T12",
+                             "2026-03-01T12:00",
+                             "2026-03-01T24:00:00",
+                             "2026-03-01T12:60:00",
+                             "2026-03-01T12:00:60",
+                             "2026-03-01T12:00:00.",
+                             "2016-12-30T23:59:60",
+                             "2016-12-31T23:59:61",
+                             "2016-12-31T12:00:60",
+                             "1971-12-31T23:59:60",
+                             "2026-03-01T12:00:00+1",
+                             "2026-03-01T12:00:00X",
+                             "2026-03-01T12:00:00+",
+                             "1600-01-01",
+                             "2300-01-01",
+                             "12"}) {
         EXPECT_EQ(date_of(text), std::nullopt) << text;
     }
+    for (const char *text : {"2016-12-31T23:59:60.5Z", "2016-12-31 23:59:60.5", "2017-01-01T00:59:60.5+01:00"}) {
+        EXPECT_EQ(date_of(text), utc(2017, 1, 1) + second / 2) << text; // the numbers of the second behind it
+        EXPECT_TRUE(is_leap_second(text));
+    }
+    EXPECT_FALSE(is_leap_second("2017-01-01T00:00:00.5Z"));
+    EXPECT_EQ(epoch_of("2016-12-31T23:59:60")->ns, epoch_of("2016-12-31T23:59:59")->ns + second);
 }
 
 TEST(Times, DurationsHaveTheirUnits)
@@ -177,6 +201,13 @@ TEST(Times, ATimeThatCountsFromAnotherHasItsEpochAndScale)
     EXPECT_EQ(decoded(offset("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>"), packet),
               base + " b=" + std::to_string(utc(2017, 1, 1) + second / 2));
     EXPECT_EQ(decoded(offset("RelativeTimeParameterType", "<Epoch>GPS</Epoch>"), packet), base + " b=2500000000");
+    for (const int into : {1, 2}) { // the leap second, and the second behind it, which have the same numbers
+        Bytes later = big_endian(1'167'264'016 + static_cast<std::uint64_t>(into), 4);
+        later.push_back(5);
+        EXPECT_EQ(decoded(offset("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>"), later),
+                  "a=" + std::to_string(utc(2017, 1, 1)) +
+                      " b=" + std::to_string(utc(2017, 1, 1) + into * second + second / 2));
+    }
     const Database db = read_xtce_text(offset("AbsoluteTimeParameterType", "<Epoch>GPS</Epoch>"), "s.xml");
     EXPECT_TRUE(db.notes.empty());
     // without a known epoch both are durations, and a note says so

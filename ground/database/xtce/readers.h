@@ -27,7 +27,7 @@ public:
     Quantity quantity(Node node);
     std::vector<Dimension> dimensions(Node node);
 
-    /// Note constants that no value of a parameter equals, once all types are complete.
+    /// Note constants that no value of a parameter or an argument equals, once all types and commands are complete.
     void note_constants();
 
     std::set<std::string> members; ///< a reference may name one of these members of the same aggregate
@@ -36,12 +36,15 @@ public:
 private:
     std::optional<Reference> parameter(Node node, const std::string &text) const;
     void add_steps(Reference &to, Node node, View steps) const;
+    std::set<Id> argument_types(Node node, const std::string &name) const;
     Condition comparison(Node node) const;
     Condition two_values(Node node) const;
 
     Database &db_;
     Declarations &declared_;
-    std::vector<std::pair<Node, Condition>> comparisons_; ///< of parameters with constants
+    std::vector<std::pair<Node, Condition>> comparisons_; ///< with constants
+    std::unordered_map<const void *, Id> commands_;       ///< by their nodes
+    std::map<std::string, std::set<Id>> arguments_;       ///< the types of all of a name
 };
 
 /// Shared by the readers of items.

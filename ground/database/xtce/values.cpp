@@ -7,6 +7,7 @@ namespace fledge::ground::xtce {
 namespace {
 
 constexpr View of_argument = "/yamcs/cmd/arg/";
+constexpr std::size_t most_judged = 1 << 20; // values of constants
 constexpr std::int64_t most_quantity = std::int64_t(1) << 40;
 
 bool is_reference(Node node)
@@ -142,7 +143,7 @@ Condition ValueReader::condition_of(Node node, std::size_t depth)
     }
     if (name == "Comparison" || name == "Condition") {
         Condition result = name == "Comparison" ? comparison(node) : two_values(node);
-        if (result.left.of == Reference::Of::parameter && result.right.of == Reference::Of::nothing) {
+        if (result.right.of == Reference::Of::nothing) {
             comparisons_.emplace_back(node, result);
         }
         return result;
@@ -172,12 +173,49 @@ Condition ValueReader::condition(Node node)
     return condition_of(inside[0]);
 }
 
+/// The types that an argument has: in the command around a node, else in all commands.
+std::set<Id> ValueReader::argument_types(Node node, const std::string &name) const
+{
+    for (; node && tag(node) != "MetaCommand"; node = node.parent()) {
+    }
+    const auto command = commands_.find(node.internal_object());
+    if (!node || command == commands_.end()) {
+        const auto found = arguments_.find(name);
+        return found != arguments_.end() ? found->second : std::set<Id>();
+    }
+    for (Id at = command->second; at != no_id && !declared_.left_out(declared_.commands[at]);
+         at = db_.commands[at].base) {
+        for (const Argument &argument : db_.commands[at].arguments) {
+            if (argument.name == name) {
+                return {argument.type};
+            }
+        }
+    }
+    return {};
+}
+
 void ValueReader::note_constants()
 {
+    for (Id i = 0; i < db_.commands.size(); i++) {
+        commands_[declared_.commands[i].node.internal_object()] = i;
+        for (const Argument &argument : db_.commands[i].arguments) {
+            arguments_[argument.name].insert(argument.type);
+        }
+    }
+    std::size_t judged = 0;
     for (const auto &[node, condition] : comparisons_) {
         const Reference &left = condition.left;
-        const bool left_out = db_.parameters[left.parameter].type == no_id;
-        if (!left_out && !has_value(db_.types[db_.type_of(left)], left.calibrated, condition.literal)) {
+        std::set<Id> types;
+        if (left.of == Reference::Of::argument) {
+            types = argument_types(node, left.name);
+        } else if (db_.parameters[left.parameter].type != no_id) { // else it is left out
+            types = {db_.type_of(left)};
+        }
+        if ((judged += types.size()) > most_judged) {
+            return;
+        }
+        const auto has = [&](Id type) { return has_value(db_.types[type], left.calibrated, condition.literal); };
+        if (!types.empty() && std::none_of(types.begin(), types.end(), has)) {
             declared_.note(node, "'" + condition.literal.text + "' is no value of " + left.name +
                                      (left.calibrated ? "" : " as a raw number") + ": nothing equals it");
         }

@@ -201,7 +201,8 @@ def test_labels_texts_and_numbers_that_are_none_have_their_concern(tmp_path):
         monitor.take([(0, 0, struct.pack(">B4sf", e, s, f))])
         assert tuple(monitor.newest(slot)[5] for slot in range(3)) == expected
         frame = values_of(monitor, monitor.changes(0)[1])[2]
-        assert frame[1][3] == s.rstrip(b"\0").decode("utf-8", "replace") and tuple(frame[i][1] for i in range(3)) == expected
+        assert frame[1][3] == s.rstrip(b"\0").decode("utf-8", "replace")
+        assert tuple(frame[i][1] for i in range(3)) == expected
     assert monitor.newest(0)[3:5] == (7, "unlabelled") and frame[0][2:] == (2, 7)
     for slot in range(3):        # a person's limits, and those of the database again
         monitor.take([(1, 0, struct.pack(">B4sf", 2, b"AA\0\0", 9.0))])

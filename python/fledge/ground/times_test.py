@@ -75,6 +75,20 @@ def test_times_are_those_of_the_worlds_scales_back_and_forth(tmp_path):
             assert craft.decode_command(command).arguments == dict.fromkeys(times, unix) | {"d": -1500 * 10**6}
 
 
+def test_a_leap_second_has_a_count_of_its_own(tmp_path):
+    craft = database(tmp_path)
+
+    def counts(text):
+        times = {f"t{i}": text for i in range(len(EPOCHS))}
+        return struct.unpack(f">{len(EPOCHS)}q", craft.encode("C", **times, d=0)[:-8])
+
+    for year in (1979, 1998, 2005, 2008, 2016):
+        before, within, behind = map(counts, (f"{year}-12-31T23:59:59.25Z", f"{year}-12-31T23:59:60.25Z",
+                                              f"{year + 1}-01-01T00:00:00.25Z"))
+        assert [b - a for a, b in zip(before, within)] == [S] * len(EPOCHS)
+        assert [b - a for a, b in zip(within, behind)] == [0 if epoch == "UNIX" else S for epoch in EPOCHS]
+
+
 def test_what_is_no_time_is_refused_in_words(tmp_path):
     craft = database(tmp_path, ["GPS"])
     assert [(form["name"], form["type"], form["unit"]) for form in craft.forms()[0]["arguments"]] == [

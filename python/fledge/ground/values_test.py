@@ -157,6 +157,42 @@ def test_members_decide_too_and_an_unknown_value_is_named(tmp_path):
     assert [database.encode("C", v=7, mode=value) for value in (2, "0x2", 3)] == [b"\x07", b"\x07", b""]
 
 
+@pytest.mark.parametrize("op", ["==", "!="])
+def test_no_condition_holds_on_an_argument_that_is_left_out(tmp_path, op):
+    types = integer("V", 8, kind="Argument")
+    database = command(tmp_path, types, {name: ("V", None) for name in "akv"},
+                       entry("a") + entry("k", compares("a", 1)) + entry("v", compares("k", 5, op)))
+    for a, k in ((0, 5), (0, 6), (1, 5), (1, 6)):
+        packet = database.encode("C", a=a, k=k, v=7)
+        included = a == 1 and (k == 5) == (op == "==")
+        assert packet == bytes([a] + [k] * (a == 1) + [7] * included)
+        assert database.decode_command(packet).arguments == \
+            {"a": a} | ({"k": k} if a == 1 else {}) | ({"v": 7} if included else {})
+
+
+def test_a_name_with_a_dot_is_no_member(tmp_path):
+    database = command(tmp_path, integer("V", 8, kind="Argument"), {name: ("V", None) for name in ("X", "A.X", "v")},
+                       entry("X") + entry("A.X") + entry("v", compares("X", 1)))
+    assert database.encode("C", X=1, **{"A.X": 2}, v=7) == b"\1\2\7"
+    assert database.encode("C", X=2, **{"A.X": 1}, v=7) == b"\2\1"
+
+
+def test_a_constant_that_no_argument_has_gets_a_note(tmp_path):
+    types = TYPES["label"] + TYPES["boolean"].replace("'K'", "'B'") + integer("V", 8, kind="Argument")
+    arguments = {"k": ("K", None), "b": ("B", None), "v": ("V", None)}
+    for name, value, calibrated in [("k", "X_HI", True), ("k", "1", False), ("b", "true", True), ("v", "0x10", True)]:
+        assert command(tmp_path, types, arguments, entry("v", compares(name, value, calibrated=calibrated))).notes == []
+    for name, value, calibrated in [("k", "MID", True), ("k", "X_HI", False), ("b", "on", True), ("v", "many", True)]:
+        (note,) = command(tmp_path, types, arguments, entry("v", compares(name, value, calibrated=calibrated))).notes
+        assert f"'{value}' is no value of {name}" in note and note.endswith(": nothing equals it")
+    by = "<PolynomialCalibrator><Term exponent='1' coefficient='2'/></PolynomialCalibrator>"
+    scaled = integer("W", 8, kind="Argument", inside=(       # of a type, which knows no command
+        "<ContextCalibratorList><ContextCalibrator><ContextMatch>" + compares("k", "MIDDLE") +
+        f"</ContextMatch><Calibrator>{by}</Calibrator></ContextCalibrator></ContextCalibratorList>"))
+    (note,) = command(tmp_path, types + scaled, arguments, entry("v")).notes
+    assert "'MIDDLE' is no value of k" in note
+
+
 def test_two_values_compare_in_a_command_as_in_telemetry(tmp_path):
     both = ("<BooleanExpression><Condition><ArgumentInstanceRef argumentRef='k'/><ComparisonOperator>=="
             "</ComparisonOperator><ArgumentInstanceRef argumentRef='{}'/></Condition></BooleanExpression>")
