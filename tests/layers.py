@@ -99,7 +99,7 @@ RULES = {
 # these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
     ("basilisk", "what its words are here, for errors"),
-    ("units elements errors disk columns display interruption programs", "what all others need"),
+    ("units elements errors disk columns display interruption loopback programs", "what all others need"),
     ("progress folders frames elf serial_line contents junit", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; what an ELF file says of itself; serial lines to "
      "boards; builds that follow contents, not times; results for a CI"),
