@@ -50,11 +50,11 @@ _CONDITION = re.compile(r"\s*#\s*(ifdef|ifndef|if|elif|else|endif)\b(.*)")
 def is_cpp(text: str) -> bool:
     """Whether a header is C++, as those of the models' behaviour are: it opens a namespace,
     declares a template, or includes a header without .h; and does so for a compiler of C, too."""
-    return bool(_CPP.search(_for_c(_uncommented(text))))
+    return bool(_CPP.search(_for_c(uncommented(text))))
 
 
-def _uncommented(text: str) -> str:
-    """The same lines without comments."""
+def uncommented(text: str) -> str:
+    """The same lines of C without comments."""
     return _COMMENT.sub(lambda match: match[1] or "\n" * match[0].count("\n"), text)
 
 
@@ -141,7 +141,7 @@ class Headers:
         first: dict[str, str] = {}
         problems = []
         for path, text in sorted(texts.items()):
-            text = _uncommented(text)
+            text = uncommented(text)
             guard = re.search(r"^\s*#\s*ifndef\s+(\w+)\s+#\s*define\s+\1\b", text, re.M)
             if guard and first.setdefault(guard[1], path) != path:
                 line = text.count("\n", 0, guard.start(1)) + 1

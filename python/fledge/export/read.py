@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live objects of one of a mission's flight processes as plain data, checked, for all exports.
 
-Names in it are C's already: flight.py's own, but for keywords of C and texts that are no identifiers.
+Names in it are C's already: flight.py's own, but for keywords of C and C++, names that are taken, and texts that are
+no identifiers.
 """
 from __future__ import annotations
 
@@ -17,9 +18,10 @@ from fledge.commands import leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import CompositionError, SetupError
 from fledge.export import names
-from fledge.disk import shown
+from fledge.disk import ROOT, shown
 from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
+from fledge.objects import project
 from fledge.objects.script import function_text, prototype, script
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ FRAMES = ("farm", "fop", "packet_zone", "space_link", "space_packet", "sync", "t
 FILES = ("cfdp", "cfdp_filestore", "cfdp_messages", "cfdp_pdu", "cfdp_ranges", "cfdp_receiver", "cfdp_sender",
          "cfdp_transaction", "store/memory_store")
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)\.h"', re.MULTILINE)
+HOSTS = ("targets/mission.h", "targets/mission_host.h")     # what the C of a mission includes
+FUNCTIONS = ("init", "reset", "restart", "next", "tick", "enter", "may_enter", "set_up", "memory", "messages",
+             "parameters", "commands", "definitions", "io", "services", "telemetry")    # and tables
 LINKED = ("ccsds/", "flight/command/", "flight/math/", "flight/telemetry/")     # by other rules
 
 
@@ -264,7 +269,7 @@ class _Reader:
             wanted = set(live)
         self.running = running
         self.refuse_prototypes({name: module for name, module in live.items() if name in wanted})
-        c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
+        c = names.distinct(live, ("in", "task", "mode", "event"), names.NO_MEMBERS)    # what its struct holds besides
         return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(module), memory[name],
                              self.read_script(name, module)) for name, module in live.items() if name in wanted}
 
@@ -384,18 +389,22 @@ class _Reader:
         return mission
 
     def name(self) -> str:
-        """The mission's, apart from the names of its modules and messages and of targets/mission.h."""
+        """The mission's, unless something where its C is compiled has such a name already."""
         own = f"{self.sim.name}_{self.flight.name}" if len(self.sim.flights) > 1 else self.sim.name
         name = names.identifier(own).lower()
-        types = {"Mission", "MissionMessage"}
-        for module in self.modules.values():
-            types |= {module.type, *(f.struct.name for f in module.struct.fields if f.group in ("in", "out"))}
-        if types & {names.camel(name) + end for end in ("", "In", "Mode", "Message")}:
+        headers = {*HOSTS, *(m.struct.header for m in self.modules.values())}
+        taken = names.words(headers, [root for root in (ROOT, project.folder()) if root])
+        static = [*(t[0] for t in self.flight.tasks), *self.flight.events, *(m[0] for m in self.flight.modes)]
+        taken |= {f"{begin}_{title}" for begin in ("run", "runs", "thread", "check", "may_enter") for title in static}
+        made = {*(names.camel(name) + end for end in ("", "In", "Mode", "Message")), f"{name}_publish",
+                *(f"{name}_{end}" for end in FUNCTIONS),
+                *(f"{name}_{end}".upper() for end in ("h", "messages", "parameters"))}
+        if name in names.HEADERS or names.OF_LIBC.fullmatch(name) or made & taken:
             name += "_mission"
         return name
 
     def read_tasks(self, mission: Mission, mode_names: dict[str, str]) -> None:
-        naming = names.distinct([t[0] for t in self.flight.tasks])
+        naming = names.distinct([t[0] for t in self.flight.tasks], keywords=names.NO_MEMBERS)
         for title, period, offset, _, run in self.chosen:
             modes = [mode_names[m] for m, tasks in self.flight.modes if title in tasks]
             mission.tasks.append(Task(naming[title], title, period, offset, [self.modules[n] for n in run],
@@ -426,7 +435,7 @@ class _Reader:
 
     def read_events(self, mission: Mission, mode_names: dict[str, str]) -> None:
         live = self.flight.events.values()
-        naming = names.distinct([e.name for e in live])
+        naming = names.distinct([e.name for e in live], keywords=names.NO_MEMBERS)
         modules = {m.path: m for m in mission.modules}
         rows, until = [], {}
         for event in live:

@@ -274,12 +274,28 @@ def test_names_become_identifiers_and_stay_apart():
     assert names.camel("two_body") == "TwoBody"
 
 
-@pytest.mark.parametrize("name, given", [
-    ("hill_pointing", "hill_pointing_mission"), ("mission", "mission_mission"), ("Nadir-2", "nadir_2")])
-def test_a_mission_has_a_name_of_its_own(name, given):
-    sim = fledge.load("nadir_spin")
-    sim.name = name
-    assert export.read(sim).name == given
+TAKEN = ["inertial_pointing", "mission", "math", "string", "head", "tick", "exec", "vec3", "semaphore", "sem", "run"]
+
+
+@pytest.mark.parametrize("name, given", [*((name, f"{name}_mission") for name in TAKEN), ("Nadir-2", "nadir_2"),
+                                         ("double", "double_"), ("class", "class"), ("euler_rotation", "euler_rotation"),
+                                         ("orbit", "orbit")])
+def test_a_mission_has_a_name_of_its_own(name, given, tmp_path):
+    """In C of both standards, and in C++, which includes the headers."""
+    sim = fledge.Simulation(name)
+    f = sim.flight
+    for member in ("new", "this", "template", "errno", "linux", "union"):
+        setattr(f, member, flight.InertialPointing(sigma_RN=[0.1, 0.2, 0.3]))
+    f.task("init", every=1, run=[f.new, f.this])
+    f.task("new", every=1, run=[f.template, f.errno, f.linux, f.union])
+    f.event("namespace", when=f.watch(f.new.reference).head.quality >= 2, arm="namespace")
+    mission = export.read(sim)
+    assert mission.name == given
+    for file, text in export.emit_c(mission).items():
+        (tmp_path / file).write_text(text)
+    for compiler in (["gcc", *STRICT], ["gcc", "-std=gnu11"], ["g++", "-x", "c++", "-include", f"{given}.h"]):
+        source = f"{given}.c" if "c++" not in compiler else "/dev/null"
+        subprocess.run([*compiler, "-fsyntax-only", "-I.", "-I", ROOT, source], check=True, cwd=tmp_path)
 
 
 @pytest.mark.parametrize("name, snake", [("MrpFeedback", "mrp_feedback"), ("IMUFilter", "imu_filter"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.errors import SetupError, listed
 from fledge.export.c_source import emit
 from fledge.disk import write_files
 
@@ -13,5 +14,10 @@ if TYPE_CHECKING:
 
 
 def write(mission: Mission, folder: Path | str, more: dict[str, str] | None = None) -> list[Path]:
-    """Write mission.h and mission.c, named after the mission, and more files by name; returns their paths."""
-    return write_files(emit(mission) | (more or {}), folder)
+    """Write mission.h and mission.c, named after the mission, and more files by name; returns their paths. Raises
+    SetupError where one of them, as of a board, has such a name, too."""
+    files, more = emit(mission), more or {}
+    if both := files.keys() & more.keys():
+        raise SetupError(f"two exported files would be {listed(sorted(both))}: rename the board, which has the name of "
+                         "the mission")
+    return write_files(files | more, folder)
