@@ -520,6 +520,19 @@ def test_projects_are_checked_too(tmp_path, folder, answer):
         new.project(tmp_path / folder)
 
 
+@pytest.mark.parametrize("bad", '"#;\\\n')
+def test_a_path_in_which_cmake_builds_nothing_is_refused(tmp_path, bad):
+    place = tmp_path / f"a{bad}b"
+    with pytest.raises(new.NewError, match=re.escape(f"CMake builds nothing in a path with {bad!r}; choose another")):
+        new.project(place / "sat")
+    new.project(tmp_path / "sat")
+    place.mkdir()
+    (tmp_path / "sat").rename(place / "sat")
+    output = fledge("list", cwd=place / "sat", code=1)
+    assert f"CMake builds nothing in a path with {bad!r}; move it to another folder\n" in output
+    assert not (place / "sat/build").exists()
+
+
 def test_files_are_never_overwritten_and_a_list_that_is_not_found_is_reported(tmp_path):
     new.project(tmp_path / "p")
     (tmp_path / "p/flight/spin.c").write_text("mine\n")

@@ -37,6 +37,12 @@ def has_code(project: Path) -> bool:
     return not of_ours or any(of_ours) or any(name not in empty for name, _ in calls)
 
 
+def not_for_cmake(path: Path) -> str:
+    """Why CMake and Ninja cannot build in a path; "" if they can."""
+    bad = next((c for c in str(path) if c in '"#;\\' or c < " "), "")
+    return f"{path}: CMake builds nothing in a path with {bad!r}" if bad else ""
+
+
 def of_missions() -> Iterator[Path]:
     """The folders of missions: the project's, ./missions, then the one beside this package."""
     if own := project():

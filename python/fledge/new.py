@@ -241,6 +241,8 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     _no_keyword(name, name)
     if name in _TAKEN or name.startswith("fledge_"):
         raise NewError(f"the name {name} is Fledge's or CMake's own; choose another for the project")
+    if why := folders.not_for_cmake(folder.resolve()):
+        raise NewError(f"{why}; choose another folder")
     texts: dict[Path, str | bytes] = {
         folder / file: _read(TEMPLATES / file).replace("my_sat", name).replace("FLEDGE_VERSION", __version__)
         for file in FILES}

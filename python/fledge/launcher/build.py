@@ -14,6 +14,7 @@ from pathlib import Path
 from fledge.contents import by_contents, changed
 from fledge.errors import Failure
 from fledge.disk import ROOT, may_write
+from fledge.folders import not_for_cmake
 from fledge.launcher.context import Context, same
 from fledge.launcher.packages import need
 from fledge.launcher.tools import alone, failure, pass_on, run, say
@@ -66,6 +67,8 @@ class Build:
         that are now requested, or with other tests; then build the targets, and print the warnings of a project. When a
         CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile: Ninja expects to be
         alone."""
+        if why := not_for_cmake(self.tree):
+            raise Failure(f"{why}; move it to another folder", 1)
         logs, preset = self.tree / "build", context.preset
         if not may_write(logs, self.folder):
             if not self.is_built(targets):
