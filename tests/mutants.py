@@ -15,7 +15,6 @@ import select
 import signal
 import sys
 import tempfile
-import time
 import traceback
 import warnings
 import xml.etree.ElementTree as xml
@@ -36,7 +35,8 @@ from fledge.files import ck, sclk, spk
 from fledge.ground import captures
 from fledge.ground.database import Database
 
-SECONDS, BYTES = 10.0, 500_000_000      # that a copy may take
+SECONDS, BYTES = 10, 500_000_000    # of a processor and of memory, that a copy may take
+PATIENCE = 12                       # times as long on a clock, where other programs have the processors
 LINE = 1500         # characters that a line of a refusal may have
 NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
 NUMBERS = [b"", b"0", b"-1", b"1", b"1e999", b"-1e308", b"1e-400", b"nan", b"inf", b"0x10", b"1_000", b"9" * 5000,
@@ -56,7 +56,7 @@ class Verdict(NamedTuple):
 
     word: str
     text: str
-    seconds: float
+    seconds: float      # of a processor
     bytes: int          # the peak of the process, its program included
 
 
@@ -205,13 +205,14 @@ def copies(data: bytes, change: Callable[[bytes, random.Random], bytes], seed: i
 
 def judge(read: Callable[[Path], object], path: Path, refusals: tuple[type[BaseException], ...]) -> Verdict:
     """What `read` does with a file, in a process of its own, which ends with its time or memory."""
-    started, (out, end) = time.monotonic(), os.pipe()
+    out, end = os.pipe()
     child = os.fork()
     if child == 0:
         text = ""
         try:
             size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (size + 2 * BYTES,) * 2)
+            resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -225,16 +226,16 @@ def judge(read: Callable[[Path], object], path: Path, refusals: tuple[type[BaseE
             os.write(end, text.encode(errors="replace")[:60_000])
             os._exit(0)
     os.close(end)
-    answered = bool(select.select([out], [], [], SECONDS)[0])
+    answered = bool(select.select([out], [], [], PATIENCE * SECONDS)[0])
     if not answered:
         os.kill(child, signal.SIGKILL)
     text = os.read(out, 60_000).decode()
     os.close(out)
     _, status, usage = os.wait4(child, 0)
     word, _, text = text.partition("\n")
-    seconds, peak = time.monotonic() - started, usage.ru_maxrss * 1024
-    if not answered:
-        word = f"no end within {SECONDS:g} s"
+    seconds, peak = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+    if not answered or os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU:
+        word = f"no end within {SECONDS} s"
     elif os.WIFSIGNALED(status):
         word = f"ended by {signal.Signals(os.WTERMSIG(status)).name}"
     elif peak > BYTES:

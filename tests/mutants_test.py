@@ -18,6 +18,10 @@ def verdict(tmp_path, read):
 
 
 def test_the_judge_sees_what_a_reader_may_not_do(tmp_path, monkeypatch):
+    def forever():
+        while True:
+            pass
+
     def refuses(text):
         raise mutants.SetupError(text)
 
@@ -30,8 +34,11 @@ def test_the_judge_sees_what_a_reader_may_not_do(tmp_path, monkeypatch):
     assert verdict(tmp_path, lambda path: bytearray(b"1") * 10**8).startswith("takes ")
     assert verdict(tmp_path, lambda path: bytearray(b"1") * 10**10) == "MemoryError"
     assert verdict(tmp_path, lambda path: os.abort()) == "ended by SIGABRT"
-    monkeypatch.setattr(mutants, "SECONDS", 0.2)
-    assert verdict(tmp_path, lambda path: time.sleep(5)) == "no end within 0.2 s"
+    monkeypatch.setattr(mutants, "SECONDS", 1)
+    monkeypatch.setattr(mutants, "PATIENCE", 1)
+    assert verdict(tmp_path, lambda path: time.sleep(5)) == "no end within 1 s"
+    monkeypatch.setattr(mutants, "PATIENCE", 60)
+    assert verdict(tmp_path, lambda path: forever()) == "no end within 1 s"
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(300, marks=pytest.mark.long("9,000 copies"))])
