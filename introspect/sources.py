@@ -121,7 +121,8 @@ class Headers:
                 line.decode("utf-8")
             except UnicodeDecodeError as error:
                 problems.append(Problem(self.show(path), n, "a header is in UTF-8",
-                                        f"0x{line[error.start]:02X}, byte {error.start + 1} of the line", "save it as UTF-8"))
+                                        f"0x{line[error.start]:02X}, byte {error.start + 1} of the line",
+                                        "save it as UTF-8"))
         return HeaderError(problems)
 
     def relative(self, path: str) -> str:

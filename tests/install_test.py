@@ -260,7 +260,8 @@ def deb(prefix, tmp_path_factory):
 def test_a_package_that_is_not_finished_leaves_no_file(tmp_path, monkeypatch):
     prefix, folder, begun = tmp_path / "prefix", tmp_path / "packages", []
     for name in ("bin/fledge", "share/bash-completion/x", "share/zsh/site-functions/_fledge", "lib/fledge/x",
-                 "lib/python3/dist-packages/fledge.pth", f"lib/fledge/python/_core{sysconfig.get_config_var('EXT_SUFFIX')}"):
+                 "lib/python3/dist-packages/fledge.pth",
+                 f"lib/fledge/python/_core{sysconfig.get_config_var('EXT_SUFFIX')}"):
         (prefix / name).parent.mkdir(parents=True, exist_ok=True)
         (prefix / name).touch()
     folder.mkdir()

@@ -55,7 +55,7 @@ def distinct(texts: Iterable[str], taken: Iterable[str] = (), keywords: Containe
 
 
 def words(headers: Iterable[str], roots: Sequence[Path]) -> set[str]:
-    """The words in the code of headers, and of those that they include, each from the first of the roots that has it."""
+    """The words in the code of headers, and of those they include, each from the first of the roots that has it."""
     found: set[str] = set()
     read, todo = set(), list(headers)
     while todo:

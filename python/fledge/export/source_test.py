@@ -278,8 +278,8 @@ TAKEN = ["inertial_pointing", "mission", "math", "string", "head", "tick", "exec
 
 
 @pytest.mark.parametrize("name, given", [*((name, f"{name}_mission") for name in TAKEN), ("Nadir-2", "nadir_2"),
-                                         ("double", "double_"), ("class", "class"), ("euler_rotation", "euler_rotation"),
-                                         ("orbit", "orbit")])
+                                         ("double", "double_"), ("class", "class"), ("orbit", "orbit"),
+                                         ("euler_rotation", "euler_rotation")])
 def test_a_mission_has_a_name_of_its_own(name, given, tmp_path):
     """In C of both standards, and in C++, which includes the headers."""
     sim = fledge.Simulation(name)

@@ -89,7 +89,8 @@ class Build:
             requested = {"BUILD_TESTING": tests,
                          "CMAKE_COMPILE_WARNING_AS_ERROR": context.develops and not self.fledge}
             on = {name: value or not fresh and self.cached(name) == "ON" for name, value in requested.items()}
-            if fresh or not self._has_its_tests() or any(value and self.cached(name) != "ON" for name, value in requested.items()):
+            new = any(value and self.cached(name) != "ON" for name, value in requested.items())
+            if fresh or new or not self._has_its_tests():
                 log = logs / f"configure-{preset}.log"
                 if status := run(log, ["cmake", *fresh, *self.arguments,
                                        f"-DBUILD_TESTING={'ON' if on.pop('BUILD_TESTING') else 'OFF'}",

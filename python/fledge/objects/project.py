@@ -35,8 +35,9 @@ def unbuilt(part: str, name: str) -> str:
         return ""
     path = header.relative_to(project).with_suffix("").as_posix()
     file = project / "CMakeLists.txt"
-    reason = (f"{file} does not list it: add {path} below {part.upper()} in fledge_project()"
-              if path not in file.read_text(encoding="utf-8", errors="replace") else "it is not built: ./fledge setup builds it")
+    listed = path in file.read_text(encoding="utf-8", errors="replace")
+    reason = ("it is not built: ./fledge setup builds it" if listed else
+              f"{file} does not list it: add {path} below {part.upper()} in fledge_project()")
     return f"there is no {name}: {path}.h exists, but {reason}"
 
 
