@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.display import shown_by_pyplot
-from fledge.errors import SetupError, listed, suggesting
+from fledge.errors import SetupError, suggesting
 from fledge.records.series import GOOD, NONE, Series
 
 if TYPE_CHECKING:
@@ -126,8 +126,6 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
     groups = [[series if isinstance(series, Series) else source.series(series)
                for series in ([p] if isinstance(p, (str, Series)) else p)] for p in panels]
-    if texts := [series.key for group in groups for series in group if series.values.dtype.kind == "U"]:
-        raise SetupError(f"plot: {listed(texts)} is text, which has no curve; leave it out")
     chosen = _chosen_units([series for group in groups for series in group], units or {})
     rows = -(-len(groups) // columns)
     size = size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows)

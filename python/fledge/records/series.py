@@ -253,14 +253,14 @@ class Records(Generic[P]):
             del rest[:len(shape)]
         outer = [i for i, part in enumerate(shown[:-1]) if "[" in part]
         short = ".".join(shown[min(outer, default=-1):])
-        words = words_of(field)
-        if field.type == "char":
+        words, values = words_of(field), self[key]
+        if values.dtype.kind == "U":
             raise SetupError(f"'{key}' is a text, and plots show numbers" + (
                 f": plot {key.removesuffix('name')}index, whose axis has the names" if port.type == MODE else ""))
         if port.type == MODE and name == "index":
             table = self._values(port)
             words = {int(i): text.decode() for i, text in zip(table["index"], table["name"])}
-        return Series(key, short, port.name, self._time(port), self[key], field.unit,
+        return Series(key, short, port.name, self._time(port), values, field.unit,
                       _meaning(field), words, self._quality(port))
 
     def _short_name(self, port: P) -> str:
