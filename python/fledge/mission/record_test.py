@@ -66,8 +66,10 @@ def test_the_mode_of_each_sample_is_a_record_beside_the_messages(sim, tmp_path):
     assert frame.loc[25, "mode.name"] == "idle" and frame.loc[25, "mode.valid_at"] == 20.5
     # The file has each begin of a mode, and not these samples too
     assert fledge.Archive(tmp_path / "run.mcap").time("flight.mode").tolist() == [0, 10.5, 20.5, 30.5]
-    with pytest.raises(SetupError, match="^'mode.name' is a text, and plots show numbers: plot mode.index, "):
-        log.plot("mode.name")
+    for record in (log, fledge.Archive(tmp_path / "run.mcap")):
+        with pytest.raises(SetupError, match="^'mode.name' is a text, and plots show numbers: plot mode.index, "):
+            record.series("mode.name")
+        assert record.series("mode.index").words == {0: "on", 1: "off", 2: "idle"}
 
 
 def test_the_largest_rate_is_each_instant(sim):
