@@ -277,7 +277,7 @@ def test_a_late_run_says_so(here, tmp_path):
         (["run", "looker", "--pace", "-1"], "argument --pace: expected a number >= 0; found '-1'"),
         (["run", "looker", "--out", "missions/looker/flight.py"],
          "fledge: missions/looker/flight.py: it is a file; give a folder"),
-        (["convert", "x"], "one of the arguments --csv --hdf5 --oem --aem --stk --spk --about is required"),
+        (["convert", "x"], "one of the arguments --csv --hdf5 --mat --oem --aem --stk --spk --about is required"),
     ],
 )
 def test_wrong_commands(here, tmp_path, arguments, text):

@@ -157,7 +157,7 @@ def test_a_requirement_on_modes_alone_has_no_margin_in_a_campaign_and_modes_that
     assert cli.main(["montecarlo", "modal", "--only", "0"]) == 1
     assert "FAILS    always flight.mode == coast: at 61 s\n" in capsys.readouterr().out
     archive = fledge.Archive(folder / "0/run.mcap")
-    assert len(archive["flight.mode.index"]) > 100
+    assert archive.time("flight.mode").tolist() == [0, 61]      # the file has no samples besides
     assert modes(archive) == {"flight": [(0.0, "coast"), (61.0, "point")]}
 
 
