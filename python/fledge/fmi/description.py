@@ -315,7 +315,7 @@ class _Reader:
 
 def _short(text: str | None) -> str:
     """A text of a file, for a message."""
-    return text if text is None or len(text) <= 40 else f"{text[:37]}..."
+    return f"{text[:37]}..." if text and len(text) > 40 else str(text)
 
 
 def _arrays(found: Mapping[str, Variable]) -> Iterator[Variable]:

@@ -159,9 +159,9 @@ class Interface:
                  or v.causality == "output" and v.initial == "exact" and v.variability != "constant"]
         inputs, outputs = [v for v in rest if v.causality == "input"], [v for v in rest if self._wanted(v)]
         own = [*inputs, *outputs, *tunable, *fixed]
-        names = sum(len(v.items) for v in own)
-        if len(own) + names > MOST_FIELDS:
-            with_names = f" with {names:,} names of values" if names else ""
+        items = sum(len(v.items) for v in own)
+        if len(own) + items > MOST_FIELDS:
+            with_names = f" with {items:,} names of values" if items else ""
             raise SetupError(f"{self.archive.where}: {len(inputs):,} inputs, {len(outputs):,} outputs and "
                              f"{len(tunable) + len(fixed):,} parameters{with_names}; at most {MOST_FIELDS:,} can be "
                              "fields: export the FMU with fewer")
