@@ -364,8 +364,8 @@ def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(mode
     assert "| `QUALITY_STALE` | 1 | older than its wire allows |" in text
     assert "```text\nL = -gain (h - h_wanted),   h = sum J_i Omega_i g_i,   |L| <= torque_max\n```\n\nfrom" in text
     assert "After `hold` without new data" in text
-    algorithm = text.partition("\n### HillPointing\n")[2].partition("**Algorithm**\n\nThe Hill frame of a")[2]
-    assert "```text\n[HN] has the rows r / |r|, " in algorithm.partition("**Inputs**")[0]
+    algorithm = text.partition("\n### WheelTorques\n")[2].partition("**Algorithm**\n\nMinimum-norm wheel torques.")[2]
+    assert "```text\nu = -A^T (A A^T)^+ C L,\n```" in algorithm.partition("**Inputs**")[0]
 
 
 @pytest.mark.parametrize("text, page", [

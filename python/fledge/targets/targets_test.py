@@ -72,8 +72,8 @@ def test_the_classes_need_nothing_that_is_built():
                "late = {'_core', 'numpy', 'dataclasses', 'inspect', 'typing', 'tarfile', 'hashlib', 'tomllib'}\n"
                "assert not late & set(sys.modules), late & set(sys.modules)\n"
                "own = {'.'.join(name.split('.')[:2]) for name in sys.modules if name.startswith('fledge')}\n"
-               "rooms = {'', '.cli', '.launcher', '.targets', '.contents', '.errors', '.disk', '.programs', "
-               "'.progress', '.serial_line'}\n"
+               "rooms = {'', '.cli', '.launcher', '.targets', '.contents', '.errors', '.disk', '.folders', "
+               "'.programs', '.progress', '.serial_line'}\n"
                "assert own == {f'fledge{room}' for room in rooms}, own")
     subprocess.run([sys.executable, "-P", "-S", "-c", program], check=True,
                    env={**os.environ, "PYTHONPATH": str(ROOT / "python")})
