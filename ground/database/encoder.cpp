@@ -161,11 +161,24 @@ private:
         }
     }
 
+    /// An argument, and the members by which a condition may name a part of it.
+    void leave_out(const std::string &name, Id type)
+    {
+        if (left_out_.insert(name).second) {
+            for (const Member &member : db_.types[type].members) {
+                if (!types_.contains(member.name)) { // an argument of that name is another value
+                    leave_out(member.name, member.type);
+                }
+            }
+        }
+    }
+
     void entry(const Entry &entry, std::size_t &at, std::size_t start)
     {
         if (!holds(entry.include)) {
-            if (entry.kind == Entry::Kind::argument) {
-                left_out_.insert(entry.name);
+            if (const auto type = types_.find(entry.name);
+                entry.kind == Entry::Kind::argument && type != types_.end()) {
+                leave_out(entry.name, type->second);
             }
             return;
         }
@@ -590,7 +603,7 @@ private:
             throw Refusal(name + " must have " + wanted + " bytes; found " + std::to_string(content.size()));
         };
         if (!is_text || (encoding.terminator.empty() && encoding.size_tag == 0)) {
-            const bool pads = encoding.size.is_fixed() && (is_text || type.sort == Sort::text);
+            const bool pads = encoding.size.is_fixed() && *room % 8 == 0 && (is_text || type.sort == Sort::text);
             if (pads && n < *room) {
                 content.resize((*room + 7) / 8);
             }
@@ -760,7 +773,7 @@ private:
     std::vector<std::uint32_t> steps_;     ///< into the parameter that is being written
     Id parameter_ = no_id;
     std::size_t root_ = 0;           ///< characters of the name of the entry that is being written
-    std::set<std::string> left_out_; ///< arguments whose entries are not included
+    std::set<std::string> left_out_; ///< arguments whose entries are not included, and members of these
     std::size_t entries_ = 0;
 };
 

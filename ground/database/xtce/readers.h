@@ -36,7 +36,7 @@ public:
 private:
     std::optional<Reference> parameter(Node node, const std::string &text) const;
     void add_steps(Reference &to, Node node, View steps) const;
-    std::set<Id> argument_types(Node node, const std::string &name) const;
+    std::set<Id> argument_types(Node node, const std::string &name, std::size_t &looked) const;
     Condition comparison(Node node) const;
     Condition two_values(Node node) const;
 

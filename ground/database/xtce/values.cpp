@@ -7,7 +7,7 @@ namespace fledge::ground::xtce {
 namespace {
 
 constexpr View of_argument = "/yamcs/cmd/arg/";
-constexpr std::size_t most_judged = 1 << 20; // values of constants
+constexpr std::size_t most_judged = 1 << 22; // types and arguments that constants are compared with
 constexpr std::int64_t most_quantity = std::int64_t(1) << 40;
 
 bool is_reference(Node node)
@@ -173,18 +173,23 @@ Condition ValueReader::condition(Node node)
     return condition_of(inside[0]);
 }
 
-/// The types that an argument has: in the command around a node, else in all commands.
-std::set<Id> ValueReader::argument_types(Node node, const std::string &name) const
+/// The types that an argument has: in the command around a node, else in all commands; none where a member of an
+/// aggregate may be meant. looked: counts the arguments that were compared
+std::set<Id> ValueReader::argument_types(Node node, const std::string &name, std::size_t &looked) const
 {
     for (; node && tag(node) != "MetaCommand"; node = node.parent()) {
     }
     const auto command = commands_.find(node.internal_object());
     if (!node || command == commands_.end()) {
+        if (members.contains(name)) {
+            return {};
+        }
         const auto found = arguments_.find(name);
         return found != arguments_.end() ? found->second : std::set<Id>();
     }
     for (Id at = command->second; at != no_id && !declared_.left_out(declared_.commands[at]);
          at = db_.commands[at].base) {
+        looked += db_.commands[at].arguments.size() + 1;
         for (const Argument &argument : db_.commands[at].arguments) {
             if (argument.name == name) {
                 return {argument.type};
@@ -207,7 +212,7 @@ void ValueReader::note_constants()
         const Reference &left = condition.left;
         std::set<Id> types;
         if (left.of == Reference::Of::argument) {
-            types = argument_types(node, left.name);
+            types = argument_types(node, left.name, judged);
         } else if (db_.parameters[left.parameter].type != no_id) { // else it is left out
             types = {db_.type_of(left)};
         }

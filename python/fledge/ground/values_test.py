@@ -170,6 +170,16 @@ def test_no_condition_holds_on_an_argument_that_is_left_out(tmp_path, op):
             {"a": a} | ({"k": k} if a == 1 else {}) | ({"v": 7} if included else {})
 
 
+def test_no_condition_holds_on_a_member_of_an_argument_that_is_left_out(tmp_path):
+    types = (integer("V", 8, kind="Argument") + "<AggregateArgumentType name='G'><MemberList>"
+             "<Member name='m' typeRef='V'/></MemberList></AggregateArgumentType>")
+    database = command(tmp_path, types, {"a": ("V", None), "g": ("G", None), "v": ("V", None)},
+                       entry("a") + entry("g", compares("a", 1)) + entry("v", compares("m", 2)))
+    assert database.encode("C", a=1, g={"m": 2}, v=7) == b"\1\2\7"
+    assert database.encode("C", a=0, g={"m": 2}, v=7) == b"\0"
+    assert database.decode_command(b"\0").arguments == {"a": 0}
+
+
 def test_a_name_with_a_dot_is_no_member(tmp_path):
     database = command(tmp_path, integer("V", 8, kind="Argument"), {name: ("V", None) for name in ("X", "A.X", "v")},
                        entry("X") + entry("A.X") + entry("v", compares("X", 1)))
@@ -408,6 +418,12 @@ def test_a_text_of_a_fixed_size_is_padded_with_zeros_which_are_not_shown(tmp_pat
     assert (packet.values, packet.container) == ({"v": value}, "/S/K" if value == "ab" else "/S/R")
     with pytest.raises(SetupError, match=f"v must have at most {len(packed)} bytes; found|must be one of"):
         sent.encode("C", v="123456789")
+
+
+def test_a_text_whose_size_is_no_whole_number_of_bytes_is_not_padded(tmp_path):
+    database = command(tmp_path, fixed("String", "StringDataEncoding", 12), {"v": ("V", None)}, entry("v"))
+    with pytest.raises(SetupError, match="v must have 2 bytes; found 1"):
+        database.encode("C", v="A")
 
 
 def test_a_binary_value_of_a_fixed_size_is_not_padded(tmp_path):
