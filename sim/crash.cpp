@@ -200,10 +200,14 @@ private:
     std::size_t n_ = 0;
 };
 
-/// A thread in which an FMU runs, which may have started the thread that crashed; null: none. Without the mutex, which
-/// this thread may hold.
+/// A thread in which an FMU runs, which may have started the thread that crashed; null: none, or another thread has the
+/// mutex.
 Thread *beside_fmu()
 {
+    const std::unique_lock lock(watch().mutex, std::try_to_lock);
+    if (!lock || watch().process != getpid()) { // those of the process that was copied are not here
+        return nullptr;
+    }
     const std::vector<Thread *> &threads = watch().threads;
     const auto found =
         std::ranges::find_if(threads, [](const Thread *thread) { return thread->running.function.load(); });
@@ -426,6 +430,7 @@ void report_crashes(const std::string &given, const std::string &of_run)
     keep(of_run, command_of_one);
     terminal = isatty(STDERR_FILENO);
     observe_threads();
+    watch(); // a handler may not allocate it
     for (const int signal : crashes) {
         install(signal);
     }

@@ -12,7 +12,7 @@ namespace fledge::sim {
 
 struct Task;
 
-/// Of a thread. The loop writes it; the signal handler of the same thread reads it, and the watchdog compares it.
+/// Of a thread. The loop writes it; signal handlers read it, and the watchdog compares it.
 struct Running {
     static constexpr Ns nothing = -2; ///< no simulation runs
 
