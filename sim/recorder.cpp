@@ -201,7 +201,7 @@ void Recorder::reserve(Ns now, Ns t, Ns step)
 {
     for (const auto &log : logs_) {
         const Ns every = std::max(log->every, step);
-        if (log->keep && t > now && every > 0) {
+        if (log->keep && log->only.empty() && t > now && every > 0) { // how long a mode lasts is not known
             const auto more = static_cast<std::size_t>((t - std::max<Ns>(now, 0)) / every + 2);
             const std::size_t wanted = log->times.size() + more;
             // At least double the capacity, so that many short runs do not copy the log each time.

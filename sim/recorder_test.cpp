@@ -42,6 +42,21 @@ TEST(Recorder, TakesSamplesOnItsGridAndForgetsThemOnReset)
     EXPECT_THAT(log->times, ElementsAre(0));
 }
 
+TEST(Recorder, ReservesMemoryForALongRunButNotForSomeModesOfIt)
+{
+    constexpr Ns century = 3'155'760'000'000 * ms;
+    for (const bool only : {false, true}) {
+        Loop loop;
+        loop.sim.recorder().record(loop.tank, *find_field(loop.tank->type(), "level"), 0, true,
+                                   only ? [] { return false; } : std::function<bool()>());
+        if (only) {
+            loop.sim.recorder().reserve(0, century, 1);
+        } else {
+            EXPECT_THROW(loop.sim.recorder().reserve(0, century, 1), SetupError);
+        }
+    }
+}
+
 /// Keeps the times at which it looked, and ends the run at one of them.
 struct Looker : Watcher {
     void take(Ns t) override
