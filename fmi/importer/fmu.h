@@ -114,7 +114,7 @@ protected:
             fail(f.name(), status == error   ? "an error"
                            : status == fatal ? "a fatal error"
                                              : "status " + std::to_string(status) +
-                                                   ", which is none of OK (0), warning, discard, error and fatal (4)");
+                                                   "; known are OK (0), warning, discard, error and fatal (4)");
         }
         return status != discard;
     }

@@ -73,8 +73,12 @@ class Scratch:
 
         self.path = Path(tempfile.mkdtemp(prefix=prefix))
         # A signal may kill this process, so another one removes what is left then.
-        keeper = subprocess.Popen(["sh", "-c", _KEEPER, "sh", self.path], stdin=subprocess.PIPE, cwd="/",
-                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        try:
+            keeper = subprocess.Popen(["sh", "-c", _KEEPER, "sh", self.path], stdin=subprocess.PIPE, cwd="/",
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        except OSError:
+            self.path.rmdir()
+            raise
         self.remove = weakref.finalize(self, _end_scratch, self.path, keeper, os.getpid())
 
 

@@ -98,8 +98,8 @@ class Archive:
         if not parts or entry.is_dir():
             return ""
         if entry.compress_type not in _METHODS:
-            refuse(self.where, 0, f"'{name}' is packed by method {entry.compress_type} of zip, and FMI allows deflate "
-                   "alone; pack the FMU anew")
+            refuse(self.where, 0, f"'{name}' is packed by method {entry.compress_type} of zip, and FMI allows 0 "
+                   "(none) and 8 (deflate); pack the FMU anew")
         return "/".join(parts)
 
     def _check_sizes(self, entries: Mapping[str, zipfile.ZipInfo]) -> None:
@@ -134,10 +134,10 @@ class Archive:
                 raise
         except OSError as error:
             place = tempfile.tempdir or "a temporary folder"
-            if error.errno in (errno.ENOSPC, errno.EDQUOT) or not name:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
                 refuse(self.where, 0, f"no room to unpack it in {place}: {error.strerror or error}; make room there, "
                        "or give another folder by TMPDIR")
-            refuse(self.where, 0, f"'{name}' cannot be unpacked into {place}: {error.strerror or error}")
+            refuse(self.where, 0, f"{name or 'it'} cannot be unpacked into {place}: {error.strerror or error}")
 
     def _binary(self, entries: Mapping[str, zipfile.ZipInfo]) -> PurePosixPath:
         machine = platform.machine()

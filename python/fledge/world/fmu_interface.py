@@ -324,6 +324,8 @@ def _array(values: Sequence[float], dtype: np.dtype[Any]) -> np.ndarray[Any, Any
     """Raises ValueError for what the type cannot hold."""
     if dtype.kind != "f" and not all(np.iinfo(dtype).min <= x <= np.iinfo(dtype).max for x in values):
         raise ValueError
+    if dtype.kind != "f":
+        return np.array([int(x) for x in values], dtype)    # numpy makes doubles of small and large ones together
     with np.errstate(over="ignore"):
         return np.array(values).astype(dtype)
 
