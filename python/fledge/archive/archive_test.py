@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from fledge.archive import Archive, ArchiveError, rosmsg
+from fledge.archive.compare import digest
 from introspect.emit import schema
 from introspect.model import Field, Type
 from tests.circles import long_after
@@ -758,6 +759,40 @@ def test_topics_whose_names_are_alike_keep_their_values(tmp_path, form):
         assert all(re.fullmatch("[A-Za-z][A-Za-z0-9_]{0,62}", name) for name in tables if not name.startswith("__"))
         found = [table["x"] for table in tables.values() if isinstance(table, dict) and "x" in table]
     assert sorted(map(float, found)) == list(range(len(topics)))
+
+
+def test_definitions_beyond_a_limit_are_refused_soon():
+    begin = "=" * 80 + "\nMSG: x/A"
+    nested = "".join(f"{begin}{i}\nA{i + 1}[1] a\n" for i in range(1, 30)) + f"{begin}30\nbyte a\n"
+    for text, why in (("bool a\n" * 300_000, "two members named a"),
+                      ("\n".join(f"bool a{i}" for i in range(100_000)), "100000 fields; up to 16384 are read"),
+                      ("float64[1] x  # x [m] (" + "1," * 39 + "1) foo", "has 40 dimensions; up to 24 are read"),
+                      ("A1[1] a\n" + nested, "a field has 30 dimensions")):
+        with pytest.raises(rosmsg.DefinitionError, match=why):
+            rosmsg.parse(text)
+
+
+def test_a_field_of_hdf5_may_be_called_as_the_times(tmp_path):
+    import h5py
+    maker = Maker(tmp_path / "x.mcap")
+    maker.message(maker.channel("/a", "X", "float64 x  # _time [s] of its own"), 0, 0, struct.pack("<d", 7))
+    maker.close()
+    with Archive(tmp_path / "x.mcap") as a, h5py.File(a.to_hdf5(tmp_path / "x.h5")) as file:
+        assert (file["a/_time"][0], file["a/_time_2"][0]) == (0, 7)
+
+
+def test_the_hash_tells_messages_apart_that_cannot_be_decoded(tmp_path):
+    hashes = set()
+    for i, parts in enumerate(([b"ab", b"c"], [b"a", b"bc"])):
+        maker = Maker(tmp_path / f"{i}.mcap")
+        channel = maker.channel("/a", "X", "string x")
+        for part in parts:
+            maker.message(channel, 0, 0, part)
+        maker.close()
+        a = Archive(tmp_path / f"{i}.mcap")
+        assert a.topics["/a"].problem
+        hashes.add(digest(a, a.topics))
+    assert len(hashes) == 2
 
 
 def test_braces_in_a_meaning_are_no_values():

@@ -272,5 +272,5 @@ def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) 
             total.update(archive[topic][counted].tobytes())
         else:
             for content, counts in zip(archive.contents(topic), counted):
-                total.update(content if counts else b"")
+                total.update(len(content).to_bytes(8, "little") + content if counts else b"")
     return total.hexdigest()[:16]

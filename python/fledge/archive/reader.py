@@ -430,6 +430,7 @@ class Archive(Records[Channel]):
             for channel, fields, heads in self._select(topics, head):
                 group = _group(out, channel, {*(field.name for field in fields), *heads})
                 group.attrs.update(_attributes({**channel.metadata, "schema": channel.schema}))
+                taken = {"_time", "_time_ns"}
                 for name, unit, values in (("_time", "s", self.time(channel.topic)),
                                            ("_time_ns", "ns", self.time_ns(channel.topic))):
                     group.create_dataset(name, data=values).attrs["unit"] = unit
@@ -438,7 +439,7 @@ class Archive(Records[Channel]):
                     if name in heads and unit != "s":
                         kind = h5py.enum_dtype({word: value for value, word in words_of(field).items()}, values.dtype)
                     values = values.astype("S") if values.dtype.kind == "U" else values
-                    data = group.create_dataset(name, data=values, dtype=kind)
+                    data = group.create_dataset(unique(name, taken), data=values, dtype=kind)
                     data.attrs.update(_attributes({"unit": unit, "meaning": field.meaning}))
                     if field.values and name not in heads:
                         data.attrs["values"] = ", ".join(
@@ -459,6 +460,8 @@ class Archive(Records[Channel]):
         topics, head: as for `to_hdf5`. Raises ArchiveError for a topic of 4 GB, which the format does not hold.
         """
         from scipy.io import savemat
+        from scipy.io.matlab import MatWriteError
+
         taken = {"metadata"}
         content: dict[str, Any] = {"metadata": {}}
         names: set[str] = set()
@@ -479,7 +482,7 @@ class Archive(Records[Channel]):
         with Part(path) as unfinished, open(unfinished, "wb") as out:
             try:
                 savemat(out, content, long_field_names=True, oned_as="column")
-            except ValueError as error:
+            except (MatWriteError, OverflowError, ValueError) as error:
                 raise ArchiveError(f"{path}: cannot be written: {error}; choose topics, or write HDF5") from None
         return Path(path)
 

@@ -19,6 +19,7 @@ Fledge reads only messages of fixed size without padding: they are C structs, by
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -39,6 +40,7 @@ PRIMITIVES = {  # ROS 2 name -> numpy's code
 }
 
 SIZE_MOST = 2**22       # [bytes] of a message that is read: its elements have a name and a column each
+DIMS_MOST = 24          # of a field, with those of the messages that it is in; numpy has up to 32
 FIELDS_MOST = 2**14     # of a message, with those of nested ones
 _DEPTH_MOST = 32        # of messages in messages
 
@@ -165,6 +167,8 @@ def parse(text: str) -> Struct:
         else:
             sections[name].append((number, line))
     struct = _struct(None, sections, {}, ())
+    if (dims := max((len(f.shape) for f in struct.fields()), default=0)) > DIMS_MOST:
+        raise DefinitionError(f"a field has {dims} dimensions; up to {DIMS_MOST} are read")
     padded = struct.misaligned()
     if padded:
         raise DefinitionError(f"{padded} needs padding before it; only structs without are read")
@@ -186,9 +190,8 @@ def _struct(name: str | None, sections: dict[Any, list[tuple[int, str]]], known:
                 members.append(_member(number, code.strip(), comment.strip(), sections, known,
                                        inside + (name,)))
         names = [m.name for m in members]
-        for n in names:
-            if names.count(n) > 1:
-                raise DefinitionError(f"{name or 'the message'} has two members named {n}")
+        if twice := next((n for n, count in Counter(names).items() if count > 1), None):
+            raise DefinitionError(f"{name or 'the message'} has two members named {twice}")
         size = sum(m.size for m in members)
         fields = sum(m.type.n if isinstance(m.type, Struct) else 1 for m in members)
         for found, most, what in ((size, SIZE_MOST, "bytes"), (fields, FIELDS_MOST, "fields")):
