@@ -18,7 +18,7 @@ COMMANDS = [
         "20 runs need 0.8 MB, more than what is left of the disk of runs/nadir_spin/montecarlo/release, 0.0 MB"]),
     ("900k", "montecarlo nadir_spin --runs 20", 1, [
         f"montecarlo/release/runs.h5: cannot be written: {FULL}; the 20 runs that were flown are kept in "
-        "runs/nadir_spin/montecarlo/release/unfinished: when there is room, the same command writes the report"]),
+        "runs/nadir_spin/montecarlo/release/unfinished: once that is mended, the same command writes the report"]),
     ("40k", "montecarlo nadir_spin --only 3", 1, [
         f"cannot write runs/nadir_spin/montecarlo/release/3/run.mcap: {FULL}",
         f"3/retained.png: cannot be written: {FULL}"]),

@@ -43,7 +43,7 @@ def document(title: str, suites: Iterable[Suite]) -> str:
             else:
                 ElementTree.SubElement(of_case, "system-out").text = text
     ElementTree.indent(top)
-    return ElementTree.tostring(top, encoding="unicode", xml_declaration=True) + "\n"
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(top, encoding="unicode") + "\n"
 
 
 def _legal(text: str) -> str:

@@ -170,7 +170,7 @@ def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Pat
             paths += write_files({junit.name: report.junit(result, data, wall, command)}, junit.parent)
     except OSError as error:
         raise Failure(f"{in_words(error)}; the {int(result.flown.sum())} runs that were flown are kept in "
-                      f"{folder / 'unfinished'}: when there is room, the same command writes the report", 1) from None
+                      f"{folder / 'unfinished'}: once that is mended, the same command writes the report", 1) from None
     if not result.interrupted:
         result.close()
     if options.json:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge plot RUN`, `fledge view RUN`, `fledge convert RUN`: a record as figures, in 3-D, as CSV or HDF5."""
+"""`fledge plot RUN`, `fledge view RUN`, `fledge convert RUN`: a record as figures, in 3-D, as CSV, HDF5 or MAT."""
 from __future__ import annotations
 
 import argparse

@@ -251,8 +251,6 @@ def _columns(file: _File, clock: Clock) -> dict[str, np.ndarray]:
             numbers.append([to_si(text, unit) for text, unit in zip(words[width:], units)])
         except ValueError as error:
             refuse(file.where, line, f"expected a number; found {str(error)!r}")
-    count = f"NumberOf{file.kind}Points"
-    most = file.get(count, str(len(times)))
     _check_count(file, f"NumberOf{file.kind}Points", len(times), file.block)
     return {"EPOCH": np.array(times, dtype=np.int64), **dict(zip(names, np.array(numbers).T))}
 

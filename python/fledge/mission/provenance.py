@@ -140,11 +140,14 @@ def compare_with_project(folder: Path) -> None:
     """Warn, once, where another Fledge runs than the project's pyproject.toml names in [tool.fledge]: by `version`, or
     by `revision`, of which 12 digits count."""
     file = folder / "pyproject.toml"
-    text = file.read_text(encoding="utf-8") if file.is_file() else ""
     try:
-        named = tomllib.loads(text).get("tool", {}).get("fledge", {})
-    except tomllib.TOMLDecodeError as error:
+        text = file.read_text(encoding="utf-8") if file.is_file() else ""
+        tool = tomllib.loads(text).get("tool", {})
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SetupError(f"{file}: {error}") from None
+    named = tool.get("fledge", {}) if isinstance(tool, dict) else {}
+    if not isinstance(named, dict):
+        raise SetupError(f"{file}: expected a table [tool.fledge] with version and revision; found {named!r}")
     if other := named.keys() - {"version", "revision"}:
         raise SetupError(f"{file}: [tool.fledge] has version and revision; found {', '.join(sorted(other))}")
     for name, wanted in named.items():

@@ -76,8 +76,14 @@ def test_a_project_that_names_another_fledge_warns(tree, tmp_path, monkeypatch):
     (text, _, line), = warned(f'[tool.fledge]\nversion = "{fledge.__version__}"\nrevision = "0123456789ab"\n')
     assert line == 1
     assert text.startswith(f"this project names the revision 0123456789ab of Fledge, and {commit[:12]} runs")
-    with pytest.raises(fledge.SetupError, match="has version and revision; found versions"):
-        warned("[tool.fledge]\nversions = 1\n")
+    for wrong, why in (("[tool.fledge]\nversions = 1\n", "has version and revision; found versions"),
+                       ("[tool]\nfledge = '0.1'\n", "expected a table .tool.fledge.* found '0.1'")):
+        with pytest.raises(fledge.SetupError, match=why):
+            warned(wrong)
+    file.write_bytes(b"# \xe9\n")
+    provenance.compare_with_project.cache_clear()
+    with pytest.raises(fledge.SetupError, match="pyproject.toml: 'utf-8' codec"):
+        fledge.load(fledge.mission.find("nadir_spin").folder)
 
 
 def test_a_worktree_a_detached_head_and_packed_refs(tree):

@@ -24,7 +24,7 @@ def chosen(sim: Simulation, wanted: str | None) -> tuple[str, Callable[[Simulati
     known = sim.mission.scenarios
     name = wanted if wanted else next(iter(known), "")
     if name not in known:
-        if name in sim.mission.functions:
+        if name in sim.mission.functions and not name.startswith("_"):
             raise SetupError(f"the mission {sim.name}: {name}() of scenarios.py takes more, or less, than the "
                              "simulation, and is no scenario. Parameters belong to build() of flight.py or world.py, "
                              "as in build(f, stiffness=0.2), and --set gives them")

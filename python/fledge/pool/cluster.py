@@ -183,9 +183,9 @@ class _Tasks(Generic[Item, Result]):
         self._wrong[worker] += 1
         if self._wrong[worker] == 1:
             warnings.warn(f"the worker {worker}: {problem}; what it flew is flown again", RuntimeWarning, stacklevel=2)
-        elif self._wrong[worker] >= WRONG:
+        elif self._wrong[worker] >= WRONG and worker in (there := set(client.scheduler_info()["workers"])):
             problem = f"gave {WRONG} wrong answers, the last: {problem}"
-            if not set(client.scheduler_info()["workers"]) - {worker, *self._refused}:
+            if not there - {worker, *self._refused}:
                 raise RunError(f"the worker {worker} {problem}; no other worker is left: start one on another machine")
             self._refuse(Refusal(worker, problem))
 
@@ -206,7 +206,7 @@ class _Tasks(Generic[Item, Result]):
         worker, problem = refusal.worker, excerpt(refusal.problem)
         if worker not in self._refused:
             warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=2)
-            self._cluster.client.run(leave, workers=[worker], wait=False)
+            self._cluster.client.run(leave, workers=[worker], wait=False, on_error="ignore")
         self._refused.append(worker)
         if len(self._refused) > REFUSALS:
             raise SetupError(f"the worker {worker} {problem}")

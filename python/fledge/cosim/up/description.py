@@ -288,7 +288,8 @@ class _Reader(Tables):
                     if other is not p:
                         self.refuse((*path, "writes"), "a topic has one writer",
                                     f"{other.name} and {p.name} both write {topic}",
-                                    "let one of them write `writes = []`, or another topic")
+                                    f"let {p.name} write another topic, or give {own.name} the topics that it writes"
+                                    if own else "let one of them write `writes = []`, or another topic")
         found: dict[str, tuple[tuple, Program]] = {}
         for path, p in plan.tables():
             for topic in self.written.get(p.name, ()):

@@ -374,12 +374,13 @@ def test_the_server_of_a_control_room_commands_the_processes_of_its_file(tmp_pat
 def test_two_asynchronous_programs_do_not_write_one_topic(folder):
     text = NODE + "".join(f'[[asynchronous]]\nname = "{name}"\ncommand = ["sh"]\n' for name in ("ground", "room"))
     two = 'writes = ["{}"]\n'
-    advice = "let one of them write `writes = []`, or another topic"
     assert complaints(folder, text + two.format("/ground/command")) == [
-        (10, f"a topic has one writer; ground and room both write /ground/command; {advice}")]
+        (10, "a topic has one writer; ground and room both write /ground/command; let room write another topic, or "
+         "give ground the topics that it writes")]
     text = text.replace('[[asynchronous]]\nname = "room"', two.format("/up") + '[[asynchronous]]\nname = "room"')
     assert complaints(folder, text + two.format("/up")) == [
-        (11, f"a topic has one writer; ground and room both write /up; {advice}")]
+        (11, f"a topic has one writer; ground and room both write /up; let one of them write "
+         "`writes = []`, or another topic")]
     read(write(folder, text + two.format("/ground/command")))
 
 

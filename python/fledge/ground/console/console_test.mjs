@@ -105,7 +105,7 @@ await run({
 
     async "before a choice, the newest packet is shown, with what to do"() {
         const page = await open("packets");
-        await page.locator(".inspect .tip", {hasText: "The newest packet when this page was opened"}).waitFor();
+        await page.locator(".inspect .tip", {hasText: "The newest packet when this list was read"}).waitFor();
         await row(page.locator(".inspect"), "voltage").waitFor();
         await row(page.locator(".list"), "Power").click();
         await page.locator(".inspect .tip:empty").waitFor({state: "attached"});

@@ -87,7 +87,7 @@ export async function open(context) {
 
     function fill(packet, text) {
         put(name, text);
-        put(tip, chosen ? "" : "The newest packet when this page was opened. Choose another one in the list, or give " +
+        put(tip, chosen ? "" : "The newest packet when this list was read. Choose another one in the list, or give " +
             "bytes in hex; point at a field or a byte to see its place.");
         fields.element.hidden = false;
         rows = (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) =>
