@@ -32,6 +32,7 @@ from fledge.archive import ArchiveError
 from fledge.archive.mcap import CHUNK, DATA_END, MAGIC, METADATA
 from fledge.errors import CompositionError, Failure, RunError, SetupError
 from fledge.files import ck, sclk, spk
+from fledge.files.sections import Message
 from fledge.ground import captures
 from fledge.ground.database import Database
 
@@ -320,7 +321,7 @@ def turned(path: Path) -> None:
 
 def messages(path: Path) -> None:
     for message in files.read_all(path):
-        files.text_of(message) if hasattr(files, "text_of") else repr(message)
+        files.ndm.text_of(message) if isinstance(message, Message) else repr(message)
 
 
 def pulled(path: Path) -> None:
