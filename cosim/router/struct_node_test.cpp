@@ -36,12 +36,16 @@ struct Drifter {
 /// The result of a run without a kill.
 struct Outcome {
     std::vector<double> seen;
-    std::string reason, victim;
+    std::string reason, victim, successor;
     Ns began_again = -1;
 };
 
+/// Whether the controller reads what programs send at once, or only when all of the following have come: the greeting
+/// of a stranger, the last frame of the lost program, and the greeting of the new one.
+enum class Reads { at_once, late };
+
 /// Two drifters; one is lost at the instant `dies`, and a new program takes its place.
-Outcome fly(Ns dies, bool keeps)
+Outcome fly(Ns dies, bool keeps, Reads reads = Reads::at_once)
 {
     static int runs = 0;
     ControllerConfig config;
@@ -51,9 +55,13 @@ Outcome fly(Ns dies, bool keeps)
     config.end = 1000 * ms;
     RouterConfig router_config;
     router_config.address = "ipc://@fledge-struct-node-" + std::to_string(getpid()) + "-" + std::to_string(runs++);
+    router_config.sharing = reads == Reads::late ? Sharing::forbidden : Sharing::allowed;
     zmq::context_t context;
     Router router(context, config, router_config);
     Outcome outcome;
+    std::atomic<bool> dying = false, held = false;
+    std::promise<void> lost;
+    std::future<std::string> stranger;
 
     const auto be_a = [&](std::optional<Ns> end) -> std::string {
         Drifter drifter;
@@ -71,6 +79,10 @@ Outcome fly(Ns dies, bool keeps)
                 }
                 first = false;
                 if (t == end) {
+                    dying = reads == Reads::late;
+                    while (dying && !held) {
+                        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                    }
                     throw std::runtime_error("killed");
                 }
                 drifter.step();
@@ -92,11 +104,31 @@ Outcome fly(Ns dies, bool keeps)
     auto a = std::async(std::launch::async, [&] {
         outcome.victim = be_a(dies);
         if (outcome.victim == "killed") {
-            be_a({});
+            lost.set_value();
+            outcome.successor = be_a({});
         }
     });
-    const std::string reason = router.run();
+    const std::string reason = router.run([&] {
+        constexpr auto until_a_greeting_is_there = std::chrono::milliseconds(50);
+        if (dying && !held) {
+            stranger = std::async(std::launch::async, [&]() -> std::string {
+                try {
+                    return StructNode({"drift", "c", router.address()}, {10 * ms, 0}).run([](Ns) {});
+                } catch (const LinkError &error) {
+                    return error.what();
+                }
+            });
+            std::this_thread::sleep_for(until_a_greeting_is_there);
+            held = true;
+            lost.get_future().wait();
+            std::this_thread::sleep_for(until_a_greeting_is_there);
+        }
+        return true;
+    });
     EXPECT_EQ(reason, "");
+    if (stranger.valid()) {
+        EXPECT_EQ(stranger.get(), "the controller refuses c: drift has no node c; it has a and b");
+    }
     a.get();
     b.get();
     return outcome;
@@ -108,9 +140,11 @@ TEST(StructNode, ANewProgramGoesOnFromASnapshotOrFromTheBeginning)
     ASSERT_EQ(whole.seen.size(), 101u);
     EXPECT_EQ(whole.victim, "");
     EXPECT_NE(whole.seen.back(), whole.seen.front());
-    for (const bool keeps : {false, true}) {
-        const Outcome again = fly(500 * ms, keeps);
+    const std::pair<bool, Reads> losses[] = {{false, Reads::at_once}, {true, Reads::at_once}, {true, Reads::late}};
+    for (const auto &[keeps, reads] : losses) {
+        const Outcome again = fly(500 * ms, keeps, reads);
         EXPECT_EQ(again.victim, "killed");
+        EXPECT_EQ(again.successor, "");
         EXPECT_EQ(again.reason, "");
         EXPECT_EQ(again.seen, whole.seen);
         if (keeps) {
