@@ -2,6 +2,7 @@
 #include "ground/database/encoder.h"
 
 #include "ground/database/calibrate.h"
+#include "ground/database/decoder.h"
 #include "ground/database/operand.h"
 #include "ground/database/times.h"
 
@@ -603,12 +604,13 @@ private:
             throw Refusal(name + " must have " + wanted + " bytes; found " + std::to_string(content.size()));
         };
         if (!is_text || (encoding.terminator.empty() && encoding.size_tag == 0)) {
+            const std::size_t wanted = (*room + 7) / 8;
             const bool pads = encoding.size.is_fixed() && *room % 8 == 0 && (is_text || type.sort == Sort::text);
-            if (pads && n < *room) {
-                content.resize((*room + 7) / 8);
+            if (pads && content.size() < wanted) {
+                content.resize(wanted);
             }
-            if (content.size() != (*room + 7) / 8) {
-                complain((pads ? "at most " : "") + std::to_string((*room + 7) / 8));
+            if (content.size() != wanted) {
+                complain((pads ? "at most " : "") + std::to_string(wanted));
             }
             for (std::size_t i = 0; i < content.size(); i++) { // the value ends with its last byte
                 put(at, i == 0 && *room % 8 != 0 ? *room % 8 : 8, content[i]);

@@ -116,7 +116,7 @@ std::string shown(std::string_view text)
 {
     constexpr std::size_t head = 900, tail = 200;
     if (text.size() <= head + tail) {
-        const std::string whole = escaped(text);
+        std::string whole = escaped(text);
         if (whole.size() <= head + tail) {
             return whole;
         }

@@ -174,7 +174,7 @@ Condition ValueReader::condition(Node node)
 }
 
 /// The types that an argument has: in the command around a node, else in all commands; none where a member of an
-/// aggregate may be meant. looked: counts the arguments that were compared
+/// aggregate may be meant. Adds to `looked` how many arguments it compared.
 std::set<Id> ValueReader::argument_types(Node node, const std::string &name, std::size_t &looked) const
 {
     for (; node && tag(node) != "MetaCommand"; node = node.parent()) {
@@ -208,7 +208,8 @@ void ValueReader::note_constants()
         }
     }
     std::size_t judged = 0;
-    for (const auto &[node, condition] : comparisons_) {
+    for (const auto &[node, compared] : comparisons_) {
+        const Condition &condition = compared; // C++20 lets a lambda take a binding, clang 14 does not
         const Reference &left = condition.left;
         std::set<Id> types;
         if (left.of == Reference::Of::argument) {
