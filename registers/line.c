@@ -529,7 +529,7 @@ static void parse(LineEnd *e, int64_t now)
             return;
         }
         if (size == 0u || size > e->n) {
-            e->doubtful = e->doubtful && size > e->n; /* of the frame behind it, the rest may still come */
+            e->doubtful = e->doubtful && size > e->n; /* the rest of a frame behind a damaged one may still come */
             e->counts.damaged++;
             e->missing |= e->open;
             drop(e, 1u, 1);

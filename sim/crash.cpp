@@ -200,12 +200,12 @@ private:
     std::size_t n_ = 0;
 };
 
-/// A thread in which an FMU runs, which may have started the thread that crashed; null: none, or another thread has the
-/// mutex.
+/// A thread in which an FMU runs, which may have started the thread that crashed; null: none, or another thread holds
+/// the mutex of the threads.
 Thread *beside_fmu()
 {
     const std::unique_lock lock(watch().mutex, std::try_to_lock);
-    if (!lock || watch().process != getpid()) { // those of the process that was copied are not here
+    if (!lock || watch().process != getpid()) { // after fork(), the threads of the parent process do not run here
         return nullptr;
     }
     const std::vector<Thread *> &threads = watch().threads;

@@ -287,18 +287,19 @@ void Router::greet()
 }
 
 /// A program that has greeted may be a stranger, which soon leaves the place: the next one waits until it has replied.
-/// The last frame and the end of a lost program were there before its successor greeted, but may be unread.
+/// A lost program sent its last frame and closed its connection before its successor greeted; the router may have read
+/// neither yet.
 void Router::hear(const Hello &hello)
 {
     const auto id = static_cast<NodeId>(std::find(names_.begin(), names_.end(), hello.node) - names_.begin());
     if (id < nodes_.size()) {
         check_connection(id);
+        if (controller_.only_greeted(id) && std::cmp_less(waiting_.size(), most_attaching)) {
+            waiting_.push_back({hello, greeting_peer_, greeting_fd_});
+            return;
+        }
     }
-    if (id < nodes_.size() && controller_.only_greeted(id) && std::cmp_less(waiting_.size(), most_attaching)) {
-        waiting_.push_back({hello, greeting_peer_, greeting_fd_});
-    } else {
-        controller_.hello(0, hello);
-    }
+    controller_.hello(0, hello);
 }
 
 void Router::hear_waiting()

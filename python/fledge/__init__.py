@@ -98,7 +98,7 @@ if TYPE_CHECKING:       # the same for editors
 def __getattr__(name: str) -> object:
     if name not in _LAZY:
         if any(os.path.exists(f"{_BESIDE}/fledge/{name}{end}") for end in ("", ".py")):
-            raise AttributeError(name)      # which `from fledge import cli` then imports
+            raise AttributeError(name)      # then `from fledge import cli` imports the part
         from fledge.basilisk import WORDS
         from fledge.errors import instead
 

@@ -379,8 +379,8 @@ def test_two_asynchronous_programs_do_not_write_one_topic(folder):
          "give ground the topics that it writes")]
     text = text.replace('[[asynchronous]]\nname = "room"', two.format("/up") + '[[asynchronous]]\nname = "room"')
     assert complaints(folder, text + two.format("/up")) == [
-        (11, f"a topic has one writer; ground and room both write /up; let one of them write "
-         "`writes = []`, or another topic")]
+        (11, "a topic has one writer; ground and room both write /up; let one of them write `writes = []`, or another "
+         "topic")]
     read(write(folder, text + two.format("/ground/command")))
 
 
