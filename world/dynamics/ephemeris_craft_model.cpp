@@ -64,7 +64,7 @@ Jet<V> interpolate(const std::vector<Ns> &times, const std::vector<V> &values, c
     y.fill(V::Zero());
     slopes.fill(V::Zero());
     for (int i = 0; i < used * each; i++) {
-        const auto knot = static_cast<std::size_t>(first + i / each);
+        const auto knot = static_cast<std::size_t>(first) + static_cast<std::size_t>(i / each);
         x[i] = static_cast<double>(times[knot] - t) * 1e-9;
         y[i] = values[knot];
         if (!rates.empty()) {
