@@ -214,7 +214,7 @@ def test_blocks_with_marks_come_in_any_order():
 
 
 XML = ndm.text_of(files.read(OPM), "xml")
-OEM_XML = ndm.text_of(files.read(OEM), "xml")
+OEM_XML, OCM_XML = (ndm.text_of(files.read(text), "xml") for text in (OEM, OCM))
 BOMB = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>\n'
 EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGLE")
 
@@ -316,6 +316,11 @@ EULER_AEM = replaced(AEM, "= QUATERNION\nQUATERNION_TYPE = FIRST", "= EULER_ANGL
     (replaced(OCM, "= 2016-12-31T23:59:59", "= 0"), "line 6: EPOCH_TZERO: expected a time"),
     (replaced(XML, "<X ", "<X><Y>1</Y></X>\n<X "), "X: expected a value; found <Y>"),
     (replaced(OEM_XML, "</X_DOT>", "</X_DOT>\n<X_DOT>1</X_DOT>"), "X_DOT is given twice"),
+    *((re.sub("(<stateVector>).*?(</stateVector>)", empty, OEM_XML, count=times, flags=re.S),
+       "expected 7 columns, EPOCH, X, Y, Z, X_DOT, Y_DOT, Z_DOT; found 0")
+      for empty in (r"\1\2", "<stateVector/>") for times in (0, 1)),
+    *((re.sub("<trajLine>[^<]*", "<trajLine> ", OCM_XML, count=times), "expected 7 columns, TIME, ")
+      for times in (0, 1)),
     (replaced(OEM_XML, "<X_DOT>", "<X_DDT>").replace("</X_DOT>", "</X_DDT>", 1), "expected EPOCH X Y Z X_DOT Y_DOT "),
     (replaced(XML, "<opm", '<opm encoding="x"').replace("UTF-8", "x-none"), "expected XML; unknown encoding"),
     ("<ndm></ndm>", "the text: expected a message of OPM, OMM, OEM, OCM, AEM, APM, CDM, in KVN or XML; it has none"),

@@ -147,9 +147,9 @@ def fill(section: Section, rows: Rows, clock: Clock, meta: Section | None, kind:
     columns = columns_of(section, meta, kind, version, max(len(row) for _, row in rows))
     widths = {len(columns), len(columns) - len(A)} if columns[-1].name in A else {len(columns)}
     texts: list[list[str]] = []
-    rows = [row for before, row in zip([(0, []), *rows], rows) if row[1] != before[1]]      # a line given twice is once
+    rows = [row for before, row in zip([(0, None), *rows], rows) if row[1] != before[1]]    # a line given twice is once
     for line, row in rows:
-        if row[0][0]:
+        if row and row[0][0]:
             row = _in_order(row, columns, section, line)
         if len(row) not in widths:
             names = [column.name for column in columns[:min(widths)]]
