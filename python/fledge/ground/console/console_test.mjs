@@ -86,8 +86,7 @@ await run({
         await page.locator("dialog.keys", {hasText: "return to now"}).waitFor();
         await page.keyboard.press("Escape");
         await page.keyboard.press("/");
-        await page.locator(".page.parameters").waitFor();
-        await page.keyboard.type("volt");
+        await page.keyboard.type("volt");       // at once: none is lost
         await page.waitForFunction(() => document.querySelectorAll(".tbody .tr:not([hidden])").length === 1);
         await page.keyboard.press("Escape");
         await page.keyboard.press("m");

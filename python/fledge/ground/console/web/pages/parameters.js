@@ -17,17 +17,23 @@ export const title = "Parameters", key = "p";
 const AGAIN = 5000;     // [ms] between two requests for the parameters that have no value yet
 
 export async function open(context) {
-    const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
-    let shown = [], pending = null, [folder, word] = split(context.selection);
+    const {root, api, live, time, craft, keys} = context, searching = context.selection === "/";
+    let store = null, [folder, word] = searching ? ["", ""] : split(context.selection);
+    const wanted = search("search parameters", "search names, units, meanings  ( / )", (text) => {
+        word = text;
+        if (store) filter();
+    }, {value: word, size: 34});
+    if (searching) {        // who types at once after "/" types into the field, while the names are still on their way
+        root.append(wanted);
+        wanted.focus();
+    }
+    store = await live.slots(craft);
+    let shown = [], pending = null;
     let missing = new Uint8Array(0), answered = "";      // the slots that have no value yet; as the server answered it
     const there = (slot) => Boolean(store.seen[slot] || !missing[slot]);
     let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
     const values = new Shown(context, store), {get} = values;
 
-    const wanted = search("search parameters", "search names, units, meanings  ( / )", (text) => {
-        word = text;
-        filter();
-    }, {value: word, size: 34});
     const counted = h("span", {class: "soft"});
     const bad = toggle("Beyond limits", (pressed) => {
         only = pressed;
@@ -76,6 +82,7 @@ export async function open(context) {
     });
     root.append(head(title, wanted, bad, folded, counted, values.note),
         h("div", {class: "with-tree"}, tree, table.element, detail));
+    if (searching) wanted.focus();
 
     const wish = context.want([]);
     let chosen = -1;
@@ -212,11 +219,6 @@ export async function open(context) {
     plant();
     await learnMissing();
     filter();
-    if (context.selection === "/") {
-        wanted.value = word = folder = "";
-        filter();
-        wanted.focus();
-    }
     return () => {
         clearTimeout(pending);
         table.close();
