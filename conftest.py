@@ -8,11 +8,12 @@ import os
 import re
 import signal
 import sys
-import zlib
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from _pytest.terminal import TerminalReporter
 
 ROOT = Path(__file__).resolve().parent
 FOLDERS = [str(ROOT / part) for part in ("python", ".", f"build/{os.environ.get('FLEDGE_PRESET', 'release')}/python")]
@@ -49,6 +50,7 @@ IN_RELEASE = [ROOT / path for path in (
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", default="all", metavar="all|none|I/N",
                      help="which tests that are marked long run: all, none, or the share I of N")
+    parser.addoption("--complete", action="store_true", help="fail where a test is skipped for want of a package")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -58,6 +60,38 @@ def pytest_configure(config: pytest.Config) -> None:
                             "same folder shows the same capability each time. share=False: in no share, only with all")
     if not re.fullmatch(r"all|none|\d+/[1-9]\d*", config.getoption("--long")):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
+
+
+# --- what is not installed, and what takes how long ------------------------------------------------
+
+def not_installed(config: pytest.Config) -> Counter[str]:
+    """Package -> how many tests were skipped without it (tests/needs.py)."""
+    skipped = config.pluginmanager.get_plugin("terminalreporter").stats.get("skipped", [])
+    reasons = [re.search("not installed: (.*)", str(report.longrepr[2])) for report in skipped]
+    return Counter(name for reason in reasons if reason for name in reason[1].split(", "))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if session.config.getoption("--complete") and not hasattr(session.config, "workerinput") and \
+            not_installed(session.config):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.Config) -> None:
+    if counts := not_installed(config):
+        terminalreporter.write_line("not installed, and tests that were skipped for it: " + ", ".join(
+            f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test installs all",
+            red=config.getoption("--complete"))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    """The reports have the seconds of each case's set-up, which include those of the fixtures that it is first to use,
+    and whether it is long."""
+    if call.when == "setup":
+        item.user_properties += [("setup", f"{call.duration:.3f}")] * (call.duration > 0.05)
+        item.user_properties += [("long", "yes")] * (item.get_closest_marker("long") is not None)
+    yield
 
 
 COLLECTED = pytest.StashKey[list[pytest.Item]]()
@@ -91,10 +125,10 @@ def runs_now(item: pytest.Item, wanted: str) -> bool:
         raise pytest.UsageError(f'{item.nodeid} is marked long without a reason: @pytest.mark.long("200 flights")')
     if "/" not in wanted:
         return wanted == "all"
+    from tests.circles import tenth_of
+
     share, shares = map(int, wanted.split("/"))
-    if not all(mark.kwargs.get("share", True) for mark in item.iter_markers("long")):
-        return False
-    return zlib.crc32(item.nodeid.encode()) % shares == share % shares
+    return tenth_of(item, shares) == share % shares
 
 
 @pytest.hookimpl(tryfirst=True)     # before pytest-xdist reads the marks

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Unit tests in GoogleTest. The target `tests` builds them; `all` does not, so that a flight does not
 # wait for its tests. A program has the tests of a folder; ctest starts it once for each
-# source; `./fledge test -k` selects cases by GTEST_FILTER, and counts them in GoogleTest's own reports.
+# source; `./fledge test -k` selects cases by GTEST_FILTER, and counts them in GoogleTest's own reports. The target
+# tests-A-B builds those of the folder A/B and below, for `./fledge test A/B`.
 
 add_custom_target(tests)
 file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
@@ -52,6 +53,15 @@ function(fledge_add_test program)
         get_filename_component(source ${source} ABSOLUTE)
         file(RELATIVE_PATH path ${PROJECT_SOURCE_DIR} ${source})
         file(APPEND ${PROJECT_BINARY_DIR}/tests.txt "${program} ${path}\n")
+        get_filename_component(folder ${path} DIRECTORY)
+        while(folder AND PROJECT_NAME STREQUAL fledge)
+            string(REPLACE / - tests tests-${folder})
+            if(NOT TARGET ${tests})
+                add_custom_target(${tests})
+            endif()
+            add_dependencies(${tests} ${program})
+            get_filename_component(folder ${folder} DIRECTORY)
+        endwhile()
         if(path MATCHES "^(.*_test)[.]cpp$")
             string(REPLACE / . test ${CMAKE_MATCH_1})
             get_property(tests GLOBAL PROPERTY FLEDGE_TESTS)

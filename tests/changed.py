@@ -2,11 +2,13 @@
 """Which tests a change can reach: for `./fledge test --changed` and for CI.
 
     /usr/bin/python3 -m tests.changed [BASE]            the near tests, in three lines: programs, cases, paths
-    /usr/bin/python3 -m tests.changed --reach [BASE]    for CI: the tests in Python that the change can reach
+    /usr/bin/python3 -m tests.changed --reach [--turn I/N] [BASE]
+                        for CI, in two lines: the programs, and the tests in Python, that the change can reach; of the
+                        other programs the share I of N
 
 The change is what differs from BASE: commits, uncommitted and untracked files. Without BASE, it is the work of this
 branch: what differs from where it left `main`, `origin/main` or its upstream, the nearest of these. If nothing differs
-(`main` itself with a clean tree), it is the last commit.
+(`main` itself with a clean tree), it is what no pass of CI has checked (.ci/passed), or else the last commit.
 
 The near tests are:
 
@@ -28,12 +30,13 @@ import os
 import re
 import subprocess
 import sys
+import zlib
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
 from typing import Iterable, NamedTuple
 
-from tests import layers
+from tests import circles, layers
 from tests.include_direction_test import (C_SUFFIXES, EXTENSIONS, INCLUDE, ROOMS, TOPS, imported, is_test,
                                           library_imports, resolve)
 from tests.tree import ROOT, files
@@ -81,7 +84,10 @@ def changed_files(root: Path, base: str | None = None) -> list[str]:
     places = [git(root, "merge-base", "HEAD", name) for name in ("main", "origin/main", "@{upstream}")]
     nearest = min(filter(None, places), key=lambda place: int(git(root, "rev-list", "--count", f"{place}..HEAD")),
                   default="HEAD")
-    return differing(nearest) or (differing("HEAD~1") if commit("HEAD~1") else [])
+    passed = [words[0] for words in circles.passes(root / ".ci/passed")[:1]]
+    earlier = [place for place in [*passed, "HEAD~1"] if commit(place) and git(root, "merge-base", place, "HEAD") ==
+               commit(place) != commit("HEAD")]
+    return differing(nearest) or (differing(earlier[0]) if earlier else [])
 
 
 # --- what uses what --------------------------------------------------------------------------------
@@ -272,14 +278,19 @@ def reach(changed: list[str]) -> set[str]:
     return reached
 
 
+def programs_of(build: Path) -> list[tuple[str, str]]:
+    """The programs of tests in C and C++, each with each of its sources, as a build was configured."""
+    listed = build / "tests.txt"
+    lines = map(str.split, listed.read_text().splitlines() if listed.exists() else ())
+    return [(program, source) for program, *sources in lines for source in sources]
+
+
 def programs_and_cases(reached: set[str], build: Path) -> tuple[set[str], list[str]]:
     """The programs of the tests in C and C++ that are reached, and GoogleTest's patterns of their suites; the target
     `tests`, if the build does not know one of them yet."""
-    listed = build / "tests.txt"
     program_of = defaultdict(set)
-    for program, *sources in map(str.split, listed.read_text().splitlines() if listed.exists() else ()):
-        for source in sources:
-            program_of[os.path.normpath(source)].add(program)
+    for program, source in programs_of(build):
+        program_of[os.path.normpath(source)].add(program)
     sources = {path for path in reached if path.endswith(("_test.c", "_test.cpp")) and (ROOT / path).exists()
                and not path.startswith(TEMPLATES)}
     programs = set().union(*(program_of.get(source, {"tests"}) for source in sources))
@@ -291,17 +302,28 @@ def programs_and_cases(reached: set[str], build: Path) -> tuple[set[str], list[s
 def main() -> None:
     parser = argparse.ArgumentParser(prog="changed", description=__doc__.splitlines()[0])
     parser.add_argument("base", nargs="?", help="commit to compare with; default: where this branch began")
-    parser.add_argument("--reach", action="store_true", help="all tests in Python that the change can reach")
+    parser.add_argument("--reach", action="store_true", help="all tests that the change can reach")
+    parser.add_argument("--turn", default="0/0", help="with --reach: the share I of N of the other programs, too")
     arguments = parser.parse_args()
     changed = changed_files(ROOT, arguments.base)
     everything = any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in EVERYTHING)
-    if not changed:
+    build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
+    if arguments.reach:
+        build = build if (build / "tests.txt").exists() else ROOT / "build/release"     # which is configured first
+        programs, _ = programs_and_cases(closure(changed), build)
+        share, shares = map(int, arguments.turn.split("/"))
+        if not {"tests"} & programs:
+            programs |= {name for name, _ in programs_of(build) if shares and zlib.crc32(name.encode()) % shares ==
+                         share % shares}
+        paths = reach(changed) if changed else set()
+        if everything:
+            programs, paths = {"tests"}, set(tests())
+        print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")
+    elif not changed:
         print("fledge: nothing has changed", file=sys.stderr)
-    elif arguments.reach:
-        print(*sorted(tests() if everything else reach(changed)), sep="\n")
     else:
         reached = closure(changed)
-        programs, cases = programs_and_cases(reached, ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"))
+        programs, cases = programs_and_cases(reached, build)
         paths = python_tests(changed, reached)
         if everything:
             programs, cases, paths = {"tests"}, ["*"], set(tests())

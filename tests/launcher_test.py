@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launcher, run in a copy with stand-ins for the tools that change the machine."""
 
+import json
 import os
 import re
 import shutil
@@ -41,7 +42,7 @@ STAND_INS = {
              '"$PWD" "$tests" "$fledge" "$strict" > "$dir/CMakeCache.txt"',
     "ninja": 'case "$*" in *" -t deps") exit ;; esac; echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
-    "ctest": 'while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
+    "ctest": 'echo "$*" >> "$FAKE/ctest"; while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
              'grep SigIgn /proc/$$/status > "$FAKE/ignored"\n'
              '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
              'exit "$(cat "$FAKE/status")"',
@@ -270,7 +271,7 @@ def test_tests_go_on_without_the_packages_that_only_some_of_them_need(launch):
     (launch.fake / "report").write_text(report(0))
     (launch.fake / "during").write_text('case "$0 $*" in *apt-get*frama-c-base* | *apt-get*qemu-system-arm*)\n'
                                         'echo "E: Unable to locate package"; exit 100 ;; esac\n')
-    done = launch("test", "-k", "x")
+    done = launch("test", "--all")
     assert "fledge: this system has no frama-c-base; without it, what needs it is skipped\n" in done.stderr
     assert "fledge: going on without cortex_m7\n" in done.stderr
     assert any("tshark" in line and "frama" not in line for line in launch.calls("apt") if not line.startswith("-s "))
@@ -417,6 +418,46 @@ def test_a_pattern_that_matches_nothing_fails(launch):
     assert "no test matches 'nothing_has_this_name'" in done.stderr
 
 
+def test_the_tests_of_a_folder_are_built_and_run(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(report(0))
+    for name in ("flight/math/vec_test.cpp", "world/orbit_test.py", "python/fledge/units_test.py"):
+        (launch.tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (launch.tree / name).write_text("def test_two():\n    pass\n" * name.endswith(".py"))
+    for words, cwd, parts, runners, line in (
+            (["flight"], "", "tests-flight", "-R ^(flight)[.]", "4 passed, 0 failed, 1 skipped"),
+            (["math"], "flight", "tests-flight-math", "-R ^(flight[.]math)[.]", "4 passed, 0 failed, 1 skipped"),
+            (["world"], "", "all", "", "1 passed, 0 failed, 0 skipped"),
+            (["flight", "python"], "", "all tests-flight", "-R ^(flight|python)[.]", "5 passed, 0 failed, 1 skipped"),
+            (["flight", "-k", "vec"], "", "tests-flight", "-R ^(flight)[.].*(vec)", "4 passed, 0 failed, 1 skipped")):
+        done = launch("test", *words, cwd=launch.tree / cwd)
+        assert done.returncode == 0 and done.stdout.splitlines()[-1] == line, done.stderr
+        assert launch.calls("ninja")[-1].endswith(f"build/release {parts}")
+        assert runners in "\n".join(launch.calls("ctest"))
+        (launch.fake / "ctest").unlink(missing_ok=True)
+    for words, message in (
+            (["fligt"], "Fledge has no folder fligt; did you mean 'flight'? folders with tests are flight, python, world"),
+            (["cmake"], "cmake has no tests"), (["a_test.py"], "a_test.py is no folder; -k a_test runs the tests of that"),
+            (["flight", "--since", "HEAD"], "FOLDER is not for --changed, --since and --coverage")):
+        done = launch("test", *words)
+        assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+def test_each_runner_keeps_its_reports(launch):
+    """Those of the one stay when the other begins, and what an earlier run has left goes."""
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(report(0))
+    reports = launch.tree / "build/release/tests"
+    reports.mkdir(parents=True)
+    (reports / "old.xml").touch()
+    assert launch("test").returncode == 0
+    assert {str(path.relative_to(reports)) for path in reports.rglob("*.xml")} == {"ctest/ctest.xml", "pytest/pytest.xml"}
+    assert set(json.loads((reports / "parts.json").read_text())) == {
+        "packages", "build", "targets", "C and C++", "Python"}
+
+
 # --- copies, other places, other users ---------------------------------------------------------------
 
 def test_a_copied_tree_builds_its_own_code(launch):
@@ -538,7 +579,8 @@ def reader(launch):
     (launch.fake / "updated").touch()
     launch("setup")
     (launch.fake / "installed").write_text("".join(
-        f"installed {name}\n" for names in (*map(packages, ("run", "unit", "pytest", "test", "docs")), *ROOMS.values())
+        f"installed {name}\n" for names in (*map(packages, ("run", "unit", "pytest", "test", "docs")),
+                                                *ROOMS.values())
         for name in names))
     subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
     (launch.fake / "ninja").chmod(0o666)
@@ -653,9 +695,10 @@ def test_the_first_command_runs_after_an_install(launch):
         assert done.stdout.startswith(" ".join(arguments) + " in "), done.stderr
 
 
-@pytest.mark.parametrize("arguments, needed, prepared", long_after(9, [
+@pytest.mark.parametrize("arguments, needed, prepared", long_after(10, [
     (["setup", "--on", "leon3"], ["leon3"], ["leon3"]), (["setup"], [], []),
-    (["setup", "--test"], [*ROOMS, "profile"], [""]), (["test"], [*ROOMS, "profile"], [""]),
+    (["setup", "--test"], [*ROOMS, "profile"], [""]), (["test", "--all"], [*ROOMS, "profile"], [""]),
+    (["test"], [], [""]),
     (["fly", "x"], [], []), (["fly", "x", "--on", "linux", "--out", "leon3_old"], [], []),
     (["fly", "x", "--on", "linux,leon3"], ["leon3"], []), (["fly", "x", "--on=aarch64"], ["aarch64"], []),
     (["fly", "x", "--on", "a=leon3-qemu,b=leon3-cfs"], ["leon3", "leon3_qemu"], []),
@@ -676,9 +719,9 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
     (launch.fake / "report").write_text(report(0))
     done = launch(*arguments)
     assert done.returncode == 0, done.stderr
-    lists = {**ROOMS, "profile": packages("profile")}
+    lists = {room: set(names) - set(packages("test")) for room, names in {**ROOMS, "profile": packages("profile")}.items()}
     installed = {name for line in launch.calls("apt") for name in re.split("[ ,|]+", line)}
-    assert installed & set(sum(lists.values(), [])) == set(sum((lists[target] for target in needed), []))
+    assert installed & set().union(*lists.values()) == set().union(*(lists[target] for target in needed))
     assert launch.calls("prepared") == prepared
 
 

@@ -2,14 +2,13 @@
 // The law in closed loop with rods by the cross-product law: small motions against the Floquet multipliers of linear
 // equations of its own, and errors after random starts.
 #include "flight/testing/consistency.h"
+#include "flight/testing/linear.h"
 #include "flight/testing/magnetic_orbit.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
 #include "flight/control/magnetic_pointing.h"
 }
-
-#include <Eigen/Eigenvalues>
 
 namespace flight::testing {
 namespace magnetic_pointing_test {
@@ -152,8 +151,7 @@ Orbits multipliers(bool wheel, double P, double gain)
         Y.col(i) /= small[i];
     }
     auto largest = [&](const Matrix7d &M) { // without a wheel its momentum is no state
-        const Eigen::MatrixXd states = M.topLeftCorner(wheel ? 7 : 6, wheel ? 7 : 6);
-        return Eigen::EigenSolver<Eigen::MatrixXd>(states).eigenvalues().cwiseAbs().maxCoeff();
+        return spectral_radius(M.topLeftCorner(wheel ? 7 : 6, wheel ? 7 : 6));
     };
     Vector7d units;
     units << 1, 1, 1, orbit.n, orbit.n, orbit.n, 0.03;

@@ -43,6 +43,21 @@ VectorXd least_squares(const MatrixXd &a, const VectorXd &b)
     return x;
 }
 
+double spectral_radius(const MatrixXd &a)
+{
+    MatrixXd power = a; // a^n / exp(n log)
+    double log = 0, n = 1;
+    for (int i = 0; i < 50; i++, n *= 2) {
+        const double norm = power.norm();
+        if (!(norm > 0)) {
+            return 0;
+        }
+        log += std::log(norm) / n;
+        power = (power / norm).lazyProduct(power / norm).eval();
+    }
+    return std::exp(log);
+}
+
 MatrixXd cholesky(const MatrixXd &a)
 {
     MatrixXd L = MatrixXd::Zero(a.rows(), a.rows());

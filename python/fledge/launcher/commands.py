@@ -53,6 +53,8 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
     parser = own("test", test, "test -k tracking")
     parser.description = ("Run the tests of C, C++ and Python, those whose names match, or all with the long ones: of "
                           "the project around this folder; within a checkout of Fledge, of Fledge itself.")
+    parser.add_argument("folders", metavar="FOLDER", nargs="*", help="of Fledge: run the tests below these folders, and "
+                        "say how long those of the others take")
     near = parser.add_mutually_exclusive_group()
     near.add_argument("-k", dest="pattern", metavar="PATTERN", default="",
                       help="run those whose names match, long ones too")
@@ -64,8 +66,11 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                  help="run the tests too that are marked long")
     add_argument("--share", dest="long", metavar="I/N", type=_share,
                  help="run the share I of N of the tests that are marked long, too")
-    add_argument("--since", metavar="COMMIT",
-                 help="of Python, run those tests only that what differs from it can reach")
+    add_argument("--since", metavar="COMMIT", help="run those tests only that what differs from it can reach")
+    add_argument("--turn", metavar="I/N", type=_share,
+                 help="with --since: of C and C++, run the share I of N of the other tests, too")
+    add_argument("--build", action="store_true", help="install and build what the tests need, and run none")
+    add_argument("--complete", action="store_true", help="a test that is skipped for want of a package fails")
     add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
                  "show to decide, and name the others; of Fledge itself, by its tests of flight in C++")
     add_argument("--strict", nargs="?", const="", metavar="FOLDER,...", help="with --coverage: fail where a condition, "
@@ -106,7 +111,7 @@ def setup(context: Context, options: argparse.Namespace) -> int:
     if options.test:
         from fledge.launcher.testing import need_tests
 
-        need_tests(context)
+        need_tests(context, every=True)
     if options.develop:
         need(context, "develop")
         context.develops = True
@@ -171,14 +176,13 @@ def test(context: Context, options: argparse.Namespace) -> int:
         if not options.fledge and ROOT not in (here, *here.parents):
             raise Failure("test: there is no project around this folder; go into one, or name it (fledge --project DIR "
                           "test); --fledge runs the tests of Fledge itself, which take long")
-    elif options.changed is not None:
-        raise Failure("test: --changed is for Fledge, not for a project")
+    elif options.changed is not None or options.folders:
+        raise Failure(f"test: {'--changed' if options.changed is not None else 'FOLDER'} is for Fledge, not for a "
+                      "project")
+    if options.folders and (options.changed is not None or options.since or options.coverage):
+        raise Failure("test: FOLDER is not for --changed, --since and --coverage")
     if (options.strict is not None or options.table) and not options.coverage:
         raise Failure("test: --strict and --table are about what --coverage counts; add it")
-    need(context, "run")
-    testing.need_tests(context)
-    if options.coverage:
-        testing.need_decisions(context)
     return testing.Tests(context, options).run()
 
 

@@ -9,11 +9,13 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
-from fledge.errors import Failure
+from fledge.errors import Failure, did_you_mean
 from fledge.disk import ROOT, may_write, write_files
 from fledge.launcher import build
 from fledge.launcher.context import Context
@@ -24,8 +26,9 @@ from fledge.launcher.tools import alone, pass_on, run, say
 PASSED = re.compile("Internal ctest|Test project|No tests were found| +Start +[0-9]+:|.* Passed +[0-9.]+ sec")
 
 
-def need_tests(context: Context) -> None:
-    """Install the packages for tests; Fledge's own tests need more than a project's."""
+def need_tests(context: Context, every: bool) -> None:
+    """Install the packages for tests; Fledge's own tests need more than a project's. every: what any of them needs, as
+    a second compiler and those of all targets; else what the quick ones need."""
     from fledge.targets import TARGETS
 
     need(context, "pytest")
@@ -33,7 +36,9 @@ def need_tests(context: Context) -> None:
         need(context, "unit")
     if not context.project:
         need(context, "test", if_possible=True)
-        provide(context, expanded(TARGETS), without=True)
+        if every:
+            need(context, "all", if_possible=True)
+            provide(context, expanded(TARGETS), without=True)
 
 
 def need_decisions(context: Context) -> None:
@@ -47,55 +52,92 @@ class Tests:
 
     def __init__(self, context: Context, options: argparse.Namespace) -> None:
         self.context, self.options = context, options
+        self.seconds: dict[str, float] = {}     # of the parts of the run
+        self.folders = [_folder(Path(name)) for name in options.folders]
+        with self._counted("packages"):
+            need(context, "run")
+            need_tests(context, every=options.long != "none")
+            if options.coverage:
+                need_decisions(context)
         self.pattern = options.pattern      # names match; of alternatives, "a|b"
         self.long = "all" if options.pattern else options.long      # which of those that are marked long
-        self.programs = "tests"             # of C and C++, that are built
+        self.programs = "tests"             # targets of those of C and C++ that are built
+        self.labels = ".*"                  # of the programs that ctest starts
         self.cases: str | None = None       # of GoogleTest, its filter; None: as the pattern says
-        self.paths: list[str] = []          # of Python; none: all
+        self.paths: list[str] | None = None     # of Python; None: all
         self.folder = context.build
         if options.changed is not None:
-            lines = self._changed(*[options.changed] * bool(options.changed)).splitlines()
+            lines = self._tell("tests.changed", *[options.changed] * bool(options.changed)).splitlines()
             if not lines:
                 sys.exit(0)
             self.programs, self.cases, paths = [*lines, "", ""][:3]
-            self.paths = paths.split()
-        if options.since:
-            self.paths = self._changed("--reach", options.since).split() or ["tests/hygiene_test.py"]
+            self.paths = paths.split() or None
+        elif options.since:
+            turn = ["--turn", options.turn] * bool(options.turn)
+            self.programs, paths = [*self._tell("tests.changed", "--reach", *turn, options.since).splitlines(), "", ""][:2]
+            self.cases, self.paths = "*", paths.split()
+        elif self.folders:
+            own = {folder: list(_tests_in(folder)) for folder in self.folders}
+            self.programs = " ".join(f"tests-{folder.replace('/', '-')}" for folder, tests in own.items()
+                                     if any(test.suffix != ".py" for test in tests))
+            self.paths = [folder for folder, tests in own.items() if any(test.suffix == ".py" for test in tests)]
+        if self.cases is not None and self.programs != "tests":
+            self.labels = f"^({self.programs.replace(' ', '|')})$"
 
-    def _changed(self, *words: str) -> str:
-        """What tests.changed prints."""
-        done = subprocess.run([sys.executable, "-P", "-m", "tests.changed", *words], cwd=ROOT, stdout=subprocess.PIPE,
+    def _tell(self, module: str, *words: str) -> str:
+        """What a program of tests/ prints."""
+        done = subprocess.run([sys.executable, "-P", "-m", module, *words], cwd=ROOT, stdout=subprocess.PIPE,
                               text=True, env={**os.environ, **self.context.names(), "PYTHONPATH": str(ROOT)})
         if done.returncode:
             sys.exit(done.returncode)
         return done.stdout
 
+    @contextmanager
+    def _counted(self, part: str) -> Iterator[None]:
+        """Add the seconds that this takes to a part of the run."""
+        begun = time.monotonic()
+        yield
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.monotonic() - begun
+
     def run(self) -> int:
         """Build and run them; prints the sum, and returns the exit code."""
-        context, kind = self.context, self.context.observed
-        self.folder = build.compile(context, [kind] if kind else ["all"], tests=True,
-                                    programs=f"{kind}_tests" if kind else self.programs)
+        context, options = self.context, self.options
+        kind = context.observed
+        with self._counted("build"):
+            everything = self.paths is None or any(map(_is_of_product, self.paths))
+            self.folder = build.compile(context, [kind] if kind else ["all"] * everything, tests=True,
+                                        programs=f"{kind}_tests" if kind else self.programs)
         if context.project:
             say(f"testing {context.project}")
         if not may_write(context.logs, self.folder):
             raise Failure(f"test: writes into {context.logs}, where this user may not", 1)
-        if not context.project and not kind:
+        if not context.project and not kind and everything:
             # The commands that tests start prepare what they fly on; tests of the targets themselves expect it.
-            if self.cases is None or any(map(_flies_on_targets, self.paths)):
-                build.prepare(context)
-            build.need_node(context)
-            build.view(context, if_possible=True)
+            with self._counted("targets"):
+                if self.paths is None or any(map(_flies_on_targets, self.paths)):
+                    build.prepare(context)
+                if options.long != "none":
+                    build.need_node(context)
+                build.view(context, if_possible=True)
+        if options.build:
+            return 0
         with alone(context.logs / f"{context.preset}-tests.lock", "runs these tests"):
             if kind:
                 return self._observed()
+            shutil.rmtree(self.folder / "tests", ignore_errors=True)
             counts = [sum(column) for column in zip(*self._compiled(), self._python())]
         return self._sum(counts)
 
     def _sum(self, counts: list[int]) -> int:
-        """Print the sum; returns the exit code."""
-        if not sum(counts):
-            say(f"no test matches '{self.pattern}'")
+        """Print what took how long, then the sum; returns the exit code."""
+        if not sum(counts) and not self.options.since:
+            say(f"no test matches '{self.pattern}'" if self.pattern else "no test was found")
             counts[1] = 1
+        if not self.context.project:
+            say(", ".join(f"{part} {seconds:.0f} s" for part, seconds in self.seconds.items()))
+            write_files({"parts.json": json.dumps(self.seconds)}, self.folder / "tests")
+            if not self.pattern and self.cases is None and (ROOT / "tests/circles.py").is_file():
+                print(self._tell("tests.circles", "--others", *self.folders), end="")
         print("{} passed, {} failed, {} skipped".format(*counts), flush=True)
         return int(counts[1] != 0)
 
@@ -104,7 +146,7 @@ class Tests:
         goes into one file of each program, however often it is started."""
         from fledge.verify import decisions
 
-        reports, project, kind = self._reports(), self.context.project, self.context.observed
+        reports, project, kind = self._reports("decisions"), self.context.project, self.context.observed
         counts = self.folder / "counts"
         shutil.rmtree(counts, ignore_errors=True)
         counts.mkdir()
@@ -113,8 +155,9 @@ class Tests:
         programs = sorted((self.folder / f"tests_{kind}").glob("*_test"))
         (counts / "programs").write_text("".join(f"{program}\n" for program in programs), encoding="utf-8")
         log = self.context.logs / f"{kind}-{self.context.preset}.log"
-        status = run(log, ["xargs", "-a", counts / "programs", "-P", str(os.cpu_count()), "-n1", "env"],
-                     self.context.tree, {**os.environ, **variables})
+        with self._counted("C and C++"):
+            status = run(log, ["xargs", "-a", counts / "programs", "-P", str(os.cpu_count()), "-n1", "env"],
+                         self.context.tree, {**os.environ, **variables})
         if status:
             print(log.read_text(encoding="utf-8", errors="replace"), flush=True)
         sums = tally(reports, status)
@@ -133,38 +176,43 @@ class Tests:
     def _compiled(self) -> list[list[int]]:
         """Run those of C and C++. A pattern stands for sources by their names, and for cases of the other sources of
         GoogleTest."""
-        if self.context.project and not self.context.builds_project:
+        if self.context.project and not self.context.builds_project or not self.programs:
             return []
         if self.cases is not None:
-            labels = ".*" if self.programs == "tests" else self.programs.replace(" ", "|")
-            return [self._ctest(self.cases, "-L", f"^({labels})$")] if labels else []
+            return [self._ctest("ctest", self.cases, "-L", self.labels)]
+        place = f"^({'|'.join(folder.replace('/', '[.]') for folder in self.folders)})[.]" if self.folders else ""
         if not self.pattern:
-            return [self._ctest("*")]
+            return [self._ctest("ctest", "*", *["-R", place] * bool(place))]
         cases = ":".join(f"*{name}*" for name in self.pattern.split("|"))
-        return [self._ctest("*", "-R", self.pattern), self._ctest(cases, "-L", "gtest", "-E", self.pattern)]
+        return [self._ctest("ctest", "*", "-R", f"{place}.*({self.pattern})"),
+                self._ctest("cases", cases, "-L", "gtest", "-E", self.pattern, *["-R", place] * bool(place))]
 
-    def _ctest(self, cases: str, *arguments: str) -> list[int]:
-        """Run the sources that these arguments of ctest select, and these cases of theirs; print what failed. In the
-        background of a script Ctrl-C is ignored, which the programs would inherit."""
-        reports, log = self._reports(), self.context.logs / f"ctest-{self.context.preset}.log"
-        status = run(log, ["env", "--default-signal=INT,QUIT", f"GTEST_OUTPUT=xml:{reports}/", f"GTEST_FILTER={cases}",
-                           "ctest", "--test-dir", self.folder, "-j", str(os.cpu_count()), "--no-label-summary",
-                           "--output-on-failure", "--output-junit", reports / "ctest.xml", *arguments],
-                     self.context.tree)
+    def _ctest(self, name: str, cases: str, *arguments: str) -> list[int]:
+        """Run the sources that these arguments of ctest select, and these cases of theirs; print what failed. name: of
+        the reports. Many programs wait, so that there are more than processors. In the background of a script Ctrl-C
+        is ignored, which the programs would inherit."""
+        reports, log = self._reports(name), self.context.logs / f"ctest-{self.context.preset}.log"
+        with self._counted("C and C++"):
+            status = run(log, ["env", "--default-signal=INT,QUIT", f"GTEST_OUTPUT=xml:{reports}/",
+                               f"GTEST_FILTER={cases}", "ctest", "--test-dir", self.folder, "-j", str((os.cpu_count() or 1) + 2),
+                               "--no-label-summary", "--output-on-failure", "--output-junit", reports / "ctest.xml",
+                               *arguments], self.context.tree)
         for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
             if not PASSED.match(line):
                 print(line, flush=True)
         return tally(reports, status)
 
     def _python(self, variables: Mapping[str, str] = {}) -> list[int]:
-        reports, project = self._reports(), self.context.project
+        if self.paths is not None and not self.paths:
+            return [0, 0, 0]
+        reports, project = self._reports("pytest"), self.context.project
         command = [sys.executable, "-m", "pytest", "-q", "-rfEsR", f"--junit-xml={reports}/pytest.xml"]
         if not project:
             # A worker that dies ends the run: pytest-xdist 3.1 would wait for its tests for ever. A test that waits for
             # what does not come is ended, late enough for any load of the machine. One worker more than processors, for
             # tests often wait.
             command += ["-n", str((os.cpu_count() or 1) + 1), "--dist", "loadgroup", "--max-worker-restart", "0",
-                        "--timeout", "1200", "--long", self.long]
+                        "--timeout", "1200", "--long", self.long, *["--complete"] * self.options.complete]
         else:
             command += ["--import-mode=importlib", "-o", "python_files=*_test.py",
                         "-o", "cache_dir=build/.pytest_cache", "-o", "markers=long: takes long", "--rootdir", "."]
@@ -176,20 +224,51 @@ class Tests:
         environment = {**self.context.environment(*[project] if project else []), **variables}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         environment["PYTHONPYCACHEPREFIX"] = str(self.context.logs / "pycache")
-        status = pass_on([*command, *self.paths], self.context.tree, environment)
+        with self._counted("Python"):
+            status = pass_on([*command, *(self.paths or [])], self.context.tree, environment)
         return tally(reports, status if status != 5 else 0)     # 5: it found no test; ctest may have found some
 
-    def _reports(self) -> Path:
-        """The folder of the reports, emptied."""
-        folder = self.folder / "tests"
+    def _reports(self, name: str) -> Path:
+        """The folder of some reports, emptied."""
+        folder = self.folder / "tests" / name
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         return folder
 
 
+def _folder(given: Path) -> str:
+    """A folder of Fledge with tests, from its root, of a name from there or from the current folder."""
+    place = given if given.is_absolute() else next((
+        base / given for base in (ROOT, Path.cwd()) if (base / given).is_dir()), ROOT / given)
+    inside = os.path.relpath(place, ROOT)
+    if place.is_file():
+        raise Failure(f"test: {given} is no folder; -k {given.stem} runs the tests of that name")
+    if not place.is_dir() or inside.split("/")[0] in (".", "..", "build", "runs"):
+        known = [path.name for path in ROOT.iterdir() if path.is_dir() and next(_tests_in(path.name), None)]
+        raise Failure(f"test: Fledge has no folder {given}{did_you_mean(str(given), known)} folders with tests are "
+                      f"{', '.join(sorted(known))}, and those below them")
+    if not next(_tests_in(inside), None):
+        raise Failure(f"test: {inside} has no tests")
+    return inside
+
+
+def _tests_in(folder: str) -> Iterator[Path]:
+    """The files with tests below a folder; those of the templates are for projects."""
+    for suffix in (".py", ".cpp", ".c"):
+        for path in (ROOT / folder).rglob(f"*_test{suffix}"):
+            if not {"templates", "build", "runs"} & set(path.relative_to(ROOT).parts):
+                yield path
+
+
+def _is_of_product(path: str) -> bool:
+    """Whether tests of Python need what is built: all but that of the repository's own files."""
+    return path != "tests/hygiene_test.py"
+
+
 def _flies_on_targets(path: str) -> bool:
-    file = ROOT / path.partition("::")[0]
-    return file.is_file() and bool(re.search("^(from|import) fledge.*targets", file.read_text(encoding="utf-8"), re.M))
+    place = ROOT / path.partition("::")[0]
+    files = [place] if place.is_file() else [test for test in _tests_in(path) if test.suffix == ".py"]
+    return any(re.search("^(from|import) fledge.*targets", file.read_text(encoding="utf-8"), re.M) for file in files)
 
 
 # --- counts ----------------------------------------------------------------------------------------
