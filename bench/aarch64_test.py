@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world has the same bits on aarch64, and its instructions are counted rightly."""
 import os
-import shutil
 import subprocess
 
 import pytest
 
 from bench.aarch64 import EMULATORS, Case, build, cases, compiled, missing, uncounted
+from tests.needs import flies_on, skip_unless_on
 
 LOOP = r"""
 #include <stdlib.h>
@@ -20,8 +20,7 @@ int main(int count, char **arguments)
 """
 
 
-@pytest.mark.skipif(not shutil.which("aarch64-linux-gnu-gcc") or not shutil.which("qemu-aarch64"),
-                    reason="needs the packages of targets/aarch64")
+@flies_on("aarch64")
 def test_a_turn_of_a_loop_counts_its_instructions(tmp_path):
     if says := uncounted():
         pytest.skip(says)
@@ -38,6 +37,7 @@ def test_a_turn_of_a_loop_counts_its_instructions(tmp_path):
 
 @pytest.fixture(scope="module")
 def library():
+    skip_unless_on("aarch64")
     if os.environ.get("FLEDGE_PRESET", "release") != "release":
         pytest.skip("the libraries are those of the release build")
     if says := missing():

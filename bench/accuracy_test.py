@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy
 import pytest
 
-pytest.importorskip("mpmath", reason="python3-mpmath is not installed")
+from tests.needs import module
+
+module("mpmath")
 
 from bench import (accuracy, accuracy_air, accuracy_earth, accuracy_flight, accuracy_motion, accuracy_parts,
                    accuracy_surroundings)

@@ -5,18 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from fledge.verify.decisions import has_clang
-
 from bench import falsify
 from bench.mutants import ROOT, mutants_of
 from bench.mutation import Change
 from bench.relinked import extension
+from tests.needs import section, skip_without
 
 
 @pytest.fixture(scope="module")
 def program():
-    if not has_clang():
-        pytest.skip("there is no clang-19 or clang-18, which counts branches")
+    skip_without(*section("decisions"))
     return extension("branches")
 
 

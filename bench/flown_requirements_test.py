@@ -9,8 +9,9 @@ from fledge.disk import ROOT
 from fledge.targets import TARGETS
 
 from bench import flown_requirements
+from tests.needs import flies_on
 
-pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+pytestmark = flies_on("leon3")
 
 
 def gcc_12():

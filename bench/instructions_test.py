@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """No part of the world has become slower: its instructions, which the load of the machine does not change."""
 import os
-import shutil
 
 import pytest
 
 from bench.instructions import NADIR_SPIN, RECORDED, measured
+from tests.needs import needs
 
 
 @pytest.mark.long("counts the instructions of all cases with valgrind")
-@pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+@needs("valgrind")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release" or os.uname().machine != "x86_64",
                     reason="the counts are those of the release build for x86-64")
 def test_no_case_takes_more_instructions():

@@ -2,12 +2,12 @@
 """Which changes are drawn, and what becomes of them in a small tree."""
 
 import json
-import shutil
 import subprocess
 
 import pytest
 
 from bench import mutants, mutation
+from tests.needs import needs
 
 ONLY_CODE = '''// a < b
 #define LESS(a, b) \\
@@ -98,7 +98,7 @@ def tiny(tmp_path, monkeypatch):
 
 
 @pytest.mark.long("builds and tests mutants")
-@pytest.mark.skipif(not shutil.which("git"), reason="git is not installed")
+@needs("git")
 def test_each_change_has_its_outcome(tiny, capsys):
     arguments = ["part", "--count", "1000", "--at", str(tiny / "at")]
     assert mutants.main([*arguments, "--json", str(tiny / "all.json")]) == 0

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each mission has its picture in the gallery."""
 
-import pytest
-
 import fledge
 from missions import pictures
+from tests.needs import module
 
 OTHERS = {"downlink"}       # programs around another mission's
 
@@ -18,7 +17,7 @@ def test_each_mission_has_a_row_and_a_recipe():
 
 
 def test_pictures_are_small():
-    image = pytest.importorskip("PIL.Image", reason="needs python3-pil")
+    image = module("PIL.Image")
     for mission in (*pictures.FIGURES, *pictures.SCENES):
         path = pictures.HERE / mission / "picture.webp"
         with image.open(path) as shown:

@@ -10,6 +10,7 @@ import pytest
 from registers import emit_c, emit_markdown
 from registers.description import read
 from tests.circles import long_after
+from tests.needs import skip_unless_on, skip_without
 
 ROOT = Path(__file__).resolve().parents[1]
 BOARDS = [read(file) for file in sorted((ROOT / "registers/testing/boards").glob("*.toml"))]
@@ -73,8 +74,10 @@ def written(tmp_path_factory):
                          ids=list(COMPILERS))
 def test_headers_and_tables_are_strict_c99_and_say_what_the_description_says(written, compiler,
                                                                              runner):
-    if not shutil.which(compiler) or runner and not shutil.which(runner[0]):
-        pytest.skip(f"{compiler} is not installed")
+    if runner:
+        skip_unless_on(compiler.partition("-")[0])
+    elif compiler == "clang":
+        skip_without("clang")
     program = written / f"probe_{compiler}"
     # Of the messages' byte orders, which are generated elsewhere, a lone name will do here.
     (written / "orders.c").write_text("".join(

@@ -5,10 +5,10 @@ import os
 import subprocess
 import sys
 
-import pytest
-
-from fledge.verify.decisions import has_clang
+from tests.needs import needs, section
 from tests.tree import ROOT
+
+pytestmark = needs(*section("decisions"))
 
 FLOWN = """
 import json
@@ -27,12 +27,6 @@ def run(*words, code=0, **variables):
                           env={**os.environ, "FLEDGE_PROJECT": "", **variables})
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout
-
-
-@pytest.fixture(autouse=True)
-def clang():
-    if not has_clang():
-        pytest.skip("there is no clang-19 or clang-18")
 
 
 def test_rare_branches_are_bred_and_margins_keep_their_bits(tmp_path):

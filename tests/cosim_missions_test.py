@@ -27,6 +27,7 @@ import fledge
 from fledge import cosim
 from fledge.disk import build_folder
 from tests.circles import long_after
+from tests.needs import skip_without
 from tests.waiting import PATIENCE
 
 CONTROLLER = build_folder() / "cosim" / "fledge_controller"
@@ -298,9 +299,6 @@ class Namespaces:
     def __init__(self):
         self.held = []
         self.user = os.geteuid() != 0
-        for tool in ("unshare", "nsenter", "ip"):
-            if not shutil.which(tool):
-                raise OSError(f"there is no {tool}")
         try:
             self._hold(["unshare", *(["--user", "--map-root-user"] if self.user else []), "--net", "cat"])
             self._hold([*self.enter(0), "unshare", "--net", "cat"])
@@ -347,6 +345,7 @@ class Namespaces:
 
 @pytest.fixture(scope="module")
 def namespaces():
+    skip_without("iproute2")
     try:
         both = Namespaces()
     except OSError as error:

@@ -4,12 +4,12 @@
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 
 import pytest
 
+from tests.needs import needs
 from tests.project_test import fledge as fledge_within
 from tests.tree import ROOT
 
@@ -154,7 +154,7 @@ def test_a_crash_names_module_task_time_and_debugger(own, kind, number, words):
                         second)
 
 
-@pytest.mark.skipif(not shutil.which("gdb"), reason="gdb is not installed")
+@needs("gdb")
 def test_the_debugger_stops_there(own):
     _, stderr = flown(own, "run", "fall", "--for", "5s", "--set", "kind=2")
     words = shlex.split(stderr.splitlines()[1].partition("where: ")[2])

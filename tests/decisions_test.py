@@ -6,9 +6,10 @@ import subprocess
 
 import pytest
 
-from fledge.errors import Failure
-from fledge.verify import decisions
+from tests.needs import needs, section
 from tests.tree import ROOT
+
+pytestmark = needs(*section("decisions"))
 
 
 def fledge(*arguments, cwd, code=0):
@@ -16,14 +17,6 @@ def fledge(*arguments, cwd, code=0):
                           stderr=subprocess.STDOUT, env={**os.environ, "FLEDGE_PROJECT": ""})
     assert done.returncode == code, done.stdout
     return done.stdout
-
-
-@pytest.fixture(autouse=True)
-def clang():
-    try:
-        decisions.tool("llvm-cov")
-    except Failure as error:
-        pytest.skip(str(error))
 
 
 def test_a_mission_names_the_conditions_that_its_scenarios_leave_and_keeps_its_bits(tmp_path):

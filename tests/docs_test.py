@@ -12,11 +12,9 @@ In a document,
 """
 
 import ast
-import importlib.util
 import inspect
 import os
 import re
-import shutil
 import subprocess
 from xml.etree import ElementTree
 
@@ -26,6 +24,7 @@ import yaml
 
 import fledge
 from fledge import attitude, flight as fsw, flight_math, world
+from tests.needs import flies_on, module, needs, section
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -164,7 +163,7 @@ def test_the_loop_meets_control_theory(tmp_path):
 
 
 @pytest.mark.long("follows the page; flies under valgrind")
-@pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+@needs("valgrind")
 def test_flight_is_profiled(tmp_path):
     assert follow("profiling.md", Shell(tmp_path)) == 2
     assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000
@@ -203,14 +202,13 @@ def test_a_guidance_law_goes_from_a_class_to_c_and_to_targets(tmp_path):
 
 
 @pytest.mark.long("follows the page; builds a project and a target")
-@pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
+@needs("clang")
 def test_a_project_has_a_target_of_its_own(tmp_path):
     assert follow("targets.md", Shell(tmp_path)) == 3
 
 
 @pytest.mark.long("follows the page; builds a project, and flies on a board of its own")
-@pytest.mark.skipif(not all(map(shutil.which, ["riscv64-unknown-elf-gcc", "qemu-system-riscv32", "arm-none-eabi-gcc"])),
-                    reason="the compilers and QEMU for RISC-V and Cortex-M are not installed")
+@flies_on("riscv64", "cortex-m7")
 def test_a_board_of_ones_own_flies(tmp_path):
     assert follow("your-board.md", Shell(tmp_path)) == 7
 
@@ -308,7 +306,7 @@ def test_what_stands_beside_the_names_of_others_exists():
 
 def test_attitude_has_what_stands_beside_the_functions_of_others():
     """Each expression of the table, by scipy's attitudes, of which rates are differences."""
-    scipy = pytest.importorskip("scipy.spatial.transform").Rotation
+    scipy = module("scipy.spatial.transform").Rotation
     first, then = scipy.from_rotvec([0.4, -0.9, 0.7]), scipy.from_rotvec([-1, 0.3, 0.2])
     w, x = np.array([0.3, 0.5, -0.4]), 0.3
     C, q, b, r = first.as_matrix().T, first.as_mrp(), np.roll(first.as_quat(), 1), first.as_rotvec()
@@ -374,7 +372,7 @@ def test_help_has_equations_and_not_their_numbers_in_a_book():
 
 
 @pytest.mark.long("Sphinx writes all pages: two minutes")
-@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
+@needs(*section("docs"))
 def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
     printed, status = Shell(tmp_path).run("fledge docs")
     assert status == 0, printed

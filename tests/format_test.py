@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests import changed, tidy
+from tests.needs import needs, skip_without
 from tests.tree import ROOT, files
 
 pytestmark = pytest.mark.spread
@@ -42,6 +43,7 @@ def paths(selected, suffixes):
 
 def of_debian_12(tool):
     """Skip where the tool of LLVM is not version 14, since others lay out and find otherwise."""
+    skip_without(tool)
     if " version 14." not in run(tool, "--version")[1]:
         pytest.skip(f"{tool} is not that of Debian 12, version 14")
 
@@ -53,6 +55,7 @@ def test_c_and_cpp_are_formatted(selected):
     assert not differ, f"mend it with: clang-format -i {' '.join(differ)}"
 
 
+@needs("python3-autopep8")
 def test_python_is_formatted(selected):
     _, printed = run("autopep8", "--diff", "--jobs", os.cpu_count(), *paths(selected, {".py"}))
     differ = sorted(line.removeprefix("--- original/") for line in printed.splitlines()
@@ -61,6 +64,7 @@ def test_python_is_formatted(selected):
 
 
 @pytest.mark.long("mypy reads all of Python's types: a minute")
+@needs("mypy")
 def test_the_types_of_python_hold():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     if "mypy" not in settings["tool"]:
@@ -78,6 +82,7 @@ def test_clang_tidy_finds_nothing(share, selected):
     assert not findings, findings
 
 
+@needs("clang-tidy")
 def test_clang_tidy_reads_what_does_not_fit_into_a_file_apart(monkeypatch, tmp_path):
     """Two sources that both define a function without `static`, one of them with a finding."""
     first, second = (tmp_path / "record" / name for name in ("a.c", "b.c"))

@@ -17,6 +17,7 @@ import fledge
 from fledge.launcher.packages import listed
 from fledge.launcher.parser import parser
 from tests.circles import long_after
+from tests.needs import skip_without
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -996,8 +997,7 @@ SHELLS = {
 @pytest.fixture(params=long_after(1, SHELLS, "another shell"))
 def complete(request, tmp_path):
     """complete(line) -> the completions of the shell at its end, in a folder with a project and runs."""
-    if not shutil.which(request.param):
-        pytest.skip(f"{request.param} is not installed")
+    skip_without(request.param)
     (tmp_path / "CMakeLists.txt").write_text("fledge_project(sat)\n")
     (tmp_path / "missions/first_scan").mkdir(parents=True)
     (tmp_path / "missions/first_scan/flight.py").touch()

@@ -9,6 +9,7 @@ from fledge.targets import TARGETS, build
 from fledge.targets.bare import Bare
 from fledge.targets.leon3 import board
 from tests import bare_machine, leon3_programs
+from tests.needs import skip_unless_on
 
 INPUTS = 1000       # of each module: SETS * ROUNDS of module_hash.c
 
@@ -30,9 +31,8 @@ def run(folder, *flags, compiler="gcc", runner=(), link=()):
 
 
 def run_on(name, folder, *flags):
+    skip_unless_on(name)
     target = TARGETS[name]
-    if missing := target.missing():
-        pytest.skip(f"{missing} not installed")
     target.prepare()
     if name == "leon3":
         return hashes(leon3_programs.on_emulator(board.program(folder, "hash", sources(), []), "translator"))

@@ -5,43 +5,66 @@ The tests end with the sum of that by package, and with `./fledge test --complet
 from __future__ import annotations
 
 import importlib.util
-import re
 import shutil
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from fledge.launcher.packages import listed
 from fledge.targets import TARGETS
 
 NOT_INSTALLED = "not installed: "
-# What shows that a package is there: a program, a module of Python, or a file; else a program of its name.
+# What shows that a package is there: a program, a module of Python (of python3-*), or a file; of alternatives, "a|b".
+# Another package is shown by the program, or the module, of its name.
 SHOWN_BY = {
-    "binutils-sparc64-linux-gnu": "sparc64-linux-gnu-objdump", "casacore-data-jpl-de405":
-    "/usr/share/casacore/data/ephemerides/DE405", "clang-19": "clang-19|clang-18", "csmith": "csmith",
-    "frama-c-base": "frama-c", "gcc-aarch64-linux-gnu": "aarch64-linux-gnu-gcc",
-    "gcc-arm-none-eabi": "arm-none-eabi-gcc", "gcc-riscv64-unknown-elf": "riscv64-unknown-elf-gcc",
-    "gcc-sparc64-linux-gnu": "sparc64-linux-gnu-gcc", "graphviz": "dot", "libxml2-utils": "xmllint",
-    "llvm-19": "llvm-cov-19|llvm-cov-18", "nodejs": "node", "openssh-server": "/usr/sbin/sshd",
-    "postgresql": "/usr/share/postgresql-common", "python3-ipykernel": "ipykernel", "python3-myst-parser": "myst_parser",
-    "python3-pil": "PIL", "python3-sphinx": "sphinx", "qemu-system-misc": "qemu-system-riscv32",
-    "qemu-user": "qemu-sparc64|qemu-aarch64"}
+    "binutils-sparc64-linux-gnu": "sparc64-linux-gnu-objdump",
+    "casacore-data-jpl-de405": "/usr/share/casacore/data/ephemerides/DE405",
+    "clang-19": "clang-19|clang-18",
+    "debian-archive-keyring": "/usr/share/keyrings/debian-archive-keyring.gpg",
+    "frama-c-base": "frama-c",
+    "furo": "/usr/lib/python3/dist-packages/furo",
+    "gcc-aarch64-linux-gnu": "aarch64-linux-gnu-gcc",
+    "gcc-arm-none-eabi": "arm-none-eabi-gcc",
+    "gcc-riscv64-unknown-elf": "riscv64-unknown-elf-gcc",
+    "gcc-sparc64-linux-gnu": "sparc64-linux-gnu-gcc",
+    "graphviz": "dot",
+    "iproute2": "ip",
+    "libc6-dev-arm64-cross": "/usr/aarch64-linux-gnu/include/stdio.h",
+    "libc6-dev-sparc64-cross": "/usr/sparc64-linux-gnu/include/stdio.h",
+    "libclang-rt-19-dev": "/usr/lib/llvm-19/lib/clang/19/lib|/usr/lib/llvm-18/lib/clang/18/lib",
+    "libxml2-utils": "xmllint",
+    "llvm-19": "llvm-cov-19|llvm-cov-18",
+    "newlib-source": "/usr/src/newlib",
+    "nodejs": "node",
+    "openssh-client": "ssh",
+    "openssh-server": "/usr/sbin/sshd",
+    "picolibc-arm-none-eabi": "/usr/lib/picolibc/arm-none-eabi",
+    "picolibc-riscv64-unknown-elf": "/usr/lib/picolibc/riscv64-unknown-elf",
+    "postgresql": "pg_ctlcluster",
+    "python3-myst-parser": "myst_parser",
+    "python3-pil": "PIL",
+    "qemu-system-misc": "qemu-system-riscv64",
+    "qemu-user": "qemu-aarch64",
+}
 
 
 def lacking(*packages: str) -> list[str]:
     """Those of the packages that are not installed."""
     def is_there(name: str) -> bool:
-        module = name.removeprefix("python3-") if name.startswith("python3-") else ""
-        for shown in SHOWN_BY.get(name, module or name).split("|"):
-            if shown.startswith("/"):
-                found = Path(shown).exists()
-            else:
-                found = bool(importlib.util.find_spec(shown) if name.startswith("python3-") else shutil.which(shown))
-            if found:
+        of_python = name.startswith("python3-")
+        for shown in SHOWN_BY.get(name, name.removeprefix("python3-")).split("|"):
+            if Path(shown).exists() if shown.startswith("/") else (
+                    importlib.util.find_spec(shown) if of_python else shutil.which(shown)):
                 return True
         return False
 
     return [name for name in packages if not is_there(name)]
+
+
+def section(purpose: str) -> list[str]:
+    """The packages of a section of cmake/packages.txt, or of a target's folder."""
+    return [line.partition(" | ")[0] for line in listed(purpose)]
 
 
 def reason(*packages: str) -> str:
@@ -52,25 +75,26 @@ def reason(*packages: str) -> str:
 
 def reason_on(*targets: str) -> str:
     """Why a test that flies on these targets, or compiles for them, is skipped; "" if it can run."""
-    used = {other.name: other for name in targets for other in TARGETS[name].with_used()}
-    names = [package for target in used.values() if not all(map(shutil.which, target.needs))
-             for package in re.findall(r"^[^#|\s]+", (TARGETS.folders[target.name] / "packages.txt").read_text(
-                 encoding="utf-8"), re.M)]
-    if names:
-        return NOT_INSTALLED + ", ".join(dict.fromkeys(names))
-    return "; ".join(f"{name} needs {' and '.join(missing)}" for name in targets if (missing := TARGETS[name].missing()))
+    folders = [TARGETS.folders[part.name] for name in targets for part in TARGETS[name].with_used()]
+    return reason(*dict.fromkeys(name for folder in folders if (folder / "packages.txt").is_file()
+                                 for name in section(str(folder)))) or "; ".join(
+        f"{name} needs {' and '.join(missing)}" for name in targets if (missing := TARGETS[name].missing()))
+
+
+def skipped(*reasons: str) -> pytest.MarkDecorator:
+    """The mark of a test that is skipped for the first of these reasons, of which "" is none."""
+    why = next(filter(None, reasons), "")
+    return pytest.mark.skipif(bool(why), reason=why)
 
 
 def needs(*packages: str) -> pytest.MarkDecorator:
     """The mark of a test that needs these packages."""
-    why = reason(*packages)
-    return pytest.mark.skipif(bool(why), reason=why)
+    return skipped(reason(*packages))
 
 
 def flies_on(*targets: str) -> pytest.MarkDecorator:
     """The mark of a test that flies on these targets, or compiles for them."""
-    why = reason_on(*targets)
-    return pytest.mark.skipif(bool(why), reason=why)
+    return skipped(reason_on(*targets))
 
 
 def skip_without(*packages: str) -> None:
@@ -87,6 +111,5 @@ def skip_unless_on(*targets: str) -> None:
 
 def module(name: str) -> ModuleType:
     """The module of Debian's package python3-NAME, or one of its parts (jplephem.spk); skips without it."""
-    package = f"python3-{name.partition('.')[0].lower()}"
-    skip_without(package)
+    skip_without(f"python3-{name.partition('.')[0].lower()}")
     return importlib.import_module(name)

@@ -2,7 +2,6 @@
 """`fledge new` and `fledge --project`: a new project builds, passes its tests and flies, outside this
 tree and without a change of it; an impossible request ends with a message."""
 
-import importlib.util
 import os
 import re
 import shutil
@@ -15,6 +14,7 @@ import pytest
 from fledge import SetupError, cli, folders, load, new, objects
 from introspect.model import Struct
 from tests.circles import long_after
+from tests.needs import needs, section
 from tests.tree import ROOT, files
 
 
@@ -257,7 +257,7 @@ def test_an_editor_finds_the_types_of_its_modules(own):
 
 
 @pytest.mark.long("Sphinx writes the documents of a project")
-@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
+@needs(*section("docs"))
 def test_its_documents_have_its_modules_and_models(own):
     pages = own / "build/docs/html"
     output = fledge("docs", cwd=own)      # a long command shows its progress

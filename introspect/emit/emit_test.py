@@ -2,7 +2,6 @@
 """What is written from the model: tables that compile and read back, checks that check, schemas."""
 import ctypes
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ from introspect.emit import EMITTERS, orders, reference, schema
 from introspect.errors import HeaderError
 from introspect.model import Bounds, Kind
 from introspect.testing import ROOT, read_this, read_tree, write_header
+from tests.needs import needs
 
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes",
           "-Werror", "-ffp-contract=off", "-fPIC"]
@@ -208,21 +208,21 @@ def test_tables_are_the_same_again(model):
             assert EMITTERS[name](model.library(library)) == EMITTERS[name](again.library(library))
 
 
+@needs("clang")
 def test_clang_compiles_tables_too(model, tmp_path):
-    if not shutil.which("clang"):
-        pytest.skip("clang is not installed")
     for source in write(model, tmp_path, "tables"):
         assert compile_c(source, f"-I{ROOT}", compiler="clang").stderr == ""
 
 
 # Layout
 
-@pytest.mark.parametrize("compiler", ["gcc", "gcc -std=c11", "clang", "aarch64-linux-gnu-gcc",
-                                      "sparc64-linux-gnu-gcc -m32 -mcpu=v8"])
+@pytest.mark.parametrize("compiler", ["gcc", "gcc -std=c11", *(pytest.param(compiler, marks=needs(*packages)) for (
+    compiler, *packages) in (("clang", "clang"),
+                             ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"),
+                             ("sparc64-linux-gnu-gcc -m32 -mcpu=v8", "gcc-sparc64-linux-gnu",
+                              "libc6-dev-sparc64-cross")))])
 def test_the_layout_holds_with_every_compiler(model, tmp_path, compiler):
     compiler, *options = compiler.split()
-    if not shutil.which(compiler):
-        pytest.skip(f"{compiler} is not installed")
     if "-m32" in options:
         # The one header that Debian's 64-bit C library lacks lists functions that do not exist.
         (tmp_path / "gnu").mkdir()

@@ -9,12 +9,12 @@ import pytest
 
 import fledge
 from fledge.attitude import mrp_to_dcm
+from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
 
-pytestmark = pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                                reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 
 
 def fly(case, **parameters):

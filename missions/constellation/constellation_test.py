@@ -11,6 +11,7 @@ import fledge
 from fledge import cosim
 from fledge.units import minute, s
 from tests.circles import long_after
+from tests.needs import skip_without
 
 
 @pytest.mark.parametrize("spacecraft", long_after(2, [2, 3, 16], "flies 16 spacecraft"))
@@ -71,13 +72,10 @@ def test_its_parts_are_named_where_one_is_meant():
 
 
 def test_it_can_be_drawn_whatever_their_number(tmp_path):
-    import shutil
-
     from fledge.mission.wiring import Wiring
     from fledge.plot.wiring import save
 
-    if not shutil.which("dot"):
-        pytest.skip("graphviz is not installed")
+    skip_without("graphviz")
     for spacecraft in (2, 3, 8):
         wiring = Wiring(fledge.load("constellation", spacecraft=spacecraft))
         picture = save(wiring, tmp_path / "wiring.svg").read_text()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fledge import cli
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 
 BOARDS = Path(__file__).with_name("boards")
 
@@ -19,8 +19,7 @@ BOARDS = Path(__file__).with_name("boards")
     *((target, ["--board", str(BOARDS)]) for target in ("linux", "leon3"))],
     ids=lambda values: values if isinstance(values, str) else "boards" if values else "whole")
 def test_a_target_flies_and_says_what_the_desktop_does(target, boards, tmp_path, capsys):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     code = cli.main(["fly", "cubesat", "imaging", "--on", target, *boards, "--out", str(tmp_path)])
     printed = capsys.readouterr()
     assert code == 0 and "  none  " in printed.out, printed

@@ -15,6 +15,7 @@ from fledge.archive.compare import compare
 from fledge.attitude import mrp_to_dcm
 from fledge.targets import TARGETS
 from fledge.units import minute, s
+from tests.needs import flies_on
 
 BOARDS = Path(__file__).with_name("boards")
 DOWN = 63.5     # [s] the first instant of flight after the reset at 60.3 s, seen at 60.5 s, and 3 s
@@ -136,7 +137,7 @@ def test_every_lane_of_the_four_boards_carries_something_at_its_own_addresses():
 
 
 @pytest.mark.long("builds and flies on the LEON3")
-@pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
+@flies_on("leon3")
 def test_on_the_leon3_the_boards_lie_at_their_bases_and_their_interrupts_come(folder):
     from fledge import emulator
 

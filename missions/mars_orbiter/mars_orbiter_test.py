@@ -10,12 +10,12 @@ from numpy.linalg import norm
 import fledge
 from fledge import Orbit, cli, world
 from fledge.commands import decoded
-from fledge.targets import TARGETS
 from fledge.units import minute
 from missions.mars_orbiter.mission import DATE
 from missions.mars_orbiter.scenarios import FAILS, converter_fails, sun_faults, sun_off
 from missions.mars_orbiter.vehicle import PLACE
 from tests.circles import long_after
+from tests.needs import skip_unless_on
 
 BOARDS = Path(__file__).with_name("boards")
 
@@ -129,7 +129,6 @@ def test_an_eclipse_blames_no_sensor_and_the_gyro_holds_the_sun():
     *(("pointing", target) for target in ("linux", "cfs", "leon3", "leon3-cfs", "micropython")),
     ("sun_sensors", "linux"), ("insertion", "linux")])
 def test_a_target_flies_and_says_what_the_desktop_does(scenario, target, tmp_path, capsys):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     arguments = ["fly", "mars_orbiter", scenario, "--on", target, "--board", str(BOARDS), "--out", str(tmp_path)]
     assert cli.main(arguments) == 0, capsys.readouterr()

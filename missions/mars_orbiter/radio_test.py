@@ -9,7 +9,7 @@ import pytest
 
 from fledge import cli, world
 from fledge.archive import Archive
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 
 HERE = Path(__file__).resolve().parent
 GROUND = """
@@ -33,8 +33,7 @@ def test_the_file_of_all_programs_is_right():
 @pytest.mark.parametrize("target", ["linux"])
 def test_contact_from_goldstone(target, tmp_path, monkeypatch, capfd):
     """up.toml with a script in place of the console, and the world on another machine, by a shell in place of ssh."""
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     monkeypatch.chdir(tmp_path)
     text = (HERE / "up.toml").read_text().partition("[[asynchronous]]")[0].replace("leon3", target)
     text = text.replace("pace  = 50", 'unencrypted = true\njoin = 300').replace("86400", "9000")

@@ -11,6 +11,7 @@ import fledge
 from fledge import attitude
 from fledge import flight as fsw
 from fledge.units import deg, minute, s
+from tests.needs import module
 
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 JD = 2457084.0  # 2015-03-02 12:00 UTC; the 67.184 s to TDB are added below
@@ -24,7 +25,7 @@ def test_the_scenarios_pass(scenario):
 
 
 def test_antenna_and_panels_by_de430():
-    jplephem = pytest.importorskip("jplephem.spk", reason="python3-jplephem is not installed")
+    jplephem = module("jplephem.spk")
     kernel = DATA / "de430-2015-03-02.bsp"
     if not kernel.exists():
         pytest.skip(f"the kernel {kernel} is not there")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fledge import attitude as att
+from tests.needs import module
 
 RNG = np.random.default_rng(7)
 N = 2000
@@ -89,7 +90,7 @@ def test_shadow_and_switch():
 
 
 def test_scipy_has_the_same_attitudes():
-    scipy = pytest.importorskip("scipy.spatial.transform").Rotation
+    scipy = module("scipy.spatial.transform").Rotation
     turn = scipy.from_rotvec(ANGLE * AXIS)
     beta = att.from_scalar_last(turn.as_quat())
     np.testing.assert_allclose(np.swapaxes(att.quaternion_to_dcm(beta), -1, -2), turn.as_matrix(), atol=1e-14)

@@ -2,7 +2,6 @@
 """Runs as files of others, and files of others beside runs."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +12,9 @@ from fledge.files import ndm, spk
 from fledge.files.testing.examples import OMM
 from fledge.units import deg, km, rad, s
 from fledge.world import file_motion
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                                reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 EPOCH = "2026-03-20T10:00:00"
 OPM = """CCSDS_OPM_VERS = 3.0
 CREATION_DATE = 2026-01-01T00:00:00

@@ -3,7 +3,6 @@
 
 import json
 import re
-import shutil
 import textwrap
 from pathlib import Path
 
@@ -13,8 +12,9 @@ from fledge import cli, rules
 from fledge.disk import ROOT
 from fledge.errors import Failure
 from fledge.prove.sources import Tree
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not shutil.which("cppcheck"), reason="cppcheck is not installed")
+pytestmark = needs("cppcheck")
 
 # Each line breaks the rule in its comment, and no other.
 BAD = """\

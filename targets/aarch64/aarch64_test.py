@@ -5,6 +5,7 @@ import subprocess
 import pytest
 
 from fledge.targets import TARGETS
+from tests.needs import flies_on
 
 PROGRAM = """
 int main(void)
@@ -16,7 +17,7 @@ int main(void)
 """
 
 
-@pytest.mark.skipif(bool(TARGETS["aarch64"].missing()), reason="it is not installed")
+@flies_on("aarch64")
 @pytest.mark.parametrize("instructions, code", [
     ("1: ldxr x3, [%0]\\n add x3, x3, %1\\n stxr w4, x3, [%0]\\n cbnz w4, 1b", 0),
     ("ldadd %1, %1, [%0]", 132),        # of ARMv8.1: a Raspberry Pi 3 or 4 has none of it

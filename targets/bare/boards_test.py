@@ -2,7 +2,6 @@
 """The support of the boards behind a line: what a program needs, what protects it, what a fault says, and gdb. What
 all targets have in common is in fly_test.py, which flies these, too."""
 import re
-import shutil
 import socket
 import subprocess
 import sys
@@ -12,6 +11,7 @@ import pytest
 from fledge import cli
 from fledge.targets import TARGETS, build
 from tests.bare_machine import Machine, printed, program
+from tests.needs import needs, skip_unless_on
 
 # What each board reports of a fault, by the check's action: the fault, and the function in which it is.
 FAULTS = {
@@ -37,10 +37,8 @@ SAYS = {"cortex-m7": (r"0x(\w{8})(?:, called from 0x\w{8})?", "number"),
 
 @pytest.fixture(scope="module", params=FAULTS)
 def target(request):
-    target = TARGETS[request.param]
-    if target.missing():
-        pytest.skip(f"{target.missing()} not installed")
-    return target
+    skip_unless_on(request.param)
+    return TARGETS[request.param]
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +94,7 @@ def test_the_elementary_functions_have_the_same_bits(target, tmp_path):
 
 
 @pytest.mark.long("builds and flies an image under gdb")
-@pytest.mark.skipif(not shutil.which("gdb-multiarch"), reason="gdb-multiarch is not installed")
+@needs("gdb-multiarch")
 def test_gdb_stops_in_flight(target, tmp_path):
     """As docs/debugging.md has it; the flight then goes on to its end."""
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -2,11 +2,11 @@
 """The five functions in a task of an operating system compile against what its manual declares (examples/testing), and
 those of a board without one."""
 
-import shutil
 import subprocess
 
 import pytest
 
+from tests.needs import needs
 from tests.tree import ROOT
 
 EXAMPLES = ROOT / "targets/bare/examples"
@@ -30,7 +30,7 @@ def test_the_five_functions_compile_in_a_task(system, tmp_path):
     assert symbols_["fledge_fly"] == "U"
 
 
-@pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="gcc-arm-none-eabi is not installed")
+@needs("gcc-arm-none-eabi", "picolibc-arm-none-eabi")
 def test_the_five_functions_compile_for_a_board(tmp_path):
     symbols_ = symbols("nucleo_h743zi.c", tmp_path, "arm-none-eabi-", "--specs=picolibc.specs", "-mcpu=cortex-m7",
                        "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-DCORTEX_M7_LINE=39")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pocket cFE as a whole: its size, its cleanliness, and its tasks under the thread sanitizer."""
-import shutil
 import subprocess
 
 import pytest
 
 from fledge.disk import ROOT
+from tests.needs import needs
 
 SOURCES = sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name not in ("host.c", "watch.c"))
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes", "-Werror",
@@ -35,7 +35,7 @@ def test_it_is_small_and_has_no_heap(tmp_path):
 
 
 @pytest.mark.long("builds all with clang")
-@pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
+@needs("clang")
 def test_it_is_clean_under_another_compiler(tmp_path):
     compiled(tmp_path, "-O1", compiler="clang")
     subprocess.run(["clang", *STRICT, "-c", str(ROOT / "targets/cfs/host.c")], check=True, cwd=tmp_path)

@@ -9,9 +9,10 @@ import pytest
 from fledge import cli
 from fledge.errors import Failure
 from fledge.targets import TARGETS
+from tests.needs import flies_on
 
 TARGET = TARGETS["cortex-m7"]
-pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing()} not installed")
+pytestmark = flies_on("cortex-m7")
 
 
 def test_a_processor_without_a_unit_for_double_precision_is_refused(monkeypatch):

@@ -14,10 +14,11 @@ from fledge.archive.compare import compare
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.fly_test import WHOLE, nothing_is_left, processes, started
 from fledge.targets.leon3 import Leon3, board as boards
+from tests.needs import flies_on, skip_unless_on
 from tests.waiting import wait_for
 
-pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
-QEMU = pytest.param("qemu", marks=pytest.mark.skipif(bool(TARGETS["leon3-qemu"].missing()), reason="no QEMU"))
+pytestmark = flies_on("leon3")
+QEMU = pytest.param("qemu", marks=flies_on("leon3-qemu"))
 
 
 def ran(computer, program, *options):
@@ -153,8 +154,7 @@ def test_a_uart_sends_the_record_of_a_board_without_spacewire(tmp_path, monkeypa
 @pytest.mark.long("builds images")
 @pytest.mark.parametrize("name, program", [("leon3", b"fledge_leon3"), ("leon3-qemu", b"qemu-system-sparc")])
 def test_an_interrupt_ends_the_computer_too(name, program, tmp_path):
-    if TARGETS[name].missing():
-        pytest.skip(f"{TARGETS[name].missing()} not installed")
+    skip_unless_on(name)
     process = started(tmp_path, "--on", name)
     try:
         part = tmp_path / f"{name}.mcap.part"

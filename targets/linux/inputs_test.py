@@ -14,6 +14,7 @@ from fledge.archive.compare import compare
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.linux import clock, inputs
 from fledge.targets.table import cpu
+from tests.needs import skip_unless_on
 
 FREE = {"duration": 30.0, "free": True}
 
@@ -101,8 +102,7 @@ def test_a_file_that_is_not_there(job, tmp_path):
 @pytest.mark.long("flies by the wall clock")
 @pytest.mark.parametrize("target", ["linux", "micropython"])
 def test_a_flight_by_the_clock_is_reported(tmp_path, capsys, target):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     out = str(tmp_path / "out")
     assert cli.main(["fly", "nadir_spin", "--on", target, "--clock", "--for", "1s", "--out", out]) == 0
     output = capsys.readouterr().out
@@ -128,7 +128,7 @@ def test_bins_of_a_histogram_have_their_width():
     (["--on", "desktop", "--for", "1s"], "--clock: name one target of one flight process with --on; found 0"),
     (["--on", "linux,sparc64", "--for", "1s"], "--clock: name one target of one flight process with --on; found 2")])
 def test_only_one_process_flies_by_the_clock(tmp_path, capsys, arguments, wrong):
-    if "sparc64" in arguments[1] and TARGETS["sparc64"].missing():
-        pytest.skip("the cross compiler is not installed")
+    if "sparc64" in arguments[1]:
+        skip_unless_on("sparc64")
     assert cli.main(["fly", "nadir_spin", "--clock", "--out", str(tmp_path), *arguments]) == 2
     assert wrong in capsys.readouterr().err

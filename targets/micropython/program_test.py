@@ -14,9 +14,9 @@ from fledge.targets import TARGETS, table
 from fledge.targets.flown import heap_of
 from fledge.targets.micropython import program
 from fledge.targets.micropython.export import compose
+from tests.needs import flies_on
 
-LEON3 = pytest.param("leon3-micropython", marks=pytest.mark.skipif(
-    bool(TARGETS["leon3-micropython"].missing()), reason="the compiler for LEON3 is not installed"))
+LEON3 = pytest.param("leon3-micropython", marks=flies_on("leon3-micropython"))
 FLIGHT = '''"""Small."""
 from fledge import flight as fsw
 from fledge.units import s

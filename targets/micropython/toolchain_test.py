@@ -7,7 +7,6 @@
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from random import Random
@@ -18,8 +17,9 @@ import pytest
 from fledge.errors import Failure
 from fledge.mission import flying
 from fledge.targets import build
-from fledge.targets.leon3 import board, toolchain as leon3
+from fledge.targets.leon3 import board
 from fledge.targets.micropython import toolchain
+from tests.needs import flies_on
 
 CASES, SEED = int(os.environ.get("FLEDGE_CASES", "300")), int(os.environ.get("FLEDGE_SEED", "1"))
 
@@ -295,7 +295,7 @@ def test_a_script_that_python_cannot_read_is_refused_with_its_line():
 
 # --- the board ---------------------------------------------------------------------------------------
 
-@pytest.mark.skipif(not shutil.which(leon3.COMPILER), reason=f"{leon3.COMPILER} is not installed")
+@flies_on("leon3")
 def test_the_board_computes_the_same_bits(tmp_path):
     random = Random(SEED)
     values = [x for x in numbers(random, 60) if abs(x) < 1e150]

@@ -10,7 +10,7 @@ import pytest
 
 from fledge import cli
 from fledge.commands import Dictionary, decoded, read_script
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 
 pytestmark = pytest.mark.long("flies on two targets many times")
 
@@ -180,8 +180,7 @@ def mission(tmp_path_factory):
 @pytest.fixture(scope="module", params=["micropython", "leon3-micropython"])
 def flown(request, mission):
     """The name of a target, and the folder with what the flight there left."""
-    if missing := TARGETS[request.param].missing():
-        pytest.skip(f"{', '.join(missing)} not installed")
+    skip_unless_on(request.param)
     out = mission.parent / request.param
     assert cli.main(["fly", str(mission), "--on", request.param, "--out", str(out)]) == 0
     return request.param, out
@@ -336,8 +335,7 @@ def bump(x):
 @pytest.mark.parametrize("name", ["micropython", "leon3-micropython"])
 def test_an_update_has_the_bits_of_the_desktop(name, tmp_path, capfd):
     """Flying compares what both record."""
-    if missing := TARGETS[name].missing():
-        pytest.skip(f"{', '.join(missing)} not installed")
+    skip_unless_on(name)
     folder = tmp_path / "bits"
     folder.mkdir()
     for file, text in (("flight.py", BITS), ("shapes.py", SHAPES), ("world.py", "def build(w, f):\n    pass\n"),

@@ -9,9 +9,10 @@ import pytest
 from fledge import cli
 from fledge.errors import Failure
 from fledge.targets import TARGETS
+from tests.needs import flies_on
 
 TARGET = TARGETS["riscv64"]
-pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing()} not installed")
+pytestmark = flies_on("riscv64")
 
 
 def test_a_processor_without_a_unit_for_double_precision_is_refused(monkeypatch):
@@ -39,7 +40,7 @@ def test_a_mission_with_a_large_board(tmp_path, capsys):
 
 
 @pytest.mark.long("builds images of two boards")
-@pytest.mark.skipif(bool(TARGETS["cortex-m7"].missing()), reason="the other board is not installed")
+@flies_on("cortex-m7")
 def test_boards_of_different_processors_fly_in_one_run(tmp_path, capsys):
     assert cli.main(["fly", "formation", "sensed", "--for", "10s", "--on", "deputy=riscv64,chief=cortex-m7", "--out",
                      str(tmp_path)]) == 0

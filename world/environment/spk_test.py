@@ -13,7 +13,9 @@ import pytest
 from numpy import polynomial
 from scipy import integrate, interpolate, optimize
 
-jplephem_spk = pytest.importorskip("jplephem.spk", reason="python3-jplephem is not installed")
+from tests.needs import module
+
+jplephem_spk = module("jplephem.spk")
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -260,7 +262,7 @@ def about(axis, angle):
 
 
 def test_frames_that_do_not_turn_are_those_of_erfa_and_of_the_iau(library, tmp_path):
-    erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
+    erfa = module("erfa")
     epochs, records = EPOCHS[:20], curve(EPOCHS[:20])
     words, t = np.concatenate([records.ravel(), epochs, [3, 20]]), int(epochs[10])
 

@@ -18,6 +18,7 @@ import pytest
 import zmq
 
 import _core
+from tests.needs import skip_without
 from tests.waiting import PATIENCE, wait_for
 
 HERE = Path(__file__).resolve().parent
@@ -284,7 +285,8 @@ def network():
     def ip(*words):
         return subprocess.run(["ip", *words], capture_output=True).returncode
 
-    if not shutil.which("ip") or ip("netns", "add", name):
+    skip_without("iproute2")
+    if ip("netns", "add", name):
         pytest.skip("no network namespace can be made here")
     try:
         failed = [ip(*words.split()) for words in (

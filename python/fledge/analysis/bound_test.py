@@ -9,10 +9,10 @@ import pytest
 from fledge.analysis import bound, timing
 from fledge.emulator import Board
 from fledge.errors import Failure
-from fledge.targets import TARGETS
 from fledge.targets.leon3 import board as boards
+from tests.needs import flies_on
 
-pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+pytestmark = flies_on("leon3")
 
 BITS = 6        # of the input, each of which decides one branch
 HEAD = """#include <string.h>

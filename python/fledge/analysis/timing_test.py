@@ -10,9 +10,10 @@ import pytest
 import fledge.emulator
 from fledge import cli
 from fledge.analysis import timing
-from fledge.targets import TARGETS, build
+from fledge.targets import build
+from tests.needs import flies_on
 
-pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+pytestmark = flies_on("leon3")
 
 
 @pytest.fixture(scope="module")

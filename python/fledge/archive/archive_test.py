@@ -7,7 +7,6 @@ import json
 import math
 import os
 import re
-import shutil
 import struct
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from fledge.archive.compare import digest
 from introspect.emit import schema
 from introspect.model import Field, Type
 from tests.circles import long_after
+from tests.needs import flies_on, skip_without
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCES = [ROOT / "record" / name for name in ("mcap.c", "mcap_crc.c", "file_sink.c")]
@@ -921,13 +921,11 @@ int main(int argc, char **argv)
 """
 
 
+@flies_on("sparc64")
 def test_a_big_endian_machine_writes_the_same_run(tmp_path):
-    cross, emulator = shutil.which("sparc64-linux-gnu-gcc"), shutil.which("qemu-sparc64")
-    if not (cross and emulator):
-        pytest.skip("needs sparc64-linux-gnu-gcc and qemu-sparc64")
     (tmp_path / "main.c").write_text(BIG_ENDIAN_PROGRAM)
     archives = []
-    for name, compiler, runner in (("here", "gcc", []), ("sparc", cross, [emulator])):
+    for name, compiler, runner in (("here", "gcc", []), ("sparc", "sparc64-linux-gnu-gcc", ["qemu-sparc64"])):
         subprocess.run([compiler, "-std=c99", "-O2", "-static", f"-I{ROOT}", "-o", tmp_path / name,
                         tmp_path / "main.c", *SOURCES], check=True)
         path = tmp_path / f"{name}.mcap"
@@ -943,13 +941,13 @@ def test_a_big_endian_machine_writes_the_same_run(tmp_path):
 @pytest.mark.parametrize("chunk_size", [0, 1024, 1 << 16])
 def test_other_readers_read_the_same(tmp_path, shim, chunk_size):
     """Foxglove's own libraries: see record/oracle/README.md."""
-    modules, node = os.environ.get("FLEDGE_MCAP_ORACLE"), shutil.which("node")
-    if not modules or not node:
-        pytest.skip("needs node, and FLEDGE_MCAP_ORACLE as the folder of record/oracle's modules")
+    skip_without("nodejs")
+    if not os.environ.get("FLEDGE_MCAP_ORACLE"):
+        pytest.skip("FLEDGE_MCAP_ORACLE names no folder of record/oracle's modules")
     path = tmp_path / "run.mcap"
     c_run(shim, path, chunk_size)
     a = Archive(path)
-    out = subprocess.run([node, ROOT / "record/oracle/check.mjs", path], check=True,
+    out = subprocess.run(["node", ROOT / "record/oracle/check.mjs", path], check=True,
                          capture_output=True, text=True)
     assert out.stderr == ""
     oracle = json.loads(out.stdout)

@@ -14,6 +14,7 @@ import pytest
 from fledge import cli, elf
 from fledge.errors import Failure
 from fledge.targets import boards, probe
+from tests.needs import needs, skip_without
 
 BOARDS = sorted(boards())
 SSHD = shutil.which("sshd") or shutil.which("sshd", path="/usr/sbin:/usr/local/sbin")
@@ -152,7 +153,7 @@ def test_what_openocd_says_is_reported_with_a_remedy(text, reason, tmp_path, ope
     assert error.startswith(f"fledge: load: openocd has not loaded {file}: ") and reason in error
 
 
-@pytest.mark.skipif(not shutil.which("openocd"), reason="openocd is not installed")
+@needs("openocd")
 @pytest.mark.parametrize("name", BOARDS)
 def test_the_real_openocd_takes_the_description_of_a_board(name, tmp_path):
     """All commands before it connects; a script that connects by itself is left out."""
@@ -202,8 +203,7 @@ def test_wrong_words_are_refused(words, reason, capsys):
 def server(tmp_path):
     """server(machine) returns how ssh is called to reach a real server, which begins with the connection: it has keys,
     files and a user of its own, and no port. machine: what `uname -m` says there; "": that of this machine."""
-    if not SSHD or not shutil.which("ssh"):
-        pytest.skip("openssh-server is not installed")
+    skip_without("openssh-server", "openssh-client")
     for name in ("host", "user"):
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", tmp_path / name], check=True)
     if os.getuid() == 0:
@@ -258,7 +258,7 @@ def test_a_program_is_built_for_a_host_copied_and_flies_there(server, tmp_path, 
         flying.terminate()
 
 
-@pytest.mark.skipif(not shutil.which("aarch64-linux-gnu-gcc"), reason="there is no compiler for aarch64")
+@needs("gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross")
 def test_a_raspberry_pi_gets_a_program_of_its_own(server, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     there = tmp_path / "there/fledge"

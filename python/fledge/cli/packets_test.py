@@ -6,7 +6,6 @@ import io
 import json
 import os
 import random
-import shutil
 import struct
 import subprocess
 from decimal import Decimal
@@ -19,6 +18,7 @@ from fledge.archive.archive_test import Maker
 from fledge.cli import main
 from fledge.errors import Failure
 from fledge.ground.captures import Format, Joiner, Piece, encapsulated, header, pieces, read
+from tests.needs import needs
 
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
 XTCE = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
@@ -195,7 +195,7 @@ def by_tshark(path):
             for time, payload in map(str.split, filter(None, rows))]
 
 
-@pytest.mark.skipif(shutil.which("tshark") is None, reason="not here: tshark")
+@needs("tshark")
 def test_captures_of_all_kinds_have_the_datagrams_that_wireshark_finds(tmp_path):
     ip = datagram(ALL[1])[18:-2]
     kinds = {0: b"\2\0\0\0", 1: bytes(12) + b"\x08\0", 12: b"", 101: b"", 108: b"\0\0\0\2",

@@ -2,7 +2,6 @@
 """The exported text: clean, the same each time, laid out as by hand; subsets; what is refused."""
 
 import re
-import shutil
 import subprocess
 
 import pytest
@@ -14,6 +13,7 @@ from fledge.export.read import included
 from fledge.export.run_test import FLIGHT, WORLD, first_difference
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
 from tests.circles import long_after
+from tests.needs import needs
 
 ALL = sorted(fledge.missions())
 MISSIONS = [name for name in ALL if not fledge.missions()[name].several]
@@ -66,7 +66,7 @@ def test_the_same_mission_gives_the_same_bytes(exported, name):
 
 
 @pytest.mark.long("formats exported code of all missions")
-@pytest.mark.skipif(not shutil.which("clang-format"), reason="clang-format is not installed")
+@needs("clang-format")
 def test_it_is_laid_out_by_the_rules_of_this_repository(exported, modes, tmp_path):
     texts = [*exported.values(), export.emit_c(export.read(fledge.load(modes)))]
     for file, text in (item for files in texts for item in files.items()):

@@ -5,7 +5,6 @@ import binascii
 import math
 import os
 import re
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
@@ -32,6 +31,7 @@ from fledge.targets import services_test
 from fledge.targets.services_test import STORED
 from fledge.targets.testing import Draft
 from tests.circles import long_after
+from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -197,6 +197,7 @@ def name_of(path):
 # --- the file --------------------------------------------------------------------------------------
 
 @pytest.mark.long("xmllint reads the files of all missions")
+@needs("libxml2-utils")
 @pytest.mark.skipif(not (DATA / "xtce").exists(), reason=f"not here: {DATA}/xtce/SpaceSystemV1.2.xsd")
 def test_the_files_of_all_missions_are_valid(tmp_path):
     schema = (DATA / "xtce/SpaceSystemV1.2.xsd").read_text(encoding="utf-8")
@@ -617,7 +618,7 @@ end
 """
 
 
-@pytest.mark.skipif(not shutil.which("ruby"), reason="not here: ruby")
+@needs("ruby")
 def test_the_link_of_cosmos_gives_a_command_what_is_missing(folder, tmp_path):
     sim = fledge.load(folder)
     all_ = databases(sim)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels of attitudes, laid out word by word as NAIF describes type 3."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from fledge.errors import SetupError
 from fledge.files import ck, daf, ndm, sclk
 from fledge.files.sclk_test import BEPI
 from fledge.world import Sky
+from tests.needs import needs
 
 RATE, AXIS = 2e-3, np.array([2.0, -1.0, 2.0]) / 3
 
@@ -78,8 +77,7 @@ def test_attitudes_outside_the_summarys_times_are_not_used(tmp_path, clock):
     assert segment.times[0] == clock.ns(50 * 65536)[0]
 
 
-@pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                    reason="not here: the package casacore-data-jpl-de405")
+@needs("casacore-data-jpl-de405")
 def test_of_segments_that_overlap_the_last_counts(tmp_path, clock):
     spun, = ck.read(write(tmp_path / "a.bc", np.arange(0, 1001, 10.0), [0]), clock)
     still, = ck.read(write(tmp_path / "b.bc", np.arange(400, 601, 10.0), [400], False,

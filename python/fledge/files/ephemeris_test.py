@@ -11,6 +11,7 @@ from fledge.errors import SetupError
 from fledge.files import ndm, tables
 from fledge.files.ephemeris import AemSegment, OemSegment
 from fledge.files.testing.examples import AEM, OCM, OEM, OPM, replaced
+from tests.needs import module
 
 
 def test_an_ephemeris_counts_leap_seconds_and_is_interpolated_within_its_span():
@@ -119,7 +120,7 @@ def test_an_attitude_with_derivatives_meets_them_unless_its_message_says_otherwi
 
 
 def test_interpolation_is_that_of_another_program():
-    scipy = pytest.importorskip("scipy.interpolate", reason="python3-scipy is not installed")
+    scipy = module("scipy.interpolate")
     generator = np.random.default_rng(1)
     times = np.sort(generator.choice(1000, 4, replace=False)) * 10**9
     r, v = generator.normal(size=(2, 4, 3)) * 1e6
@@ -132,7 +133,7 @@ def test_interpolation_is_that_of_another_program():
 
 
 def test_a_frame_of_pandas_goes_there_and_back(tmp_path):
-    pytest.importorskip("pandas", reason="python3-pandas is not installed")
+    module("pandas")
     segment = files.read(OEM).segment
     frame = segment.to_pandas()
     assert frame["Y"].tolist() == [0, 7500, 15000, 22500] and len(frame) == 4

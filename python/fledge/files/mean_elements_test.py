@@ -16,8 +16,9 @@ import pytest
 from fledge import flight as fsw, mean_elements
 from fledge.errors import SetupError
 from fledge.files.testing.examples import damaged
+from tests.needs import module
 
-sgp4 = pytest.importorskip("sgp4.api", reason="python3-sgp4 is not installed")
+sgp4 = module("sgp4.api")
 FOLDER = Path(sgp4.__file__).parent
 
 ISS = """ISS (ZARYA)
@@ -98,7 +99,7 @@ def in_csv(fields):
 
 
 def test_all_formats_give_the_same_elements(tmp_path):
-    exporter = pytest.importorskip("sgp4.exporter")
+    exporter = module("sgp4.exporter")
     for first, second in lines():
         if first[2:7] in ("28872", "11801", "88888"):     # the last two were not launched, as far as they say
             continue
@@ -219,7 +220,7 @@ def test_any_damage_is_refused_or_harmless():
 
 def test_the_module_flies_the_elements_where_another_program_does():
     """In N, by the whole theories of 1976 and 1980: 2 m, what the nutation on board leaves out."""
-    erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
+    erfa = module("erfa")
     _, first, second = ISS.splitlines()
     theirs, elements = sgp4.Satrec.twoline2rv(first, second), mean_elements.read(ISS)
     m = fsw.OrbitOnBoard(**elements.parameters(), age_max=86400)

@@ -19,6 +19,7 @@ from fledge.errors import SetupError
 from fledge.files import messages, ndm, tables, values
 from fledge.files.sections import Section, Segment
 from fledge.files.testing.examples import AEM, APM, CDM, CDM_OBJECT, OCM, OEM, OMM, OPM, damaged, replaced
+from tests.needs import module
 
 
 def refused(text, expected):
@@ -74,7 +75,7 @@ def test_an_attitude_and_mean_elements():
 
 
 def test_the_times_are_those_of_erfa():
-    erfa = pytest.importorskip("erfa", reason="python3-erfa is not installed")
+    erfa = module("erfa")
     for scale, seconds in (("TAI", 32.184), ("GPS", 51.184), ("TT", 0.0)):
         for date in ((1999, 12, 31), (2016, 7, 1), (2031, 2, 3)):
             day, part = erfa.dtf2d("TT", *date, 1, 2, 3.0)

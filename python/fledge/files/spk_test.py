@@ -12,6 +12,7 @@ import pytest
 from fledge import files
 from fledge.errors import SetupError
 from fledge.files import daf, spk
+from tests.needs import module
 
 TIMES = 700_000_000_000_000_000 + np.cumsum(np.random.default_rng(1).integers(50 * 10**9, 70 * 10**9, 230))
 SECONDS = [float(Fraction(int(t), 10**9)) for t in TIMES]
@@ -68,7 +69,7 @@ def test_a_span_beyond_the_years_of_64_bits_ends_with_them(tmp_path):
 
 
 def test_jplephem_reads_the_same_container(tmp_path):
-    jplephem = pytest.importorskip("jplephem.daf", reason="python3-jplephem is not installed")
+    jplephem = module("jplephem.daf")
     path = wrote(tmp_path / "a.bsp", comments=["of a test", "two"], name="A CRAFT")
     with open(path, "rb") as file:
         theirs = jplephem.DAF(file)
@@ -100,7 +101,7 @@ def test_many_segments_take_several_summary_records(tmp_path):
     assert [(s.first, s.last, s.integers, s.name) for s in found] == [
         (i, i + 1, (i, 0, 1, 5), f"S{i}") for i in range(60)]
     assert all(np.array_equal(s.words, w) for s, w in zip(found, words))
-    jplephem = pytest.importorskip("jplephem.daf", reason="python3-jplephem is not installed")
+    jplephem = module("jplephem.daf")
     with open(path, "rb") as file:
         theirs = jplephem.DAF(file)
         assert [int(values[2]) for _, values in theirs.summaries()] == list(range(60))

@@ -13,8 +13,9 @@ import pytest
 import fledge
 from fledge.mission import flying, target_math
 from fledge.units import m, s
+from tests.needs import module
 
-mpmath = pytest.importorskip("mpmath")
+mpmath = module("mpmath")
 mpmath.mp.dps = 50
 
 REACH = {"sin": 1e3, "cos": 1e3, "tan": 1e3, "asin": 1, "acos": 1, "atan": 1e3, "exp": 700, "log": 1e3}

@@ -16,6 +16,7 @@ import fledge
 from fledge import SetupError, flight as fsw, objects, world
 from fledge.objects.testing import decoded, kinds
 from fledge.units import N, m, minute, ms, rad, s
+from tests.needs import needs
 
 
 def spinner(rate=0.1, seed=0):
@@ -610,11 +611,8 @@ def test_completion():
         assert not {"lookup", "fspath", "weakref", "strip"} & set(dir(module))
 
 
+@needs("ipython3")
 def test_in_ipython(tmp_path):
-    import shutil
-
-    if not shutil.which("ipython3"):
-        pytest.skip("ipython3 is not installed")
     script = ("from fledge.mission.simulation_test import spinner\nsim = spinner()\nsim.run(1)\nsim.flight.tracking\n"
               "sim.flight.tracking?\nsim.flight.tracking.sigma_BcB\n")
     (tmp_path / "try.ipy").write_text("import sys\nsys.path[:0] = %r\n" % sys.path + script)

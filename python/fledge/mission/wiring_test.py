@@ -2,7 +2,6 @@
 """What the wiring shows: every instance and every wire once, in an order that a reader can follow."""
 
 import re
-import shutil
 from collections import Counter
 from xml.etree import ElementTree
 
@@ -14,8 +13,9 @@ from fledge.objects.testing import kinds
 from fledge.units import s
 from fledge.mission.wiring import Wiring
 from fledge.plot.wiring import dot, render, save
+from tests.needs import needs
 
-graphviz = pytest.mark.skipif(not shutil.which("dot"), reason="graphviz is not installed")
+graphviz = needs("graphviz")
 
 
 @pytest.fixture
@@ -198,9 +198,8 @@ def test_without_graphviz_the_package_is_named(sim, tmp_path, monkeypatch, capsy
     assert cli.main(["show", "nadir_spin", "--text"]) == 0
 
 
+@graphviz
 def test_a_drawing_that_fails_says_why():
-    if not shutil.which("dot"):
-        pytest.skip("graphviz is not installed")
     with pytest.raises(SetupError, match="graphviz cannot draw the wiring: .*syntax error"):
         render("digraph {", "svg")
 

@@ -22,13 +22,13 @@ from fledge.montecarlo.montecarlo_test import RELEASE
 from fledge.montecarlo.shares import Runs
 from fledge.pool import Died, Local, Work, children, in_order, open_pool, worker
 from fledge.pool.work import sealed, unsealed
-from fledge.targets import TARGETS
 from fledge.units import s
 from fledge.verify import flights as verification
 from fledge.verify.flight import Flight
+from tests.needs import flies_on
 
 KILLED = "the process that flew it was ended by SIGKILL"
-compiled = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+compiled = flies_on("leon3")
 
 
 class Squares(Work[int, int]):

@@ -14,18 +14,17 @@ from fledge.targets.bare import Bare
 from fledge.targets.linux import RUNNER, Linux
 from tests import bare_machine
 from tests.circles import long_after
+from tests.needs import reason, skip_unless_on, skip_without, skipped
 
-needs_valgrind = pytest.mark.skipif(
-    not shutil.which("valgrind") or os.environ.get("FLEDGE_PRESET") == "asan",
-    reason="valgrind is not installed, or the sanitizers are here, with which it does not share a process")
+needs_valgrind = skipped(reason("valgrind"), "valgrind shares no process with the sanitizers"
+                         if os.environ.get("FLEDGE_PRESET") == "asan" else "")
 
 
 @needs_valgrind
 @pytest.mark.parametrize("target", long_after(
     1, ["linux", "micropython", "leon3"], "flies under valgrind or on a board"))
 def test_a_short_flight_is_profiled(tmp_path, capsys, target):
-    if target not in TARGETS or TARGETS[target].missing():
-        pytest.skip(f"{target} is not there")
+    skip_unless_on(target)
     out = str(tmp_path / "out")
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", target, "--out", out]) == 0
     output = capsys.readouterr().out
@@ -55,8 +54,7 @@ BARE = [name for name, target in TARGETS.items() if isinstance(target, Bare) and
 @pytest.mark.long("builds and flies on a board")
 @pytest.mark.parametrize("target", BARE)
 def test_a_board_behind_a_line_is_profiled(tmp_path, capsys, target):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not there")
+    skip_unless_on(target)
     assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", target, "--out", str(tmp_path)]) == 0
     output = capsys.readouterr().out
     row, = json.loads((tmp_path / "profile.json").read_text())["targets"]
@@ -69,9 +67,8 @@ def test_a_board_behind_a_line_is_profiled(tmp_path, capsys, target):
 @pytest.mark.parametrize("name, loop", [("cortex-m7", "subs %0, %0, #1"), ("riscv64", "addi %0, %0, -1")])
 def test_an_instruction_is_a_nanosecond_of_a_board(tmp_path, name, loop):
     """The processor counts a loop of two instructions, whose number is known."""
+    skip_unless_on(name)
     target, again = TARGETS[name], "bne 1b" if name == "cortex-m7" else "bnez %0, 1b"
-    if target.missing():
-        pytest.skip(f"{name} is not there")
     (tmp_path / "loop.c").write_text(
         '#include "targets/bare/port.h"\n#include <stdio.h>\nint main(void)\n{\n    unsigned long n = 1000000;\n'
         '    const int64_t begin = board_time();\n'
@@ -124,8 +121,7 @@ def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
 @pytest.mark.long("flies under valgrind")
 @needs_valgrind
 def test_a_script_that_allocates_in_the_loop_is_found(tmp_path, capsys):
-    if TARGETS["micropython"].missing():
-        pytest.skip("micropython is not installed")
+    skip_unless_on("micropython")
     mission = tmp_path / "careless"
     shutil.copytree(build.ROOT / "missions/inertial_spin", mission)
     text = (mission / "flight.py").read_text()
@@ -196,8 +192,8 @@ def test_the_map_is_read():
     (["--free"], "--free is without a scenario, and needs --for"),
     (["--for", "0.5s", "--free"], "2 cycles are too few; fly longer with --for")])
 def test_wrong_words_are_refused(tmp_path, capsys, arguments, wrong):
-    if "0.5s" in arguments and not shutil.which("valgrind"):
-        pytest.skip("valgrind is not installed")
+    if "0.5s" in arguments:
+        skip_without("valgrind")
     words = ["profile", "inertial_spin", "--out", str(tmp_path), *arguments]
     assert cli.main(words if "--for" in arguments or "--free" in arguments else [*words, "--for", "1s"]) == 2
     assert wrong in capsys.readouterr().err

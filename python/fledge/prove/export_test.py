@@ -2,7 +2,6 @@
 """The executive of a mission in three modes is proved; what is planted into it is found."""
 
 import dataclasses
-import shutil
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,9 @@ from fledge.cli import main
 from fledge.prove import eva
 from fledge.prove import export as executive
 from fledge.prove.sources import Tree
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not shutil.which("frama-c"), reason="frama-c-base is not installed")
+pytestmark = needs("frama-c-base")
 
 FLIGHT = '''
 """Follow a spin in some modes."""

@@ -2,7 +2,6 @@
 """What a proof finds of faults that are planted into a small module of a project, and that it proves what has none."""
 
 import dataclasses
-import shutil
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,9 @@ import pytest
 from fledge import prove
 from fledge.errors import Failure
 from fledge.prove import loops
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not shutil.which("frama-c"), reason="frama-c-base is not installed")
+pytestmark = needs("frama-c-base")
 
 HEADER = """\
 #ifndef FLIGHT_PROBE_H

@@ -2,7 +2,6 @@
 """The report of a run: one complete, well-formed page without other files, in which all text is escaped."""
 
 import re
-import shutil
 import textwrap
 from html.parser import HTMLParser
 
@@ -14,6 +13,7 @@ from fledge import cli
 from fledge.report.numbers import number, unit, value
 from fledge.report.run import templates
 from fledge.scene import bundle
+from tests.needs import needs
 
 FLIGHT = '''
     """What flies: <b>nothing</b> & "more".
@@ -218,7 +218,7 @@ def test_without_graphviz_there_is_an_outline(here, monkeypatch):
     assert page.says("apt-get install graphviz") and page.says("<< guidance.reference") and "svg" not in page.tags
 
 
-@pytest.mark.skipif(not shutil.which("dot"), reason="graphviz is not installed")
+@needs("graphviz")
 def test_the_wiring_has_a_counterpart_of_each_colour(here):
     page = fly(here)
     picture = page.source[page.source.index("<svg"):page.source.index("</svg>")]

@@ -3,7 +3,6 @@
 
 import base64
 import json
-import os
 import re
 import shutil
 import zlib
@@ -15,9 +14,10 @@ import fledge
 from fledge import SetupError, cli, scene, world
 from fledge.attitude import mrp_to_dcm
 from fledge.scene import bundle, film, page, tracks
-from fledge.scene.browser import PROGRAM, Browser
-from fledge.scene.testing.node import in_node, needs_node
+from fledge.scene.browser import Browser
+from fledge.scene.testing.node import in_node, needs_node, opens
 from fledge.units import deg, kg, km, m, minute, rad, s
+from tests.needs import module
 from tests.waiting import PATIENCE
 
 EARTH = world.EARTH
@@ -391,9 +391,7 @@ def test_a_track_grows_within_a_bound_and_stays_where_it_was():
 
 # --- in a browser ----------------------------------------------------------------------------------
 
-needs_browser = pytest.mark.skipif(
-    not PROGRAM or not bundle.is_built() or os.environ.get("FLEDGE_PRESET") == "asan",
-    reason="needs chromium, and the viewer, which ./fledge setup --view builds; sanitizers see nothing of a page")
+needs_browser = opens()
 
 
 @pytest.fixture(scope="module")
@@ -527,7 +525,7 @@ def test_from_afar_it_is_enlarged_if_the_user_chooses_so(browser, record, tmp_pa
 @pytest.mark.long("films in a browser")
 @needs_browser
 def test_a_film_shows_the_given_span(record, tmp_path, capsys):
-    image = pytest.importorskip("PIL.Image", reason="needs python3-pil")
+    image = module("PIL.Image")
     path, look = tmp_path / "film.webp", "camera=orbit&show=enlarged"
     arguments = ["view", str(record), "--film", str(path), "--look", look]
     assert cli.main([*arguments, "--from", "1min", "--to", "10min", "--frames", "4"]) == 0
@@ -565,7 +563,7 @@ def passing():
 def ground_below(sim, t, r):
     """Geodetic latitude and longitude by ERFA, on WGS 84, for the Earth as the simulation's sky turns it; and the
     longitude with the Earth turned by ERFA itself."""
-    erfa = pytest.importorskip("erfa", reason="needs python3-erfa")
+    erfa = module("erfa")
     lon, lat, _ = erfa.gc2gd(1, sim.world.craft.sky.orientation(EARTH, t * s).dcm_PN @ r)
     days = 2461119.5 + 10 / 24 + t / 86400      # 2026-03-20T10:00:00, as UTC, UT1 and TT: 69 s are 2e-8 rad to the pole
     turned = erfa.c2t06a(days, 0, days, 0, 0, 0) @ r

@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 from fledge.targets import TARGETS, Job, faults
+from tests.needs import skip_unless_on
 
 LOGS = {"leon3": "flight: trap 0x00000009 at 0x{pc:08x}: the program stops\n"
                  "flight: o 00000000 00000000 00000000 00000000 00000000 00000000 00000000 {call:08x}\n",
@@ -16,9 +17,8 @@ LOGS = {"leon3": "flight: trap 0x00000009 at 0x{pc:08x}: the program stops\n"
 @pytest.mark.parametrize("name", ["cortex-m7", pytest.param("leon3", marks=pytest.mark.long("builds an image"))])
 def test_a_fault_is_reported_with_its_module_and_line(name, tmp_path):
     """Here as if flight had stopped at the beginning of a module's update, and in a function that it calls."""
+    skip_unless_on(name)
     target = TARGETS[name]
-    if target.missing():
-        pytest.skip(f"{target.missing()} not installed")
     target.prepare()
     part = Job("nadir_spin", folder=tmp_path, duration=1.0).parts[0]
     program = target.built(part)

@@ -27,6 +27,7 @@ from fledge.targets import TARGETS, Job, build, fly, loop
 from fledge.targets.rehearsal import rehearse
 from fledge.targets.linux import Linux
 from tests.circles import long_after
+from tests.needs import flies_on, skip_unless_on
 from tests.waiting import wait_for
 
 pytestmark = pytest.mark.spread
@@ -36,9 +37,8 @@ CONVERTERS = build.ROOT / "missions/nadir_spin/converters.toml"
 
 
 def targets():
-    for name, target in TARGETS.items():
-        missing = target.missing()
-        yield pytest.param(name, marks=pytest.mark.skipif(bool(missing), reason=f"{missing} not installed"))
+    for name in TARGETS:
+        yield pytest.param(name, marks=flies_on(name))
 
 
 @pytest.fixture(scope="module")
@@ -754,8 +754,8 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--on", "linux", "--for", "5s", "--report"], "--report is about a whole scenario; leave out --for"),
 ])
 def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):
-    if "linux,aarch64" in arguments and TARGETS["aarch64"].missing():
-        pytest.skip("aarch64 is not installed")
+    if "linux,aarch64" in arguments:
+        skip_unless_on("aarch64")
     out = tmp_path / "out"
     assert cli.main(["fly", *arguments, "--out", str(out)]) == 2
     assert complaint in capsys.readouterr().err

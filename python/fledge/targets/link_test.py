@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A target in a co-simulation of several programs, one of which commands it and reads its telemetry while it flies."""
 import re
-import shutil
 import socket
 import struct
 import subprocess
@@ -22,6 +21,7 @@ from fledge.ground.scripts.links import NoAnswer, split
 from fledge.records.activity import happenings
 from fledge.targets import TARGETS
 from tests.circles import long_after
+from tests.needs import needs, skip_unless_on
 from tests.waiting import PATIENCE, wait_for
 
 NODES = """
@@ -90,8 +90,7 @@ def place(tmp_path, monkeypatch):
 @pytest.mark.parametrize("target", long_after(
     1, ["linux", "cfs", "leon3", "leon3-rtems", "micropython"], "builds and flies on another target"))
 def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     (place / "link.toml").write_text(SIMULATION.format(target=target, python=sys.executable))
     assert cli.main(["up", "link.toml"]) == 0, capfd.readouterr()
     log = (place / "runs/link/log/ground.log").read_text()
@@ -153,8 +152,7 @@ command = ["{python}", "script.py", "cosim:flight?every=0.1"]
     1, ["linux", "cfs", "leon3", "micropython"], "builds and flies on another target"))
 def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(target, place, capfd):
     """As a node, for which the run waits: the same answers, telemetry and times."""
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     (place / "script.py").write_text(SCRIPT)
     (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
     assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
@@ -302,8 +300,7 @@ SECURED = ', secured=2, telemetry_key=1, roles=[{"key": 1}, {}, {}, {}]'
 @pytest.mark.parametrize("target, secured", [("linux", SECURED), ("leon3", "")])
 def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(target, secured, place, capfd):
     """Also over a link that loses and repeats: each command is executed once and in order."""
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     (place / "plays/flight.py").write_text(FLIGHT + FRAMES.format(secured=secured))
     assert cli.main(["keys", "link", "plays/link.keys"]) == 0
     (place / "script.py").write_text(SCRIPT.replace('"./plays") as', '"./plays", keys="plays/link.keys") as'))
@@ -458,7 +455,7 @@ def shown_by_wireshark(packets, path):
 
 
 @pytest.mark.long("flies by the wall clock")
-@pytest.mark.skipif(not shutil.which("tshark"), reason="not here: tshark")
+@needs("tshark")
 def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulation(place, tmp_path, capfd):
     assert cli.main(["export", "xtce", "./plays", "--yamcs", "--out", "out"]) == 0, capfd.readouterr()
     ports = {10015: free_port(), 10025: free_port()}

@@ -7,8 +7,8 @@ import pytest
 import fledge
 from fledge import SetupError, cli, flight as fsw, objects, world
 from fledge.archive import Archive
-from fledge.targets import TARGETS
 from fledge.units import A, V, ms, ohm, s
+from tests.needs import flies_on
 
 FLIGHT = '''
 from fledge import flight as fsw
@@ -103,9 +103,8 @@ def test_the_computer_is_down_for_its_time_and_then_begins_anew(at, down, tmp_pa
 
 
 @pytest.mark.long("builds and flies on targets")
-@pytest.mark.parametrize("target", [pytest.param(name, marks=pytest.mark.skipif(
-    bool(TARGETS[name].missing()), reason="it is not installed")) for name in (
-        "linux", "micropython", "leon3-micropython", "leon3-rtems")])
+@pytest.mark.parametrize("target", [pytest.param(name, marks=flies_on(name)) for name in (
+    "linux", "micropython", "leon3-micropython", "leon3-rtems")])
 def test_a_target_is_reset_as_the_desktop_is(target, tmp_path, capsys):
     at, down = CASES[2]
     folder, out = mission(tmp_path / "resets", at, down), tmp_path / "out"
@@ -152,7 +151,7 @@ def test_what_cannot_reset_a_computer_is_refused():
         assert f.reset == ("flight.count.computer", down * 1_000_000_000)
 
 
-BOARD = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
+BOARD = flies_on("leon3")
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from fledge.archive.compare import compare, digest
 from fledge.serial_line import name_of
 from fledge.targets import TARGETS, Job
 from tests.board_process import Process
+from tests.needs import flies_on
 from tests.waiting import wait_for
 
 
@@ -111,7 +112,7 @@ def test_a_board_at_a_line_flies_the_desktops_bits(board, cables, tmp_path, capf
     assert cable.process.wait() == 0        # flight has ended with the run
 
 
-@pytest.mark.skipif(bool(TARGETS["cortex-m7"].missing()), reason="there is no compiler, or no emulator, of Cortex-M7")
+@flies_on("cortex-m7")
 def test_the_program_of_a_bare_board_flies_at_a_line(cables, tmp_path, capfd):
     """As on a desk: what QEMU runs is at a serial device, and nothing but its program and its line is known."""
     target = TARGETS["cortex-m7"]

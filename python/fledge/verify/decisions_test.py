@@ -6,6 +6,7 @@ import pytest
 from fledge.disk import ROOT
 from fledge.errors import Failure
 from fledge.verify import decisions
+from tests.needs import section, skip_without
 
 HEADER = """
 static inline int both(int a, int b)
@@ -66,10 +67,7 @@ def built(tmp_path_factory):
 
 
 def build(folder, sources):
-    try:
-        decisions.tool("llvm-cov")
-    except Failure as error:
-        pytest.skip(str(error))
+    skip_without(*section("decisions"))
     (folder / "flight/testing").mkdir(parents=True)
     for name, text in {**sources, "flight/testing/main.c": """
 #include <stdlib.h>

@@ -26,6 +26,7 @@ from fledge.requirements import Requirements
 from fledge.verify import coverage, evidence, figure, tables
 from fledge.verify.evidence import Row
 from fledge.verify.flight import Flown, Shown, _files
+from tests.needs import flies_on
 
 SCENARIOS = '''
     from fledge.units import minute, s
@@ -259,7 +260,7 @@ def test_a_target_shows_the_same_with_the_same_bits(here, capsys):
 
 
 @pytest.mark.long("builds for the board and counts branches")
-@pytest.mark.skipif(not shutil.which("sparc64-linux-gnu-gcc"), reason="the compiler for the LEON3 is not installed")
+@flies_on("leon3")
 def test_the_coverage_on_the_board(here, capsys):
     write(here, scenarios=SCENARIOS.replace("30 * s", "2 * s"))
     verify(capsys, "--on", "leon3", "--scenario", "brief", "--coverage")

@@ -6,9 +6,10 @@ import pytest
 from fledge import Orbit, SetupError, Simulation, world
 from fledge.files import spk
 from fledge.units import day, deg, km, minute, s
-from fledge.world.sky_test import DE405, fly, real
+from fledge.world.sky_test import fly, real
+from tests.needs import needs
 
-with_sky = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+with_sky = needs("casacore-data-jpl-de405")
 
 GM = """\\begindata
 BODY499_GM       = ( 4.2828373620699090E+04 )

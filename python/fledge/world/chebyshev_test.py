@@ -2,7 +2,6 @@
 """The coefficients of an ephemeris, as flight evaluates them, against the Sky that they come from."""
 
 import hashlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from fledge import SetupError, Simulation, world
 from fledge import flight as fsw
 from fledge.units import day, hour, km, m, minute, s
 from fledge.world import chebyshev
+from tests.needs import needs
 
-DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
-pytestmark = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Earth's upper air in missions: place, date and Sun, constant activity, and activity of files."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, world
 from fledge.units import K, deg, kg, km, m, s
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                                reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 LAWS = ("NRLMSISE_00", "JB2008", "DTM2000", "MET")
 # CelesTrak's form: a date, the eight Kp [tenths] and their sum, the eight ap and their mean, F10.7 and its means.
 HEAD = ("DATE,BSRN,ND,KP1,KP2,KP3,KP4,KP5,KP6,KP7,KP8,KP_SUM,AP1,AP2,AP3,AP4,AP5,AP6,AP7,AP8,AP_AVG,CP,C9,ISN,"

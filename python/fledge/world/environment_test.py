@@ -2,19 +2,18 @@
 """The environment of a spacecraft in missions: bodies, air, light, magnetic field, ground stations."""
 
 import inspect
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, world
 from fledge.units import W, deg, kg, km, m, minute, rad, s
+from tests.needs import needs
 
-DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
 EARTH = world.EARTH
 SPIN = 7.292115146706388e-5 * rad / s
 
-needs_de405 = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+needs_de405 = needs("casacore-data-jpl-de405")
 
 
 def says(words, action):

@@ -2,7 +2,6 @@
 """Spacecraft that follow files: against the run that wrote them, closed forms and numerical derivatives."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +14,9 @@ from fledge.files.ephemeris import AemSegment, OemSegment
 from fledge.motion_test import EPOCH, flight
 from fledge.units import s
 from fledge.world import file_motion
+from tests.needs import needs
 
-pytestmark = pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                                reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sun-synchronous orbits as J2 flies them, and local times of nodes against the right ascension of the Sun."""
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, Simulation, flight as fsw, mean_elements, world
 from fledge.units import day, deg, hour, km, minute, s
+from tests.needs import needs
 
-DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
-pytestmark = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 DATE = "2026-03-20T10:00:00"
 
 

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of files against ERFA, SGP4 and numerical derivatives."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from fledge import Orbit, SetupError, mean_elements, world
 from fledge.world import reference_frames
+from tests.needs import module, needs
 
-pytestmark = pytest.mark.skipif(not Path("/usr/share/casacore/data/ephemerides/DE405").exists(),
-                                reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 TLE = """1 25544U 98067A   20152.00000000  .00000000  00000-0  00000-0 0  9990
 2 25544  51.6400  80.0000 0002000  30.0000 330.0000 15.49000000    06"""
 FRAMES = ("ICRF", "EME2000", "TOD", "TEME", "ITRF2014", "IAU_MARS")
@@ -46,7 +44,7 @@ def test_the_velocity_is_the_derivative_of_the_position(sky, frame):
 
 
 def test_teme_differs_from_the_true_equinox_by_the_equation_of_the_equinoxes(sky):
-    erfa = pytest.importorskip("erfa")
+    erfa = module("erfa")
     for t in (0, 86400 * 100):
         turn = sky.teme_of_date(t) @ sky.true_of_date(t).T
         assert np.arctan2(turn[0, 1], turn[0, 0]) == pytest.approx(
@@ -56,7 +54,7 @@ def test_teme_differs_from_the_true_equinox_by_the_equation_of_the_equinoxes(sky
 
 
 def test_sgp4_in_teme_is_where_flight_has_it_in_n(sky):
-    model = pytest.importorskip("sgp4.api")
+    model = module("sgp4.api")
     satellite = model.Satrec.twoline2rv(*TLE.splitlines())
     elements = mean_elements.read(TLE).parameters()
     at = world.Sky("2020-06-01T01:00:00", center=world.EARTH)

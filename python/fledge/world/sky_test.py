@@ -12,6 +12,7 @@ from fledge import Orbit, Simulation, SetupError, _core, world
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo import Campaign
 from fledge.units import day, deg, hour, km, m, minute, s
+from tests.needs import module, needs
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -19,7 +20,7 @@ DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
 NOON = "2015-03-02T12:00:00 TDB"
 AU = 149597870700.0
 
-pytestmark = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 
 
 def real(name):
@@ -119,7 +120,7 @@ def test_gps_time_is_weeks_and_seconds():
 
 def by_erfa(sky, t):
     """[PN] by Python's ERFA, from the file of the IERS as numpy reads it."""
-    erfa = pytest.importorskip("erfa", reason="not here: the package python3-erfa")
+    erfa = module("erfa")
     rows = np.array([[float(x) for x in line.split()] for line in real("eopc04-2000-2020.txt").read_text().splitlines()
                      if line[:4].isdigit()])
     date, clock = sky.utc(t).rstrip("Z").split("T")
@@ -240,7 +241,7 @@ def test_orbits_about_the_true_equator_and_equinox_of_date():
     same = Orbit(world.EARTH, altitude=700 * km, i=90 * deg, Omega=0.5)
     apart = np.linalg.norm(np.subtract(orbit.r_BN_N, same.r_BN_N))
     assert apart == pytest.approx(20.4 * 50.29 / 206265 * 7078e3 * np.cos(23.44 * np.pi / 180), rel=0.2)
-    erfa = pytest.importorskip("erfa", reason="not here: the package python3-erfa")
+    erfa = module("erfa")
     tt = 2451545.0, (sky.epoch_at(0) - 0.0016) / 86400
     np.testing.assert_allclose(frame, erfa.pnm06a(*tt), atol=1e-12)
     np.testing.assert_allclose(orbit.r_BN_N, frame.T @ same.r_BN_N, rtol=1e-15, atol=1e-8)

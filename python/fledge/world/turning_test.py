@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ground targets of flight that turn as fitted, against the Sky that they come from."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from fledge import SetupError, Simulation, flight as fsw, world
 from fledge.units import day, deg, hour, m, minute, s
+from tests.needs import module, needs
 
-DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
-pytestmark = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+pytestmark = needs("casacore-data-jpl-de405")
 PLACES = [(1.44, 43.6), (-120.0, -5.0), (80.0, 88.0)]
 
 
@@ -50,7 +48,7 @@ def test_places_are_within_the_bound_over_the_whole_span(body, within, start, du
 
 def test_attitude_and_rate_are_those_of_more_digits():
     """Against the same least squares by singular values, in 40 digits."""
-    mp = pytest.importorskip("mpmath").mp
+    mp = module("mpmath").mp
     sky, span = sky_of(world.MARS), 3 * 86400 * 10**9
     fit = world.fit_orientation(sky, world.MARS, within=1 * m, duration=3 * day)
     times = [round(k * span / 64) / 1e9 for k in range(65)]

@@ -15,13 +15,13 @@ from fledge import cli
 from fledge.archive import Archive
 from fledge.cosim.up.testing import BUILT, Mark
 from fledge.export.run_test import FLIGHT, WORLD
-from fledge.targets import TARGETS
+from tests.needs import flies_on
 from tests.waiting import wait_for
 
 pytestmark = [
     pytest.mark.skipif(not (BUILT / "fledge_controller").exists(), reason="the controller is not built"),
     pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it"),
-    pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="there is no compiler for the LEON3")]
+    flies_on("leon3")]
 
 COUNTING = FLIGHT + '''
     f.files = fsw.Files(entity=2, ground=1, rate=2000 / s, ack_timer=2 * s, nak_timer=2 * s)

@@ -13,7 +13,7 @@ import pytest
 from fledge import cli
 from fledge.archive import Archive
 from fledge.cosim.up.testing import BUILT, Mark
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_controller").exists(), reason="the controller is not built")
 
@@ -297,8 +297,7 @@ def test_a_run_that_was_killed_while_it_wrote_snapshots_loses_at_most_the_newest
 @pytest.mark.long("flies and goes back several times")
 def test_flight_without_snapshots_repeats_what_it_wrote(place, capfd):
     """As a real process; on the LEON3: board_rewind_test.py."""
-    if missing := TARGETS["linux"].missing():
-        pytest.skip(f"not here: {', '.join(missing)}")
+    skip_unless_on("linux")
     run("up", write(flight='target = "linux"'))
     new = again(round(random.uniform(0.6, 5.9), 3))
     assert same(new, place / "runs/pair", ["exchange", "world"])

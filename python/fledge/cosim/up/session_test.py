@@ -2,7 +2,6 @@
 """`fledge up` from outside: real programs around the real controller."""
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -10,6 +9,7 @@ import sys
 import pytest
 
 from fledge.cosim.up.testing import BUILT, mark, up, write_pair
+from tests.needs import skip_without
 from tests.waiting import wait_for
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
@@ -399,8 +399,9 @@ def namespace():
     def ip(*words):
         return subprocess.run(["ip", *words], capture_output=True, text=True)
 
-    if not shutil.which("ip") or (made := ip("netns", "add", name)).returncode:
-        pytest.skip("no network namespace can be made: " + (made.stderr.strip() if shutil.which("ip") else "no ip"))
+    skip_without("iproute2")
+    if (made := ip("netns", "add", name)).returncode:
+        pytest.skip("no network namespace can be made: " + made.stderr.strip())
     try:
         for words in (f"link add {near} type veth peer name {far} netns {name}", f"addr add 198.18.7.1/30 dev {near}",
                       f"link set {near} up", f"-n {name} addr add 198.18.7.2/30 dev {far}",

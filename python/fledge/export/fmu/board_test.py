@@ -19,14 +19,14 @@ from fledge.errors import Failure
 from fledge.export.fmu.board import board_fmu
 from fledge.export.fmu.build import export
 from fledge.export.fmu.flight_test import VERSIONS, Flight
-from fledge.targets import TARGETS
 from fledge.targets.reset_test import mission
 from fmi.testing.flying import Plan, importer, places
+from tests.needs import flies_on
 
 SIZE, F64 = ctypes.c_size_t, ctypes.c_double
 LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 
-pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
+pytestmark = flies_on("leon3")
 
 
 @pytest.fixture(scope="module")
@@ -172,6 +172,7 @@ def damaged(program, words):
     return content[:at] + struct.pack(">2I", *words) + content[at + 8:]
 
 
+@flies_on("aarch64")
 def test_on_aarch64_the_same_bits(flight, tmp_path):
     """With the library that cmake/aarch64.cmake builds."""
     board = flight("nadir_spin", tmp_path)

@@ -4,7 +4,6 @@ fmi/3.0/*.xsd and fmi/2.0/*.xsd, xmllint checks them, too."""
 
 import os
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from fledge.export import read_all
 from fledge.export.fmu.description import build_description, description, terminals
 from fledge.export.fmu.mission import facts, layout
 from fledge.units import BASE
+from tests.needs import needs
 
 MISSIONS = sorted(path.parent.name for path in (ROOT / "missions").glob("*/flight.py"))
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data")) / "fmi"
@@ -93,7 +93,7 @@ def test_arrays_of_3_are_the_elements_of_2(processes):
         assert all("[" in name and "," in name for name in two)     # further rows
 
 
-@pytest.mark.skipif(not shutil.which("xmllint"), reason="not here: xmllint, of the package libxml2-utils")
+@needs("libxml2-utils")
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"not here: {DATA}")
 def test_the_schemas_of_the_standard_hold(processes, tmp_path):
     for about, variables in processes:

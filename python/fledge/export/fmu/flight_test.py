@@ -2,7 +2,6 @@
 """FMUs of flight in an importer in C (fmi/testing), with the inputs of the desktop's: every output has its bytes."""
 
 import functools
-import shutil
 import subprocess
 import tempfile
 import zipfile
@@ -19,6 +18,7 @@ from fledge.errors import Failure
 from fledge.export.fmu.build import OPTIONS, compiler_for, export
 from fledge.export.fmu.mission import flight_fmu
 from fmi.testing.flying import Plan, hashes, importer, places
+from tests.needs import flies_on
 
 VERSIONS = pytest.mark.parametrize("version", ["3", "2"])
 
@@ -173,9 +173,8 @@ def test_the_sources_compile_anywhere_and_fly_alike(tmp_path, compiler):
     flight.fly(100)
 
 
+@flies_on("aarch64")
 def test_the_library_for_aarch64_flies_alike(tmp_path):
-    if not shutil.which("aarch64-linux-gnu-gcc") or not shutil.which("qemu-aarch64"):
-        pytest.skip("needs the packages of targets/aarch64")
     flight = Flight("nadir_spin", tmp_path, platform="aarch64")
     flight.fly(100, machine="aarch64", states=5,
                program=["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu", importer("aarch64-linux-gnu-gcc")])

@@ -3,7 +3,6 @@
 
 import ctypes
 import functools
-import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -13,11 +12,11 @@ import pytest
 from fledge import export
 from fledge.disk import ROOT
 from fledge.targets import build
+from tests.needs import needs
 
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
           "-ffp-contract=off", "-fno-math-errno"]
-CLANG = pytest.param("clang", marks=pytest.mark.skipif(not shutil.which("clang"),
-                                                       reason="clang is not installed"))
+CLANG = pytest.param("clang", marks=needs("clang"))
 COMPILERS = ["gcc", CLANG]
 
 

@@ -14,9 +14,9 @@ import fledge
 from fledge import cli, cosim, ground
 from fledge.archive import Archive
 from fledge.errors import SetupError
-from fledge.targets import TARGETS
 from fledge.units import ms, s
 from tests.circles import long_after
+from tests.needs import skip_unless_on
 from tests.waiting import wait_for
 
 MISSION = '''
@@ -113,8 +113,7 @@ def entries(folder):
 
 @pytest.mark.parametrize("target", long_after(1, ["linux", "leon3"], "flies on the LEON3 by radio"))
 def test_the_same_commands_telemetry_and_traffic_as_in_one_simulation(target, place, capfd):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     assert up(place, target=target) == 0, capfd.readouterr()
     assert (place / "back").read_bytes() == (place / "plan").read_bytes()
     (place / "back").unlink()

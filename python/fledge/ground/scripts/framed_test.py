@@ -17,8 +17,9 @@ from fledge.export.run_test import FLIGHT, WORLD
 from fledge.frames import OPTIONS, Frames
 from fledge.ground.scripts import radio_test
 from fledge.ground.scripts.address import link_of, open_link
-from fledge.targets import TARGETS, reset_test
+from fledge.targets import reset_test
 from fledge.units import minute, s
+from tests.needs import skip_unless_on
 
 LINK = """
     f.link = fsw.SpaceLink(spacecraft=68{more})
@@ -341,8 +342,7 @@ def test_frames_pass_by_a_radio_with_wrong_bits():
     ("cfs", 0, "cfs: its bus carries packets; fly resets0 without its SpaceLink there"),
     ("leon3", 1, "leon3: there is no BearSSL for it, which has the cipher of a secured link")])
 def test_what_a_target_cannot_frame_is_refused(secured, target, cop1, says, capsys, tmp_path):
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     secured(cop1=cop1)
     assert cli.main(["fly", str(tmp_path / f"resets{cop1}"), "--for", "1s", "--on", target,
                      "--out", str(tmp_path / "out")]) != 0

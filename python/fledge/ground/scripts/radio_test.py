@@ -10,11 +10,11 @@ from fledge import Orbit, Simulation, flight as fsw, ground, world
 from fledge.commands import Reason, Timed
 from fledge.errors import SetupError
 from fledge.units import Hz, K, deg, kg, km, m, minute, rad, s
+from tests.needs import module, needs
 
 ROOT = Path(__file__).resolve().parents[4]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
-DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
-needs_de405 = pytest.mark.skipif(not DE405.exists(), reason="not here: the package casacore-data-jpl-de405")
+needs_de405 = needs("casacore-data-jpl-de405")
 C = 299792458.0
 S_BAND = dict(down_frequency=2.2e9 * Hz, up_frequency=2.0e9 * Hz, down_eirp_dBW=0, up_eirp_dBW=40, down_g_t_dBK=15,
               up_g_t_dBK=-25, down_rate=64e3 / s, up_rate=4e3 / s)
@@ -207,7 +207,7 @@ def at_mars(sky, orbit, every, **changes):
 
 
 def test_elevation_occultation_and_light_time_are_those_of_other_libraries():
-    erfa, SPK = pytest.importorskip("erfa"), pytest.importorskip("jplephem.spk").SPK
+    erfa, SPK = module("erfa"), module("jplephem.spk").SPK
     kernel, eop = DATA / "de430-2015-03-02.bsp", DATA / "eopc04-2000-2020.txt"
     if not kernel.exists() or not eop.exists():
         pytest.skip(f"not here: {kernel}, {eop}")

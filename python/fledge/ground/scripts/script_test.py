@@ -15,7 +15,7 @@ import pytest
 from fledge import cli
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.report.report_test import Page
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 
 SCRIPT = '''
 from fledge.units import s
@@ -119,8 +119,7 @@ def test_a_run_leaves_each_thing_that_happened(place, capsys):
 @pytest.mark.parametrize("target", ["linux", "cfs", "leon3"])
 def test_the_page_is_the_same_on_a_target(target, place, capfd):
     """But for its head, which names the target, the date and the command."""
-    if TARGETS[target].missing():
-        pytest.skip(f"{target} is not installed")
+    skip_unless_on(target)
     (place / "script.py").write_text(SCRIPT)
     (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
     assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()

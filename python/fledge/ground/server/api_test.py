@@ -5,7 +5,6 @@ import base64
 import copy
 import json
 import re
-import shutil
 import struct
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
 from fledge.ground.server.web import Server
 from fledge.ground.server.web_test import console, flown
+from tests.needs import needs
 from tests.tree import ROOT
 
 API = yaml.safe_load((Path(__file__).parent / "api.yaml").read_text(encoding="utf-8"))
@@ -296,7 +296,7 @@ console.log(JSON.stringify({keys: keys.length, parameter, history, live, sent}))
 
 
 @pytest.mark.long("node beside a server")
-@pytest.mark.skipif(not shutil.which("node"), reason="not here: node")
+@needs("nodejs")
 @flown
 async def test_the_plugin_for_open_mct_asks_a_flying_server_and_reads_its_frames(tmp_path):
     """Where Open MCT would call it, a few lines do; it asks the server, and the frame is one of the server's."""

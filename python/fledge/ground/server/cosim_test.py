@@ -17,7 +17,7 @@ from fledge.ground.server.run_control import Steered
 from fledge.ground.console.testing.console import browse, checks
 from fledge.cosim.steering import Steering
 from fledge.errors import SetupError
-from fledge.targets import TARGETS
+from tests.needs import skip_unless_on
 from tests.waiting import wait_for
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
@@ -44,8 +44,7 @@ class Flown:
     """A co-simulation that `fledge up` flies meanwhile, with a server at a port."""
 
     def __init__(self, folder, target, port=0, until=36000, pace=20, settings="keep_every = 10", server=""):
-        if missing := TARGETS[target].missing():
-            pytest.skip(f"not here: {', '.join(missing)}")
+        skip_unless_on(target)
         self.folder = folder
         (folder / "sim.toml").write_text(
             SIMULATION.format(target=target, until=until, pace=pace, settings=settings) + server)

@@ -19,10 +19,11 @@ from fledge.ground.server.settings import read
 from fledge.errors import SetupError
 from fledge.ground import Database
 from tests.circles import long_after
+from tests.needs import module, skip_without
 from tests.tree import ROOT
 from tests.waiting import wait_for
 
-psycopg = pytest.importorskip("psycopg")
+psycopg = module("psycopg")
 
 PROGRAMS = sorted(Path("/usr/lib/postgresql").glob("*/bin"))
 S = 10**9
@@ -97,8 +98,7 @@ class Base:
 
 @pytest.fixture(scope="module")
 def started():
-    if not PROGRAMS:
-        pytest.skip("there is no server of PostgreSQL")
+    skip_without("postgresql")
     with tempfile.TemporaryDirectory(prefix="pg", dir="/tmp") as folder:    # the path of a socket is short
         os.chmod(folder, 0o755)
         base = Base(Path(folder))

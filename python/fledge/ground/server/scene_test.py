@@ -3,7 +3,6 @@
 
 import asyncio
 import json
-import os
 from contextlib import contextmanager
 from queue import Queue
 from threading import Thread
@@ -19,9 +18,9 @@ from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
 from fledge.ground.server.web import serve
 from fledge.records.series import part
-from fledge.scene import bundle, of as scene_of, page
-from fledge.scene.browser import PROGRAM, Browser
-from fledge.scene.testing.node import in_node, needs_node
+from fledge.scene import of as scene_of, page
+from fledge.scene.browser import Browser
+from fledge.scene.testing.node import in_node, needs_node, opens
 from fledge.scene.tracks import Turning
 from tests.waiting import PATIENCE
 
@@ -328,9 +327,7 @@ def served(folder, text):
         loop.close()
 
 
-in_browser = pytest.mark.skipif(
-    not PROGRAM or not bundle.is_built("console.js", "viewer.js") or os.environ.get("FLEDGE_PRESET") == "asan",
-    reason="needs chromium, and the console, which ./fledge setup --view builds")
+in_browser = opens("console.js", "viewer.js")
 VIEWER = "document.querySelector('.fledge-view')?.viewer"
 
 

@@ -4,15 +4,23 @@
 from __future__ import annotations
 
 import json
-import shutil
+import os
 import subprocess
 from typing import Any
 
 import pytest
 
 from fledge.scene import bundle
+from tests.needs import needs, reason, skipped
 
-needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs node, which runs the viewer's code")
+needs_node = needs("nodejs")
+
+
+def opens(*files: str) -> pytest.MarkDecorator:
+    """The mark of a test that opens a page of these files; by default, of the viewer's."""
+    return skipped(reason("chromium"), "" if bundle.is_built(*files) else
+                   reason("npm") or "the pages are not built; ./fledge setup --view builds them",
+                   "sanitizers see nothing of a page" if os.environ.get("FLEDGE_PRESET") == "asan" else "")
 
 
 def in_node(text: str) -> Any:

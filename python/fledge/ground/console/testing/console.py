@@ -21,6 +21,7 @@ from fledge.ground.server.settings import read
 from fledge.errors import SetupError
 from fledge.programs import without_preload
 from fledge.scene import bundle
+from tests.needs import reason, skip_without
 
 
 def checks(script: Path) -> list[str]:
@@ -69,10 +70,11 @@ def run_script(script: Path, address: str, folder: Path) -> subprocess.Completed
 
 def browse(script: Path, address: str, folder: Path) -> dict[str, str]:
     """Run a script of checks (console.mjs) in a browser: check -> "" or its error. Skips without a browser."""
+    skip_without("chromium", "nodejs")
     try:
         done = run_script(script, address, folder)
     except SetupError as error:
-        pytest.skip(str(error))
+        pytest.skip(reason("npm") or str(error))
     assert done.returncode == 0, done.stderr
     errors: dict[str, str] = json.loads(done.stdout)
     return errors
