@@ -10,6 +10,7 @@ from clang import cindex
 
 from introspect.emit import EMITTERS
 from introspect.testing import ROOT, read_this
+from tests.needs import needs
 
 # Versions stand side by side. Bindings work with their own version and with newer ones, if its headers are there.
 BOUND = int(re.search(r"-([0-9]+)", cindex.conf.get_filename())[1])
@@ -34,6 +35,7 @@ def tables():
 
 
 @pytest.mark.long("reads all headers with each version of libclang")
+@needs("libclang1-19", "libclang-common-19-dev")
 @pytest.mark.parametrize("version", sorted(version for version in VERSIONS if version > BOUND))
 def test_every_version_reads_and_refuses_alike(version):
     done = subprocess.run([sys.executable, "-c", UNDER, VERSIONS[version]], capture_output=True, text=True, cwd=ROOT)

@@ -122,6 +122,7 @@ def test_the_python_of_the_readme_runs_from_top_to_bottom(tmp_path, monkeypatch)
 
 
 @pytest.mark.long("follows the README, then the tutorial; builds two projects, and flies on targets")
+@flies_on("leon3")
 def test_the_first_hour_leads_to_a_module_in_closed_loop(tmp_path):
     """All commands for a reader, from the clone and an empty home, but installations and Fledge's own tests."""
     shell = Shell(tmp_path)
@@ -143,6 +144,8 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
 
 
 @pytest.mark.long("follows the page; flies on the emulated board: a minute")
+@flies_on("leon3")
+@needs("npm", "valgrind")
 def test_the_cookbook_answers_what_teams_ask(tmp_path):
     assert follow("cookbook.md", Shell(tmp_path)) >= 30
     assert (tmp_path / "recipes/wiring.svg").stat().st_size > 10_000
@@ -187,6 +190,8 @@ def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
 
 
 @pytest.mark.long("follows the page; each fault of each unit")
+@flies_on("leon3")
+@needs("git", "valgrind")
 def test_faults_versions_and_the_time_of_tasks(tmp_path):
     assert follow("fault-analysis.md", Shell(tmp_path)) == 5
 
@@ -197,6 +202,7 @@ def test_existing_code_is_wrapped_and_flown(tmp_path):
 
 
 @pytest.mark.long("follows the page; builds for three targets")
+@flies_on("leon3", "micropython")
 def test_a_guidance_law_goes_from_a_class_to_c_and_to_targets(tmp_path):
     assert follow("prototypes.md", Shell(tmp_path)) >= 15
 
@@ -209,11 +215,13 @@ def test_a_project_has_a_target_of_its_own(tmp_path):
 
 @pytest.mark.long("follows the page; builds a project, and flies on a board of its own")
 @flies_on("riscv64", "cortex-m7")
+@needs("openocd")
 def test_a_board_of_ones_own_flies(tmp_path):
     assert follow("your-board.md", Shell(tmp_path)) == 7
 
 
 @pytest.mark.long("follows the page; builds and flies under MicroPython")
+@flies_on("micropython")
 def test_a_mission_flies_under_micropython(tmp_path):
     assert follow("micropython.md", Shell(tmp_path)) == 4
 
@@ -231,6 +239,7 @@ def test_a_script_of_the_ground_commands_a_mission(tmp_path):
     assert follow("ground.md", Shell(tmp_path)) >= 2
 
 
+@needs("gdb")
 def test_gdb_stops_in_flight_code(tmp_path):
     shell = Shell(tmp_path)
     shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
@@ -238,6 +247,8 @@ def test_gdb_stops_in_flight_code(tmp_path):
 
 
 @pytest.mark.long("follows the page; flies on the emulator under gdb")
+@flies_on("leon3")
+@needs("gdb-multiarch", "lcov", "valgrind")
 def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
@@ -260,6 +271,7 @@ def test_both_files_for_a_ci_do_the_same():
 
 
 @pytest.mark.long("clones this repository, builds and tests a project: a minute")
+@needs("git")
 def test_a_ci_tests_a_project(tmp_path):
     (clone, test), variables, reports = of_ci()[0]
     shell = Shell(tmp_path)

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import pytest
 
 from fledge.errors import Failure
+from tests.needs import skip_without
 from tests.tree import ROOT, files
 
 SUFFIXES = {".h", ".c", ".cpp", ".py"}
@@ -175,9 +176,9 @@ def test_an_example_in_python_runs(example, record, tmp_path, monkeypatch):
     try:
         runpy.run_path("example.py")
     except Failure as error:
-        if "is not installed" not in str(error):
-            raise
-        pytest.skip(str(error))
+        if named := re.search(r"apt-get install (.*)", str(error)):
+            skip_without(*named[1].split())
+        raise
 
 
 @pytest.mark.parametrize("example", [example for example in OF["python"] if "$ ./fledge" in example.text], ids=path_of)

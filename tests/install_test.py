@@ -15,6 +15,7 @@ import pytest
 
 import fledge
 from fledge.scene import bundle
+from tests.needs import needs, skip_without
 from tests.tree import ROOT
 
 sys.path.insert(0, str(ROOT / "cmake"))
@@ -196,6 +197,7 @@ def test_a_built_tree_that_cannot_be_written_flies(tmp_path):
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
     """A virtual environment made from Debian's Python."""
+    skip_without("python3-venv")
     folder = tmp_path_factory.mktemp("environment") / "venv"
     subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", folder], check=True)
     return folder
@@ -301,6 +303,7 @@ def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
 
 
 @pytest.mark.long("pip makes and installs the wheel")
+@needs("python3-venv")
 def test_pip_installs_the_wheel_and_refuses_one_of_another_python(wheel, tmp_path):
     subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", tmp_path / "venv"], check=True)
     pip = [tmp_path / "venv/bin/pip", "install", "--quiet", "--no-index"]

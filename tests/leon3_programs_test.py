@@ -4,9 +4,14 @@
 import pytest
 
 from tests import leon3_programs as programs
+from tests.needs import flies_on, needs
+
+pytestmark = flies_on("leon3")
 
 
 @pytest.mark.long("compiles and runs random programs")
+@flies_on("leon3-qemu")
+@needs("csmith", "libcsmith-dev")
 def test_random_programs_give_the_same_checksums_as_here(tmp_path):
     compared = 0
     for seed in (1, 2, 3, 5):
@@ -21,6 +26,7 @@ def test_random_programs_give_the_same_checksums_as_here(tmp_path):
 
 
 @pytest.mark.long("runs newlib's tests twice")
+@flies_on("leon3-qemu")
 def test_the_tests_of_the_c_library_print_the_same_as_on_qemu(tmp_path):
     printed = programs.everywhere(programs.newlib_math(tmp_path), ["threaded", "translator"])
     assert "testing sinf\n" in printed["qemu"] and "Tested 29106 functions" in printed["qemu"]

@@ -9,7 +9,7 @@ from fledge.targets import TARGETS, build
 from fledge.targets.bare import Bare
 from fledge.targets.leon3 import board
 from tests import bare_machine, leon3_programs
-from tests.needs import skip_unless_on
+from tests.needs import needs, skip_unless_on
 
 INPUTS = 1000       # of each module: SETS * ROUNDS of module_hash.c
 
@@ -59,7 +59,7 @@ def test_each_module_computes_the_same_bits_there(target, expected, tmp_path):
 
 
 @pytest.mark.long("compiles all of flight for each")
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("compiler", ["gcc", pytest.param("clang", marks=needs("clang"))])
 def test_each_module_computes_the_same_bits_when_it_is_optimised(compiler, expected, tmp_path):
     assert run(tmp_path, "-O3", compiler=compiler) == expected
 

@@ -32,7 +32,10 @@ SHOWN_BY = {
     "iproute2": "ip",
     "libc6-dev-arm64-cross": "/usr/aarch64-linux-gnu/include/stdio.h",
     "libc6-dev-sparc64-cross": "/usr/sparc64-linux-gnu/include/stdio.h",
+    "libclang-common-19-dev": "/usr/lib/llvm-19/lib/clang/19/include|/usr/lib/llvm-18/lib/clang/18/include",
     "libclang-rt-19-dev": "/usr/lib/llvm-19/lib/clang/19/lib|/usr/lib/llvm-18/lib/clang/18/lib",
+    "libclang1-19": "/usr/lib/llvm-19/lib/libclang-19.so.1|/usr/lib/llvm-18/lib/libclang-18.so.1",
+    "libcsmith-dev": "/usr/include/csmith",
     "libxml2-utils": "xmllint",
     "llvm-19": "llvm-cov-19|llvm-cov-18",
     "newlib-source": "/usr/src/newlib",
@@ -44,6 +47,7 @@ SHOWN_BY = {
     "postgresql": "pg_ctlcluster",
     "python3-myst-parser": "myst_parser",
     "python3-pil": "PIL",
+    "python3-venv": "ensurepip",
     "qemu-system-misc": "qemu-system-riscv64",
     "qemu-user": "qemu-aarch64",
 }

@@ -14,7 +14,7 @@ import pytest
 from fledge import SetupError, cli, folders, load, new, objects
 from introspect.model import Struct
 from tests.circles import long_after
-from tests.needs import needs, section
+from tests.needs import flies_on, needs, section
 from tests.tree import ROOT, files
 
 
@@ -232,6 +232,7 @@ def test_its_objects_are_like_ours(own):
 
 @pytest.mark.long("mypy reads the types of all of Fledge: a minute")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="editors read the release build")
+@needs("mypy")
 def test_an_editor_finds_the_types_of_its_modules(own):
     """Checkers read pyproject.toml, as `fledge new project` wrote it: mypy as an editor runs it, for one file."""
     def checked():
@@ -368,6 +369,7 @@ def test_a_copy_of_a_mission_flies_with_the_same_bits(name, tmp_path):
 
 
 @pytest.mark.long("builds a project and flies on targets")
+@flies_on("leon3")
 def test_a_copy_of_the_cubesat_flies_on_a_target_and_passes_its_tests(tmp_path):
     fledge("new", "project", "sat", cwd=tmp_path)
     fledge("new", "mission", "my_cube", "--from", "cubesat", cwd=tmp_path / "sat")

@@ -11,6 +11,7 @@ from introspect.model import Kind
 from introspect.reader import read
 from introspect.sources import Source
 from introspect.testing import ROOT, read_this, write_header
+from tests.needs import skip_without
 
 MISSION = """
 from fledge import flight as fsw, world
@@ -68,6 +69,7 @@ def folder(tmp_path_factory):
 
 def mypy(folder, *files):
     """What mypy complains of in these files, a line each."""
+    skip_without("mypy")
     built = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "introspect/stubs"     # _core.pyi
     path = os.pathsep.join([str(folder / "stubs"), str(ROOT / "python"), str(built)])
     done = subprocess.run(

@@ -16,7 +16,10 @@ from fledge.targets.build import native
 from fledge.targets.leon3.board import BOARD
 from fledge.targets.leon3.board import program as leon3_program
 from fledge.units import N, m, s
+from tests.needs import flies_on, needs, skip_without
 from tests.waiting import PATIENCE, wait_for
+
+pytestmark = flies_on("leon3")
 
 
 @pytest.fixture(scope="module")
@@ -268,6 +271,7 @@ def program(folder, board):
     return folder / "leon3/nadir_spin"
 
 
+@needs("gdb-multiarch")
 def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
     output = gdb(board, program,
                  "break mrp_feedback_update", "continue", "print m->par.K", "backtrace", "info registers psr wim pc",
@@ -324,12 +328,14 @@ def test_coverage_tells_the_lines_and_branches_that_ran(board, program, tmp_path
     assert lines[numbers["Vec3 last = mrp_nearer(m->mem.sigma_BR, error->sigma_BR);"]] == 5
     branches = [line.split(",")[-1] for line in text.splitlines() if line.startswith("BRDA:")]
     assert {"5", "0"} <= set(branches) and len(branches) % 2 == 0
+    skip_without("lcov")
     page = subprocess.run(["genhtml", "--branch-coverage", "-o", tmp_path / "html", tmp_path / "flight.info"],
                           capture_output=True, text=True)
     assert page.returncode == 0 and re.search(r"lines\.+: ", page.stdout), page.stdout + page.stderr
     assert next((tmp_path / "html").rglob("mrp_feedback.c.gcov.html")).stat().st_size > 1000
 
 
+@needs("valgrind")
 def test_a_profile_has_the_cost_of_each_function_and_of_what_it_calls(board, tmp_path):
     board.sim.run(1)
     board.profile(tmp_path / "callgrind.out.flight")
@@ -443,6 +449,7 @@ def counter(folder):
     return leon3_program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
 
 
+@needs("gdb-multiarch")
 def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
     """Of a program without a mission, deeper in calls than the processor has windows."""
     board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), BOARD, counter, "--gdb", "0",

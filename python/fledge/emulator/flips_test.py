@@ -10,6 +10,9 @@ import fledge
 from fledge import attitude, cli
 from fledge.emulator import flips
 from fledge.emulator.flips import Campaign, Flip, Measure
+from tests.needs import flies_on
+
+pytestmark = flies_on("leon3")
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["plain", "edac"])

@@ -17,6 +17,7 @@ from fledge.export.fmu.archive import write_archive
 from fledge.errors import Failure
 from fledge.export.fmu.build import OPTIONS, compiler_for, export
 from fledge.export.fmu.mission import flight_fmu
+from fledge.export.testing import COMPILERS
 from fmi.testing.flying import Plan, hashes, importer, places
 from tests.needs import flies_on
 
@@ -156,7 +157,7 @@ def test_parameters_act_from_the_next_instant_on(tmp_path, version):
     flight.fly(100, change=change, states=10)
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("compiler", COMPILERS)
 def test_the_sources_compile_anywhere_and_fly_alike(tmp_path, compiler):
     flight = Flight("sun_safe", tmp_path, sources=True)
     with zipfile.ZipFile(flight.path) as archive:
