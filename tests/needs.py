@@ -18,7 +18,6 @@ NOT_INSTALLED = "not installed: "
 # What shows that a package is there: a program, a module of Python (of python3-*), or a file; of alternatives, "a|b".
 # Another package is shown by the program, or the module, of its name.
 SHOWN_BY = {
-    "binutils-sparc64-linux-gnu": "sparc64-linux-gnu-objdump",
     "casacore-data-jpl-de405": "/usr/share/casacore/data/ephemerides/DE405",
     "clang-19": "clang-19|clang-18",
     "debian-archive-keyring": "/usr/share/keyrings/debian-archive-keyring.gpg",

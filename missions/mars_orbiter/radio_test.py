@@ -9,7 +9,7 @@ import pytest
 
 from fledge import cli, world
 from fledge.archive import Archive
-from tests.needs import skip_unless_on
+from tests.needs import flies_on, skip_unless_on
 
 HERE = Path(__file__).resolve().parent
 GROUND = """
@@ -24,6 +24,7 @@ def entries(folder):
     return [json.loads(line) for line in (folder / "script.jsonl").read_text().splitlines()][1:]
 
 
+@flies_on("leon3")
 def test_the_file_of_all_programs_is_right():
     assert cli.main(["up", "--check", str(HERE / "up.toml")]) == 0
 

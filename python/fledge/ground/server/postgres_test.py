@@ -13,17 +13,18 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
+from tests.needs import module, skip_without
+
+psycopg = module("psycopg")
+
 from fledge.ground.server.postgres import Postgres, PostgresSettings
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
 from fledge.errors import SetupError
 from fledge.ground import Database
 from tests.circles import long_after
-from tests.needs import module, skip_without
 from tests.tree import ROOT
 from tests.waiting import wait_for
-
-psycopg = module("psycopg")
 
 PROGRAMS = sorted(Path("/usr/lib/postgresql").glob("*/bin"))
 S = 10**9
