@@ -6,7 +6,7 @@ Example:
 
     from fledge import rules
 
-    for row in rules.judge(rules.check()):
+    for row in rules.judge(rules.check(paths=["flight/control"])):      # without paths: all that is flight C
         print(row.rule, row.state, len(row.found), [reason.text for reason, _ in row.reasons])
 
 flight/deviations.toml of Fledge or of a project has the reasons of findings: `"15.5" = "..."` for all files, or below
