@@ -42,7 +42,7 @@ def test_the_judge_sees_what_a_reader_may_not_do(tmp_path, monkeypatch):
     assert verdict(tmp_path, lambda path: forever()) == "no end within 1 s"
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(300, marks=pytest.mark.long("9,000 copies"))])
+@pytest.mark.parametrize("count", [4, pytest.param(300, marks=pytest.mark.long("9,000 copies"))])
 def test_each_copy_is_read_or_refused_in_a_line(count):
     done = subprocess.run([sys.executable, "-m", "tests.mutants", "1", str(count)], cwd=ROOT, text=True,
                           stdout=subprocess.PIPE, timeout=3600)
