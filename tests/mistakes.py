@@ -94,8 +94,17 @@ def written(head: str, mistakes: list[Mistake], answers: list[list[str]]) -> str
 
 def answers(mistakes: list[Mistake]) -> list[list[str]]:
     """All that is answered, normalised. Each mistake has a folder and a process of its own, forked from this one, which
-    has imported what all of them need."""
+    has imported what many of them need."""
+    import matplotlib.figure    # noqa: F401
+
     import fledge.cli
+    import fledge.export
+    import fledge.montecarlo
+    import fledge.plot
+    import fledge.prove
+    import fledge.requirements
+    import fledge.targets.leon3
+    import fledge.verify
 
     fledge.cli.parser()
     fledge.load(TEMPLATE)
