@@ -12,6 +12,7 @@ from fledge.cli import main
 from fledge.prove import eva
 from fledge.prove import export as executive
 from fledge.prove.sources import Tree
+from tests.circles import long_after
 from tests.needs import needs
 
 pytestmark = needs("frama-c-base")
@@ -83,7 +84,7 @@ def test_an_executive_is_proved(program: eva.Program) -> None:
     assert result.reached > 0.85 * result.statements
 
 
-@pytest.mark.parametrize("faults", FAULTS)
+@pytest.mark.parametrize("faults", long_after(1, sorted(FAULTS), "an analysis: 5 s"))
 def test_planted_faults_are_found(faults: str, program: eva.Program) -> None:
     texts = dict(program.texts)
     for old, new, _, _ in FAULTS[faults]:

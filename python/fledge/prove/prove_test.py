@@ -9,6 +9,7 @@ import pytest
 from fledge import prove
 from fledge.errors import Failure
 from fledge.prove import loops
+from tests.circles import long_after
 from tests.needs import needs
 
 pytestmark = needs("frama-c-base")
@@ -198,7 +199,7 @@ def test_without_frama_c_one_line_says_what_to_install(tmp_path: Path, monkeypat
         prove.prove(["MrpSteering"])
 
 
-@pytest.mark.parametrize("name", ["RateDamping", "VehicleConfig", "MrpFeedback"])
+@pytest.mark.parametrize("name", long_after(1, ["RateDamping", "VehicleConfig", "MrpFeedback"], "an analysis"))
 def test_modules_of_fledge_are_proved(name: str) -> None:
     result, = prove.prove([name])
     assert result.proved and result.inputs == "any bits" and result.reached > 0.8 * result.statements
