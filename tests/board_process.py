@@ -9,6 +9,7 @@ class Process(bare.Process):
     about = "a board that is a process"
     cpu_of = "this machine"
     compiler = "gcc"
+    flags = ("-g0",)    # what names no folder is compiled once for all folders
     sources = (build.ROOT / "targets/bare/testing/process.c", *bare.Process.sources)
     emulator = ("{program}", "{line}")
     needs = (compiler,)

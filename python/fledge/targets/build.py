@@ -133,7 +133,8 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
 def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:
     """Build folder / output as folder / "build.ninja" says: all of it, or some targets. Raises Failure with the words
     of the compiler."""
-    environment = {"CCACHE_BASEDIR": str(folder.resolve()), **without_preload(os.environ)}     # any folder is alike
+    # Any folder is alike, with what was exported beside it.
+    environment = {"CCACHE_BASEDIR": str(folder.resolve().parent), **without_preload(os.environ)}
     with by_contents(folder):
         done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True, errors="replace", env=environment)

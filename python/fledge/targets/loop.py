@@ -77,7 +77,7 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
 
 
 def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[str, str]]:
-    """Run programs until all have ended. When the first has ended, the others have 20 s, or 2 s."""
+    """Run programs until all have ended. When the first has ended, the others have 20 s, or 0.5 s."""
     log = job.folder.resolve() / f"{name}.log"
     folders = {part.process: part.folder.resolve() for part in job.parts}
     with contextlib.ExitStack() as stack:
@@ -102,7 +102,7 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
             if ends is None and any(code is not None for code in results.values()):
                 # What is wrong with a board at a line is known: the others' reasons need no wait.
                 at_line = any(code and programs[which].device for which, code in results.items())
-                ends = time.monotonic() + (2.0 if at_line else 20.0)
+                ends = time.monotonic() + (0.5 if at_line else 20.0)
             time.sleep(0.01)
         figures = {which: program.figures() for which, program in programs.items()}
     if any(code != 0 for code in results.values()):
