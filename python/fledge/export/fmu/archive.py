@@ -20,7 +20,7 @@ def write_archive(path: Path, files: Mapping[str, Content]) -> Path:
             info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
             info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
             info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            archive.writestr(info, content_of(files[name]), compresslevel=9)
+            archive.writestr(info, content_of(files[name]))
     return path
 
 

@@ -194,11 +194,15 @@ def test_an_fmu_inside_is_refused(process: str | None, tmp_path: Path) -> None:
         simulation_fmu(sim, process)
 
 
+@pytest.fixture(scope="module")
+def with_sources() -> Any:
+    return simulation_fmu(fledge.load("sun_safe"), "world", sources=True)
+
+
 @pytest.mark.parametrize("version", ["3", "2"])
-def test_the_sources_are_whole(version: str, tmp_path: Path) -> None:
+def test_the_sources_are_whole(version: str, with_sources: Any, tmp_path: Path) -> None:
     """All files to compile are there, each header that they include, and what defines the functions of a header."""
-    path = export(simulation_fmu(fledge.load("sun_safe"), "world", sources=True), tmp_path / "x.fmu", version,
-                  sources=True)
+    path = export(with_sources, tmp_path / "x.fmu", version, sources=True)
     with zipfile.ZipFile(path) as archive:
         files = {name.removeprefix("sources/"): archive.read(name).decode() for name in archive.namelist()
                  if name.startswith("sources/")}
