@@ -80,7 +80,7 @@ class OnBoard(Compiled):
         library = [ROOT / f"{name}.c" for name in ("registers/lane", "registers/field", "registers/clock",
                                                    "registers/message", "targets/mission_io",
                                                    "targets/mission_packets")]
-        subprocess.run(["gcc", *flags, "-O2", "-shared", "-fPIC", "-I", folder, "-I", ROOT, "-o", so, glue, *sources,
+        subprocess.run(["gcc", *flags, "-shared", "-fPIC", "-I", folder, "-I", ROOT, "-o", so, glue, *sources,
                         *library, self.so._name], check=True)
         self.board = ctypes.CDLL(str(so))
         self.board.set_up()

@@ -35,7 +35,7 @@ def built(tmp_path_factory):
     mission = export.read(fledge.load(modes))
     app = cfs.App("nav")
     cfs.write(mission, app, folder / "nav", outputs="all", simulated=True)
-    program = linked.build([(app, folder / "nav")], folder / "run", options=["-O1"], loaded=True)
+    program = linked.build([(app, folder / "nav")], folder / "run", options=["-O0"], loaded=True)
     outside = Outside(mission, folder / "outside")
     outside.close()
     return mission, app, folder, program, outside
@@ -326,7 +326,7 @@ def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path)
     mission = built[0]
     app = cfs.App("nav", keep=["parameters", "flight.control"])
     cfs.write(mission, app, tmp_path / "nav", outputs="all", simulated=True)
-    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O1"], loaded=True)
+    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O0"], loaded=True)
     vehicle = "flight.vehicle.vehicle"
     at = next(f.offset for m in mission.outputs if m.path == vehicle for f in m.struct.fields if f.name == "I_B")
     outside = built[4].begin()

@@ -56,7 +56,7 @@ def connected(tmp_path):
     read = export.read(fledge.load(mission))
     app = cfs.App("nav")
     cfs.write(read, app, tmp_path / "nav")
-    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O1", "-DNAV_TIME_FROM_MET=0"])
+    program = linked.build([(app, tmp_path / "nav")], tmp_path / "run", options=["-O0", "-DNAV_TIME_FROM_MET=0"])
     core = Core(program, listen="0x08C0-0x08E0")
     try:
         core.until("NAV flies carries")

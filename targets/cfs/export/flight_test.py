@@ -14,7 +14,7 @@ from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import around
 from fledge.targets.cfs.export.folder import flown_by
 from fledge.targets.cfs.testing import HERE, ROOT, Core, Outside, command, linked, telemetry
-from fledge.export.testing import Recorded, fly
+from fledge.export.testing import Recorded, objects_of
 from fledge.disk import write_files
 from tests.needs import skip_unless_on
 
@@ -96,7 +96,7 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     app = cfs.App("fsw")
     cfs.write(mission, app, tmp_path / "fsw", (), outputs="all")
     flags = [*linked.FLAGS, *linked.EXACT, "-O1", "-DTASK_STACK=65536", *linked.included()]
-    objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1"])
+    objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O0"])
     flown_, _ = flown_by(mission, (), "all")
     write_files(flown_ | {"apps.c": around.app_list([app])}, tmp_path / "outside")
     pocket = [f for f in around.pocket_sources() if f.name not in ("host.c", "port_posix.c")]
@@ -105,7 +105,8 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     subprocess.run(list(map(str, ["gcc", *flags, f"-Dfledge_io={mission.name}_io", "-I", tmp_path / "outside", *pocket,
                                   *ours, *registers, ROOT / "targets/mission_io.c", HERE / "bare.c",
                                   HERE / "contexts.c", ROOT / "targets/bare/tasks.c", ROOT / "targets/bare/files.c",
-                                  *objects, fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])), check=True)
+                                  *objects, *objects_of(mission, tmp_path).values(), "-lm", "-o",
+                                  tmp_path / "bare"])), check=True)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], 0.5)
     sim.run(120.0)
@@ -125,7 +126,7 @@ def test_on_the_bus_alone_it_puts_out_the_same_bits(tmp_path):
     mission = export.read(sim)
     app = cfs.App("fsw", wakeup=0x18D0, wires={"world.nav.attitude": 0x0890})
     cfs.write(mission, app, tmp_path / "fsw")
-    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1", "-DFSW_TIME_FROM_MET=0"])
+    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O0", "-DFSW_TIME_FROM_MET=0"])
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], 0.5)
     sim.run(60.0)
@@ -159,7 +160,7 @@ def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path)
     mission = export.read(sim)
     app = cfs.App("fsw")
     cfs.write(mission, app, tmp_path / "fsw")
-    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1"])
+    program = linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O0"])
     recorded = Recorded(sim, [m.path for m in mission.inputs], 0.5)
     sim.run(0.5)
     ids = app.ids(mission)
@@ -188,17 +189,17 @@ COUNTERS = {name: 4 + i for i, name in enumerate(
             "time": 0, "inputs_stale": 3}
 
 
+def built(app, folder):
+    """(mission, app, program)"""
+    mission = export.read(fledge.load("nadir_spin"))
+    cfs.write(mission, app, folder / app.name)
+    return mission, app, linked.build([(app, folder / app.name)], folder / "run", options=["-O0"])
+
+
 @pytest.fixture(scope="module")
 def on_bus(tmp_path_factory):
-    """(mission, app, program) of two apps: one waits for wake-ups, the other wakes itself."""
-    mission = export.read(fledge.load("nadir_spin"))
-    folder = tmp_path_factory.mktemp("bus")
-    values = []
-    for app in (cfs.App("fsw"), cfs.App("own", 0xE0, timer=True)):
-        cfs.write(mission, app, folder / app.name)
-        values.append((mission, app, linked.build([(app, folder / app.name)], folder / f"run_{app.name}",
-                                                  options=["-O1"])))
-    return values
+    """The same of an app that waits for wake-ups."""
+    return built(cfs.App("fsw"), tmp_path_factory.mktemp("bus"))
 
 
 class Bus(Core):
@@ -221,7 +222,7 @@ class Bus(Core):
 
 @pytest.mark.long("builds an app")
 def test_wakeups_that_are_missing_or_too_many_are_reported_and_counted(on_bus):
-    core = Bus(*on_bus[0])
+    core = Bus(*on_bus)
     try:
         core.wake(met=10)
         counters = core.housekeeping()
@@ -245,7 +246,7 @@ def test_wakeups_halfway_between_steps_are_regular(tmp_path):
     mission = replace(mission, tasks=[replace(task, period=10 * NS) for task in mission.tasks])
     app = cfs.App("fsw")
     cfs.write(mission, app, tmp_path / "fsw")
-    core = Bus(mission, app, linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1"]))
+    core = Bus(mission, app, linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O0"]))
     try:
         for i, met in enumerate((15, 25, 34, 45, 54, 65)):      # some nearer to the step before
             core.wake(met=met)
@@ -260,7 +261,7 @@ def test_wakeups_halfway_between_steps_are_regular(tmp_path):
 
 @pytest.mark.long("builds an app")
 def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
-    core = Bus(*on_bus[0])
+    core = Bus(*on_bus)
     try:
         core.wake(met=5000)
         assert core.housekeeping()["time"] == 5000 * NS
@@ -278,7 +279,7 @@ def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
 
 
 def test_a_reset_and_no_operation_need_no_wakeup(on_bus):
-    core = Bus(*on_bus[0])
+    core = Bus(*on_bus)
     try:
         version = struct.pack(">H", export.dictionary(core.mission, 0x18C0).version)
         core.send(command(0x18C0, 0, sequence=5))
@@ -295,7 +296,7 @@ def test_a_reset_and_no_operation_need_no_wakeup(on_bus):
 
 
 def test_inputs_that_never_came_are_reported_and_configuration_comes_again(on_bus):
-    core = Bus(*on_bus[0])
+    core = Bus(*on_bus)
     try:
         vehicle = core.ids["FSW_VEHICLE_VEHICLE_TLM_MID"]
         version = export.dictionary(core.mission, 0x18C0).version
@@ -316,7 +317,7 @@ def test_inputs_that_never_came_are_reported_and_configuration_comes_again(on_bu
 
 
 def test_an_input_that_stops_coming_is_reported_once_and_counted_until_it_comes(on_bus):
-    core = Bus(*on_bus[0])
+    core = Bus(*on_bus)
 
     def come():
         core.send(telemetry(core.ids["FSW_NAV_ATTITUDE_IN_MID"], bytes(64)))    # its head is the app's to write
@@ -342,8 +343,8 @@ def test_an_input_that_stops_coming_is_reported_once_and_counted_until_it_comes(
 
 
 @pytest.mark.long("waits for the clock")
-def test_an_app_wakes_itself(on_bus):
-    core = Bus(*on_bus[1])
+def test_an_app_wakes_itself(tmp_path):
+    core = Bus(*built(cfs.App("own", 0xE0, timer=True), tmp_path))
     try:
         first = counters = core.housekeeping()
         while counters["ticks"] < first["ticks"] + 4:

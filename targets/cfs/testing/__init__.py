@@ -10,7 +10,7 @@ import threading
 from pathlib import Path
 
 from fledge.targets.cfs.export.folder import flown_by
-from fledge.export.testing import STRICT, fly
+from fledge.export.testing import STRICT, objects_of
 from fledge.disk import ROOT, write_files
 
 HERE = ROOT / "targets/cfs/testing"
@@ -28,8 +28,8 @@ class Outside:
         sources = [ROOT / "registers" / f"{name}.c" for name in ("lane", "field", "clock", "message", "shared_file")]
         subprocess.run(list(map(str, ["gcc", *STRICT, "-O1", "-shared", "-fPIC", f"-Dfledge_io={mission.name}_io", "-I",
                                       folder, "-I", ROOT, *(folder / f for f in flown if f.endswith(".c")), *sources,
-                                      ROOT / "targets/mission_io.c", HERE / "outside.c", fly("gcc", "-O2"), "-lm", "-o",
-                                      so])), check=True)
+                                      ROOT / "targets/mission_io.c", HERE / "outside.c",
+                                      *objects_of(mission, folder).values(), "-lm", "-o", so])), check=True)
         self.so = ctypes.CDLL(str(so))
         self.so.outside_tick.argtypes = [ctypes.c_int64] * 3
         self.so.outside_take.argtypes = [ctypes.c_uint32, ctypes.c_void_p, ctypes.c_int64]

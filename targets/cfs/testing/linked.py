@@ -37,7 +37,7 @@ def build(apps, folder, compiler="gcc", options=("-O2",), loaded=False):
     run(compiler, *FLAGS, *options, *included(), "-c", listed, "-o", objects / "apps.o")
     program = folder / "core"
     run(compiler, *options, *(["-rdynamic"] if loaded else []), *linked, objects / "apps.o",
-        *pocket(compiler, tuple(options)), "-lpthread", "-lm", "-o", program)
+        *pocket(compiler, tuple(o for o in options if not o.startswith("-D"))), "-lpthread", "-lm", "-o", program)
     return program
 
 

@@ -3,8 +3,8 @@
 
 import ctypes
 import functools
+import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -20,18 +20,10 @@ CLANG = pytest.param("clang", marks=needs("clang"))
 COMPILERS = ["gcc", CLANG]
 
 
-@functools.cache
-def fly(compiler, optimise):
-    """An archive of all flight code, compiled once."""
-    folder = tempfile.TemporaryDirectory()
-    alive.append(folder)
-    objects = build.shared_objects(Path(folder.name), build.flight_sources(), compiler, [*STRICT, optimise, "-fPIC"])
-    archive = Path(folder.name, "flight.a")
-    subprocess.run(["ar", "rc", archive, *objects.values()], check=True)
-    return archive
-
-
-alive: list = []
+def objects_of(mission, folder, compiler="gcc", optimise="-O2", roots=(ROOT,)):
+    """The objects of Fledge's C that a mission calls, compiled once."""
+    paths = [*build.module_sources(mission, roots), *build.math_sources(), *(ROOT / path for path in build.COMMAND)]
+    return build.shared_objects(Path(folder), paths, compiler, [*STRICT, optimise, "-fPIC"])
 
 
 class Row(ctypes.Structure):
@@ -48,15 +40,15 @@ class Compiled:
         folder = Path(folder)
         export.write(mission, folder)
         roots = [*map(Path, roots), ROOT]
-        sources = [next(root / s for root in roots if (root / s).is_file()) for s in mission.sources(roots)]
-        ours = fly(compiler, optimise)
+        objects = objects_of(mission, folder, compiler, optimise, roots)
+        own = [path for path in build.module_sources(mission, roots) if path not in objects]
         size = folder / "size.c"
         size.write_text(f'#include "{mission.name}.h"\n\nconst uint32_t mission_size = '
                         f"(uint32_t)sizeof({mission.struct()});\n")
         so = folder / f"{mission.name}.so"
         subprocess.run([compiler, *STRICT, optimise, "-shared", "-fPIC", "-I", folder,
                         *(a for root in roots for a in ("-I", root)), "-o", so, folder / f"{mission.name}.c", size,
-                        *(s for s in sources if not s.is_relative_to(ROOT)), ours, "-lm"], check=True)
+                        *own, *objects.values(), "-lm"], check=True)
         self.name, self.so = mission.name, ctypes.CDLL(str(so))
         self.memory = ctypes.create_string_buffer(ctypes.c_uint32.in_dll(self.so, "mission_size").value)
         n = len(mission.inputs) + len(mission.outputs)
