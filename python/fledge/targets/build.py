@@ -29,8 +29,11 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
 OF_OTHERS = ["-w", "-Wno-error=implicit-function-declaration", "-Wno-error=int-conversion",
              "-Wno-error=incompatible-pointer-types"]
 
-# Folders whose sources are compiled once for all programs, without what one of them defines or includes.
+# Folders whose sources are compiled once for all programs, if they name nothing of what one of them defines.
 SHARED = ("ccsds", "flight", "record", "registers")
+# Others that are.
+AROUND = ("fmi/fmu/*.c", "targets/*.c", "targets/linux/*.c", "targets/bare/fault.c", "targets/bare/recorder.c",
+          "targets/bare/say.c")
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
@@ -77,8 +80,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *machine, *flags]
     compiled = f"{compiler} {_words(machine)}"
-    shared = shared_objects(folder, sources, compiler, [flag for flag in flags if not flag.startswith(("-D", "-I"))
-                                                        or flag in FLAGS])
+    shared = shared_objects(folder, sources, compiler, flags)
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:
@@ -111,13 +113,18 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     others have compiled; an installed Fledge keeps them in the program's folder.
     """
     import hashlib
+    import re
 
+    own = [flag for flag in flags if flag.startswith(("-D", "-I")) and flag not in FLAGS]
+    named = set(re.findall(r"-D(\w+)", " ".join(own)))
     known = {ROOT / path: path for folder in SHARED for path in sorted(
         path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
-    objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
+    known |= {path: path.relative_to(ROOT) for pattern in AROUND for path in sorted(ROOT.glob(pattern))}
+    objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known
+               and named.isdisjoint(re.findall(r"\w+", Path(source).read_text("utf-8")))}
     if not objects:
         return {}
-    rule = _rule(compiler, [*flags, f"-I{ROOT}"])
+    rule = _rule(compiler, [*(flag for flag in flags if flag not in own), f"-I{ROOT}"])
     place = build_folder() if (ROOT / "CMakeLists.txt").exists() and os.access(build_folder(), os.W_OK) else folder
     place = place / "objects" / hashlib.sha256("".join(rule).encode()).hexdigest()[:16]
     builds = (f"build {path.with_suffix('.o')}: cc {_escaped(source)}" for source, path in known.items())
