@@ -84,6 +84,7 @@ def _by_ssh(options: argparse.Namespace) -> int:
     target.check(part)
     folder = options.to or f"fledge/{job.title}"
     built, board = target.build(part), Ssh(options.board, options.ssh)
+    board.compiler = getattr(target, "compiler")    # the host is asked once what it is
     place = remote.copy(built, host, ssh, folder)
     at_line = remote.copy(board.program_of(part), host, ssh, folder, f"{built.name}-line")
     say(f"{job.title}, {part.process}, for {target.name}: {built} ({size_of(built)}) is {place} on {host}")
