@@ -11,9 +11,11 @@ import hashlib
 import math
 import random
 import re
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -157,7 +159,8 @@ class Campaign:
     def survey(self) -> None:
         """Find where a flip may begin."""
         self.registers, self.areas = self._registers(), self._areas()
-        self.n_registers = sum(len(starts) for *_, starts in self.registers)
+        self.ends = list(accumulate(len(starts) for *_, starts in self.registers))
+        self.n_registers = self.ends[-1]
         self.n_memory = sum(n for *_, n in self.areas)
 
     def _values(self) -> list[np.ndarray]:
@@ -213,10 +216,9 @@ class Campaign:
         share = self.n_registers * of_registers / (self.n_registers * of_registers + self.n_memory * of_memory)
         if draw.random() < share:
             at = draw.randrange(self.n_registers)
-            for place, name, starts in self.registers:
-                if at < len(starts):
-                    return Flip(place, name, starts[at], instruction, time, self.bits)
-                at -= len(starts)
+            k = bisect_right(self.ends, at)
+            place, name, starts = self.registers[k]
+            return Flip(place, name, starts[at - self.ends[k]], instruction, time, self.bits)   # counted from its end
         at = draw.randrange(self.n_memory)
         for place, begin, n in self.areas:
             if at < n:
