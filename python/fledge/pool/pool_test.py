@@ -280,7 +280,7 @@ class OfVerify(User):
                     r.require("PNT-1", "It is never off.", always(error < 0.5))
             """))
             (folder / "scenarios.py").write_text("".join(
-                f"def fly{n}(sim):\n    sim.run({n})\n\n" for n in range(1, 5)))
+                f"def fly{n}(sim):\n    sim.run({n})\n\n" for n in range(1, 4)))
         sim = fledge.load(folder)
         flown = verification.fly(
             [Flight(str(folder), name, "desktop", 0, {}, False, self.folder / "out" / name)
