@@ -19,7 +19,6 @@ Fledge reads only messages of fixed size without padding: they are C structs, by
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -183,21 +182,23 @@ def _short(name: str) -> str:
 def _struct(name: str | None, sections: dict[Any, list[tuple[int, str]]], known: dict[str | None, Struct],
             inside: tuple[str | None, ...]) -> Struct:
     if name not in known:
-        members = []
+        members: dict[str, Member] = {}
+        size = fields = 0
         for number, line in sections[name]:
             code, _, comment = line.partition("#")
-            if code.strip():
-                members.append(_member(number, code.strip(), comment.strip(), sections, known,
-                                       inside + (name,)))
-        names = [m.name for m in members]
-        if twice := next((n for n, count in Counter(names).items() if count > 1), None):
-            raise DefinitionError(f"{name or 'the message'} has two members named {twice}")
-        size = sum(m.size for m in members)
-        fields = sum(m.type.n if isinstance(m.type, Struct) else 1 for m in members)
-        for found, most, what in ((size, SIZE_MOST, "bytes"), (fields, FIELDS_MOST, "fields")):
-            if found > most:
-                raise DefinitionError(f"{name or 'the message'} has {found} {what}; up to {most} are read")
-        known[name] = Struct(tuple(members), size, fields)
+            if not code.strip():
+                continue
+            member = _member(number, code.strip(), comment.strip(), sections, known, inside + (name,))
+            if member.name in members:
+                raise DefinitionError(f"{name or 'the message'} has two members named {member.name}")
+            members[member.name] = member
+            size += member.size
+            fields += member.type.n if isinstance(member.type, Struct) else 1
+            for found, most, what in ((size, SIZE_MOST, "bytes"), (fields, FIELDS_MOST, "fields")):
+                if found > most:
+                    raise DefinitionError(f"{name or 'the message'} has at least {found} {what}; up to {most} are "
+                                          "read")
+        known[name] = Struct(tuple(members.values()), size, fields)
     return known[name]
 
 
