@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from fledge.analysis import bound, timing
+from fledge.analysis import bound
 from fledge.emulator import Board
 from fledge.errors import Failure
 from fledge.targets.leon3 import board as boards
@@ -101,43 +101,39 @@ int main(void) {{ {QUIET} for (int x = 0; x < 3; x++) {{ deeper(x); copies(x); }
 
 
 def test_the_loop_of_a_number_from_outside_needs_a_comment(tmp_path):
-    body = """APART void f(int n) {{ for (int i = 0; i < n; i++) {{ sink += i; }}{comment}
-}}
-int main(void) {{ f(sink); return 0; }}
-"""
-    (tmp_path / "a").mkdir()
+    loop = "APART void {}(int n) {{ for (int i = 0; i < n; i++) {{ sink += i; }}{}\n}}\n"
+    program = built(tmp_path, loop.format("f", "") + "".join(
+        loop.format(name, f" /* at most {rounds}: it is a day of the week */") for name, rounds in (("g", 5), ("h", 6))
+    ) + "int main(void) { f(sink); g(sink); h(sink); return 0; }\n")
     with pytest.raises(Failure, match=r"a loop of f, .*program.c:7 has no bound: count it by a constant, prove it"):
-        bound.Program(built(tmp_path / "a", body.format(comment=""))).longest("f")
-    longest = []
-    for rounds in (5, 6):
-        (folder := tmp_path / str(rounds)).mkdir()
-        program = built(folder, body.format(comment=f" /* at most {rounds}: it is a day of the week */"))
-        longest.append(bound.Program(program, bound.known()).longest("f"))
-    assert longest[1] - longest[0] in range(4, 12)
-
-
-@pytest.mark.parametrize("body, tools, wrong", [
-    ("APART int f(int n) { return n < 2 ? 1 : f(n - 1) * f(n - 2) + sink; }\nint main(void) { return f(sink); }", (),
-     r"f calls itself, by f; write it as a loop"),
-    ("typedef void (*Call)(int);\nvolatile Call call;\nAPART void f(int n) { call(n); sink = n; }\n"
-     "int main(void) { f(1); return 0; }", (), r"f, .*program.c:9 calls through a pointer; call the function by its"),
-    ("APART void f(int n) { (void)n; for (;;) { sink = 1; } }\nint main(void) { f(1); return 0; }", (),
-     r"f, .* never returns; it has no bound"),
-    ("int main(void) { return 0; }", (), "has no function f"),
-    ("APART void f(int n) { sink = n; }\nint main(void) { f(1); return 0; }", ("strip",),
-     "has no lines of its source; build it with -g")])
-def test_what_has_no_bound_is_named(tmp_path, body, tools, wrong):
-    program = built(tmp_path, body)
-    for tool in tools:
-        subprocess.run([bound.TOOLS + tool, "--strip-debug", program], check=True)
-    with pytest.raises(Failure, match=wrong):
         bound.Program(program).longest("f")
+    known = bound.Program(program, bound.known())
+    assert known.longest("h") - known.longest("g") in range(4, 12)
 
 
-def test_the_longest_path_of_a_mission_is_within_its_bound(tmp_path):
-    search = timing.Search("nadir_spin", duration=4.0, folder=tmp_path)
-    found = search.search(2, jobs=1)
-    search.bound(found)
-    path = found.longest["gnc", ""]
-    assert found.unbounded or path.cycles <= path.bound < 4 * path.cycles
-    assert found.longest[timing.TICK, ""].bound is None
+@pytest.fixture(scope="module")
+def unbounded(tmp_path_factory):
+    """A program of functions without a bound."""
+    return built(tmp_path_factory.mktemp("unbounded"), """
+APART int itself(int n) { return n < 2 ? 1 : itself(n - 1) * itself(n - 2) + sink; }
+typedef void (*Call)(int);
+volatile Call call;
+APART void pointer(int n) { call(n); sink = n; }
+APART void endless(int n) { (void)n; for (;;) { sink = 1; } }
+int main(void) { sink = itself(sink); pointer(1); endless(1); return 0; }
+""")
+
+
+@pytest.mark.parametrize("name, wrong", [
+    ("itself", r"itself calls itself, by itself; write it as a loop"),
+    ("pointer", r"pointer, .*program.c:11 calls through a pointer; call the function by its"),
+    ("endless", r"endless, .* never returns; it has no bound"), ("other", "has no function other")])
+def test_what_has_no_bound_is_named(unbounded, name, wrong):
+    with pytest.raises(Failure, match=wrong):
+        bound.Program(unbounded).longest(name)
+
+
+def test_a_program_without_lines_of_its_source_has_no_bound(unbounded, tmp_path):
+    subprocess.run([bound.TOOLS + "strip", "--strip-debug", unbounded, "-o", tmp_path / "stripped"], check=True)
+    with pytest.raises(Failure, match="has no lines of its source; build it with -g"):
+        bound.Program(tmp_path / "stripped").longest("pointer")

@@ -59,6 +59,14 @@ def test_the_search_keeps_the_longest_and_says_how_to_fly_it_again(search):
     assert search.search(6, jobs=1) == found
 
 
+def test_the_longest_path_of_a_mission_is_within_its_bound(search):
+    found = search.search(2, jobs=1)
+    search.bound(found)
+    path = found.longest["gnc", ""]
+    assert found.unbounded or path.cycles <= path.bound < 4 * path.cycles
+    assert found.longest[timing.TICK, ""].bound is None
+
+
 @pytest.mark.long("searches another mission")
 def test_a_task_has_a_row_for_each_mode(tmp_path, capsys):
     folder = tmp_path / "two_modes"

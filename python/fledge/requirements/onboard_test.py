@@ -123,8 +123,8 @@ def flown_as_judged(seed):
 
 
 def test_each_margin_is_that_of_the_simulations_judge_at_each_sample():
-    decided = [flown_as_judged(seed) for seed in range(25)]
-    assert sum(decided) > 500 and sum(n > 0 for n in decided) > 15
+    decided = [flown_as_judged(seed) for seed in range(10)]
+    assert sum(decided) > 200 and sum(n > 0 for n in decided) > 6
 
 
 @pytest.mark.long("1,000 flights of random formulas")
