@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two circles of tests: those that `./fledge test` runs each time, and the long ones, which run with --all; how long
-they take, and what the last passes of CI have run.
+"""The two circles of tests: those that `./fledge test` runs each time, and the long ones, which run with --all; how
+long they take, and what the last passes of CI have run.
 
     /usr/bin/python3 -m tests.circles                       the table, with the seconds of the last `./fledge test`
     /usr/bin/python3 -m tests.circles --slowest N           its N slowest cases
@@ -9,7 +9,8 @@ they take, and what the last passes of CI have run.
                                                             all, the tenth I of the long tests (or "all"), what else
     /usr/bin/python3 -m tests.circles --missed              which long tests none of those passes has run
 
-A long test has no seconds unless that run had it. Seconds are those of one processor's share: several tests run at once.
+A long test has no seconds unless that run had it. Several tests run at once: their seconds add up to more than the
+time of the run.
 """
 
 import argparse

@@ -78,8 +78,8 @@ def test_a_case_belongs_to_a_room(name, room):
 
 def test_the_others_are_named_with_their_seconds():
     rooms = {"flight": [40.0, 2.0], "world": [60.0, 6.0], "python/fledge/ground": [0.0, 90.0]}
-    said = circles.others(["flight"], rooms)
-    assert "python/fledge/ground 90 s, world 66 s" in said and "flight " not in said.replace("fledge: ", "")
+    line = circles.others(["flight"], rooms)
+    assert "python/fledge/ground 90 s, world 66 s" in line and "flight " not in line.replace("fledge: ", "")
     assert "ground" not in circles.others(["flight", "python"], rooms)
     assert "is not known here yet: ./fledge test" in circles.others(["flight"], {"flight": [1.0, 1.0]})
 

@@ -43,7 +43,8 @@ STAND_INS = {
              '"$PWD" "$tests" "$fledge" "$strict" > "$dir/CMakeCache.txt"',
     "ninja": 'case "$*" in *" -t deps") exit ;; esac; echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
-    "ctest": 'echo "$*" >> "$FAKE/ctest"; while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
+    "ctest": 'echo "$*" >> "$FAKE/ctest"\n'
+             'while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
              'grep SigIgn /proc/$$/status > "$FAKE/ignored"\n'
              '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
              'exit "$(cat "$FAKE/status")"',
@@ -438,8 +439,8 @@ def test_the_tests_of_a_folder_are_built_and_run(launch):
         assert runners in "\n".join(launch.calls("ctest"))
         (launch.fake / "ctest").unlink(missing_ok=True)
     for words, message in (
-            (["fligt"], "Fledge has no folder fligt; did you mean 'flight'? folders with tests are flight, python, world"),
-            (["cmake"], "cmake has no tests"), (["a_test.py"], "a_test.py is no folder; -k a_test runs the tests of that"),
+            (["fligt"], "no folder fligt; did you mean 'flight'? folders with tests are flight, python, world"),
+            (["cmake"], "cmake has no tests"), (["a_test.py"], "a_test.py is no folder; -k a_test runs the tests of"),
             (["flight", "--since", "HEAD"], "FOLDER is not for --changed, --since and --coverage")):
         done = launch("test", *words)
         assert done.returncode == 2 and message in done.stderr, done.stderr
@@ -454,7 +455,8 @@ def test_each_runner_keeps_its_reports(launch):
     reports.mkdir(parents=True)
     (reports / "old.xml").touch()
     assert launch("test").returncode == 0
-    assert {str(path.relative_to(reports)) for path in reports.rglob("*.xml")} == {"ctest/ctest.xml", "pytest/pytest.xml"}
+    assert {str(path.relative_to(reports)) for path in reports.rglob("*.xml")} == {
+        "ctest/ctest.xml", "pytest/pytest.xml"}
     assert set(json.loads((reports / "parts.json").read_text())) == {
         "packages", "build", "targets", "C and C++", "Python"}
 
@@ -581,7 +583,7 @@ def reader(launch):
     launch("setup")
     (launch.fake / "installed").write_text("".join(
         f"installed {name}\n" for names in (*map(packages, ("run", "unit", "pytest", "test", "docs")),
-                                                *ROOMS.values())
+                                            *ROOMS.values())
         for name in names))
     subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
     (launch.fake / "ninja").chmod(0o666)
@@ -720,7 +722,8 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
     (launch.fake / "report").write_text(report(0))
     done = launch(*arguments)
     assert done.returncode == 0, done.stderr
-    lists = {room: set(names) - set(packages("test")) for room, names in {**ROOMS, "profile": packages("profile")}.items()}
+    lists = {room: set(names) - set(packages("test"))
+             for room, names in [*ROOMS.items(), ("profile", packages("profile"))]}
     installed = {name for line in launch.calls("apt") for name in re.split("[ ,|]+", line)}
     assert installed & set().union(*lists.values()) == set().union(*(lists[target] for target in needed))
     assert launch.calls("prepared") == prepared

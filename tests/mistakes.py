@@ -95,8 +95,6 @@ def written(head: str, mistakes: list[Mistake], answers: list[list[str]]) -> str
 def answers(mistakes: list[Mistake]) -> list[list[str]]:
     """All that is answered, normalised. Each mistake has a folder and a process of its own, forked from this one, which
     has imported what many of them need."""
-    import matplotlib.figure    # noqa: F401
-
     import fledge.cli
     import fledge.export
     import fledge.montecarlo

@@ -66,7 +66,8 @@ def test_each_module_computes_the_same_bits_there(target, expected, tmp_path):
 
 
 @pytest.mark.long("compiles all of flight for each")
-@pytest.mark.parametrize("compiler, level", [("gcc", "-O0"), ("gcc", "-O3"), pytest.param("clang", "-O3", marks=needs("clang"))])
+@pytest.mark.parametrize("compiler, level", [("gcc", "-O0"), ("gcc", "-O3"),
+                                             pytest.param("clang", "-O3", marks=needs("clang"))])
 def test_each_module_computes_the_same_bits_however_it_is_optimised(compiler, level, expected, tmp_path):
     assert run(tmp_path, level, compiler=compiler) == expected
 

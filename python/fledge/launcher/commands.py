@@ -53,8 +53,8 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
     parser = own("test", test, "test -k tracking")
     parser.description = ("Run the tests of C, C++ and Python, those whose names match, or all with the long ones: of "
                           "the project around this folder; within a checkout of Fledge, of Fledge itself.")
-    parser.add_argument("folders", metavar="FOLDER", nargs="*", help="of Fledge: run the tests below these folders, and "
-                        "say how long those of the others take")
+    parser.add_argument("folders", metavar="FOLDER", nargs="*", help="of Fledge: run the tests below these folders, "
+                        "and say how long those of the others take")
     near = parser.add_mutually_exclusive_group()
     near.add_argument("-k", dest="pattern", metavar="PATTERN", default="",
                       help="run those whose names match, long ones too")

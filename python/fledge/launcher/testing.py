@@ -74,13 +74,14 @@ class Tests:
             self.paths = paths.split() or None
         elif options.since:
             turn = ["--turn", options.turn] * bool(options.turn)
-            self.programs, paths = [*self._tell("tests.changed", "--reach", *turn, options.since).splitlines(), "", ""][:2]
+            self.programs, paths = [*self._tell("tests.changed", "--reach", *turn,
+                                                options.since).splitlines(), "", ""][:2]
             self.cases, self.paths = "*", paths.split()
         elif self.folders:
-            own = {folder: list(_tests_in(folder)) for folder in self.folders}
-            self.programs = " ".join(f"tests-{folder.replace('/', '-')}" for folder, tests in own.items()
-                                     if any(test.suffix != ".py" for test in tests))
-            self.paths = [folder for folder, tests in own.items() if any(test.suffix == ".py" for test in tests)]
+            in_python = {folder: {path.suffix == ".py" for path in _tests_in(folder)} for folder in self.folders}
+            self.programs = " ".join(f"tests-{folder.replace('/', '-')}" for folder, kinds in in_python.items()
+                                     if False in kinds)
+            self.paths = [folder for folder, kinds in in_python.items() if True in kinds]
         if self.cases is not None and self.programs != "tests":
             self.labels = f"^({self.programs.replace(' ', '|')})$"
 
@@ -194,9 +195,9 @@ class Tests:
         reports, log = self._reports(name), self.context.logs / f"ctest-{self.context.preset}.log"
         with self._counted("C and C++"):
             status = run(log, ["env", "--default-signal=INT,QUIT", f"GTEST_OUTPUT=xml:{reports}/",
-                               f"GTEST_FILTER={cases}", "ctest", "--test-dir", self.folder, "-j", str((os.cpu_count() or 1) + 2),
-                               "--no-label-summary", "--output-on-failure", "--output-junit", reports / "ctest.xml",
-                               *arguments], self.context.tree)
+                               f"GTEST_FILTER={cases}", "ctest", "--test-dir", self.folder,
+                               "-j", str((os.cpu_count() or 1) + 2), "--no-label-summary", "--output-on-failure",
+                               "--output-junit", reports / "ctest.xml", *arguments], self.context.tree)
         for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
             if not PASSED.match(line):
                 print(line, flush=True)
@@ -244,10 +245,10 @@ def _folder(given: Path) -> str:
     if place.is_file():
         raise Failure(f"test: {given} is no folder; -k {given.stem} runs the tests of that name")
     if not place.is_dir() or inside.split("/")[0] in (".", "..", "build", "runs"):
-        known = [path.name for path in ROOT.iterdir() if path.is_dir() and next(_tests_in(path.name), None)]
+        known = [path.name for path in ROOT.iterdir() if path.is_dir() and any(_tests_in(path.name))]
         raise Failure(f"test: Fledge has no folder {given}{did_you_mean(str(given), known)} folders with tests are "
                       f"{', '.join(sorted(known))}, and those below them")
-    if not next(_tests_in(inside), None):
+    if not any(_tests_in(inside)):
         raise Failure(f"test: {inside} has no tests")
     return inside
 
