@@ -10,13 +10,11 @@ from pathlib import Path
 import pytest
 
 from fledge.cli.bench import benches
-from tests.needs import needs, section
 
 TREE = Path(__file__).resolve().parents[1]
 
 
 @pytest.mark.long("compiles what the benches measure in C++, and starts each bench")
-@needs(*section("bench"))
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="benches measure the release build")
 def test_benches_build_and_start(tmp_path):
     built = subprocess.run(["ninja", "-C", TREE / "build/release", "fledge_bench"], capture_output=True, text=True)

@@ -144,8 +144,7 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
 
 
 @pytest.mark.long("follows the page; flies on the emulated board: a minute")
-@flies_on("leon3")
-@needs("npm", "valgrind")
+@flies_on("leon3", needs=["npm", "valgrind"])
 def test_the_cookbook_answers_what_teams_ask(tmp_path):
     assert follow("cookbook.md", Shell(tmp_path)) >= 30
     assert (tmp_path / "recipes/wiring.svg").stat().st_size > 10_000
@@ -190,8 +189,7 @@ def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
 
 
 @pytest.mark.long("follows the page; each fault of each unit")
-@flies_on("leon3")
-@needs("git", "valgrind")
+@flies_on("leon3", needs=["valgrind"])
 def test_faults_versions_and_the_time_of_tasks(tmp_path):
     assert follow("fault-analysis.md", Shell(tmp_path)) == 5
 
@@ -214,8 +212,7 @@ def test_a_project_has_a_target_of_its_own(tmp_path):
 
 
 @pytest.mark.long("follows the page; builds a project, and flies on a board of its own")
-@flies_on("riscv64", "cortex-m7")
-@needs("openocd")
+@flies_on("riscv64", "cortex-m7", needs=["openocd"])
 def test_a_board_of_ones_own_flies(tmp_path):
     assert follow("your-board.md", Shell(tmp_path)) == 7
 
@@ -247,8 +244,7 @@ def test_gdb_stops_in_flight_code(tmp_path):
 
 
 @pytest.mark.long("follows the page; flies on the emulator under gdb")
-@flies_on("leon3")
-@needs("gdb-multiarch", "lcov", "valgrind")
+@flies_on("leon3", needs=["gdb-multiarch", "lcov", "valgrind"])
 def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
@@ -271,7 +267,6 @@ def test_both_files_for_a_ci_do_the_same():
 
 
 @pytest.mark.long("clones this repository, builds and tests a project: a minute")
-@needs("git")
 def test_a_ci_tests_a_project(tmp_path):
     (clone, test), variables, reports = of_ci()[0]
     shell = Shell(tmp_path)

@@ -55,7 +55,6 @@ def test_c_and_cpp_are_formatted(selected):
     assert not differ, f"mend it with: clang-format -i {' '.join(differ)}"
 
 
-@needs("python3-autopep8")
 def test_python_is_formatted(selected):
     _, printed = run("autopep8", "--diff", "--jobs", os.cpu_count(), *paths(selected, {".py"}))
     differ = sorted(line.removeprefix("--- original/") for line in printed.splitlines()

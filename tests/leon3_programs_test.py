@@ -4,14 +4,13 @@
 import pytest
 
 from tests import leon3_programs as programs
-from tests.needs import flies_on, needs
+from tests.needs import flies_on
 
 pytestmark = flies_on("leon3")
 
 
 @pytest.mark.long("compiles and runs random programs")
-@flies_on("leon3-qemu")
-@needs("csmith", "libcsmith-dev")
+@flies_on("leon3-qemu", needs=["csmith", "libcsmith-dev"])
 def test_random_programs_give_the_same_checksums_as_here(tmp_path):
     compared = 0
     for seed in (1, 2, 3, 5):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
@@ -76,11 +77,12 @@ def reason(*packages: str) -> str:
     return NOT_INSTALLED + ", ".join(names) if names else ""
 
 
-def reason_on(*targets: str) -> str:
-    """Why a test that flies on these targets, or compiles for them, is skipped; "" if it can run."""
+def reason_on(*targets: str, needs: Iterable[str] = ()) -> str:
+    """Why a test that flies on these targets, or compiles for them, is skipped; "" if it can run. needs: packages that
+    it needs besides."""
     folders = [TARGETS.folders[part.name] for name in targets for part in TARGETS[name].with_used()]
     return reason(*dict.fromkeys(name for folder in folders if (folder / "packages.txt").is_file()
-                                 for name in section(str(folder)))) or "; ".join(
+                                 for name in section(str(folder))), *needs) or "; ".join(
         f"{name} needs {' and '.join(missing)}" for name in targets if (missing := TARGETS[name].missing()))
 
 
@@ -95,9 +97,9 @@ def needs(*packages: str) -> pytest.MarkDecorator:
     return skipped(reason(*packages))
 
 
-def flies_on(*targets: str) -> pytest.MarkDecorator:
-    """The mark of a test that flies on these targets, or compiles for them."""
-    return skipped(reason_on(*targets))
+def flies_on(*targets: str, needs: Iterable[str] = ()) -> pytest.MarkDecorator:
+    """The mark of a test that flies on these targets, or compiles for them, and needs these packages."""
+    return skipped(reason_on(*targets, needs=needs))
 
 
 def skip_without(*packages: str) -> None:
@@ -112,7 +114,7 @@ def skip_unless_on(*targets: str) -> None:
         pytest.skip(why, allow_module_level=True)
 
 
-def module(name: str) -> ModuleType:
-    """The module of Debian's package python3-NAME, or one of its parts (jplephem.spk); skips without it."""
-    skip_without(f"python3-{name.partition('.')[0].lower()}")
+def module(name: str, *packages: str) -> ModuleType:
+    """The module of these packages, or else of python3-NAME, or one of its parts (jplephem.spk); skips without them."""
+    skip_without(*packages or [f"python3-{name.partition('.')[0].lower()}"])
     return importlib.import_module(name)

@@ -19,17 +19,18 @@ def wanted():
     packages, targets = set(), set()
     for path in files():
         if path.suffix == ".py" and "tests.needs" in (text := (ROOT / path).read_text(encoding="utf-8")):
-            calls = (call for call in ast.walk(ast.parse(text)) if isinstance(call, ast.Call))
-            for name, args in ((call.func.id, call.args) for call in calls if isinstance(call.func, ast.Name)):
-                words = {word.value for word in args if isinstance(word, ast.Constant)}
+            calls = [call for call in ast.walk(ast.parse(text)) if isinstance(call, ast.Call)]
+            for call in (call for call in calls if isinstance(call.func, ast.Name)):
+                name, words = call.func.id, [word.value for word in call.args if isinstance(word, ast.Constant)]
+                packages.update(*(ast.literal_eval(word.value) for word in call.keywords if word.arg == "needs"))
                 if name in OF_PACKAGES:
-                    packages |= words
+                    packages.update(words)
                 elif name == "module":
-                    packages |= {f"python3-{word.partition('.')[0].lower()}" for word in words}
+                    packages.update(words[1:] or [f"python3-{word.partition('.')[0].lower()}" for word in words])
                 elif name == "section":
                     packages.update(*map(needs.section, words))
                 elif name in OF_TARGETS:
-                    targets |= words
+                    targets.update(words)
     return packages, targets
 
 

@@ -7,11 +7,10 @@ import sys
 
 import pytest
 
-from tests.needs import reason, skipped
+from tests.needs import module
 from tests.tree import ROOT
 
-RUNS = skipped(reason("python3-nbconvert", "python3-ipykernel"),
-               "kernels start slowly under the sanitizer" if os.environ.get("FLEDGE_PRESET") == "asan" else "")
+SLOW = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="kernels start slowly under the sanitizer")
 NOTEBOOKS = sorted((ROOT / "docs").glob("*.ipynb"))
 EXECUTE = """
 import sys
@@ -25,8 +24,7 @@ print(nbformat.writes(notebook))
 def executed(notebook, folder):
     """The notebook with its outputs. A process of its own runs the client: the client takes over SIGINT, and its
     imports look through the modules that other threads of a test process may be loading."""
-    import nbformat
-
+    nbformat = module("nbformat", "python3-nbconvert", "python3-ipykernel")
     run = subprocess.run([sys.executable, "-c", EXECUTE], input=nbformat.writes(notebook), cwd=folder, text=True,
                          capture_output=True)
     assert run.returncode == 0, run.stderr
@@ -39,12 +37,10 @@ def test_the_source_has_no_outputs(path):
         assert cell["metadata"] == {} and not cell.get("outputs") and cell.get("execution_count") is None
 
 
-@RUNS
+@SLOW
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
 def test_no_cell_fails(path, tmp_path):
-    import nbformat
-
-    notebook = executed(nbformat.read(path, 4), tmp_path)
+    notebook = executed(module("nbformat", "python3-nbconvert").read(path, 4), tmp_path)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     kinds = [set(output.get("data", ())) for output in outputs]
     assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
@@ -52,10 +48,9 @@ def test_no_cell_fails(path, tmp_path):
 
 
 @pytest.mark.long("starts a notebook's kernel")
-@RUNS
+@SLOW
 def test_a_figure_is_shown_once_in_its_cell_and_again_on_request(tmp_path):
-    import nbformat
-
+    nbformat = module("nbformat", "python3-nbconvert")
     begin = "import fledge\nsim = fledge.load('nadir_spin')\nlog = sim.record(sim.flight.tracking.error)\nsim.run(10)\n"
     draw = "figure = log.plot('sigma_BR')\n"
     cells = [begin + draw + "figure", "figure", draw + "1"]

@@ -22,7 +22,7 @@ from fledge.targets.leon3 import toolchain
 from fledge.targets.leon3_cfs.app import APP
 from fledge.targets.leon3_rtems import NAMED_BY
 from fledge.targets.leon3_rtems.real import OWN, RtemsCfs
-from tests.needs import flies_on, needs
+from tests.needs import flies_on
 
 HERE, TREE = os.environ.get(NAMED_BY), os.environ.get("FLEDGE_CFS")
 ON_RTEMS = pytest.mark.skipif(not HERE, reason=f"{NAMED_BY} names no RTEMS")
@@ -116,7 +116,6 @@ def test_rtems_is_for_one_target(capsys):
 
 
 @pytest.mark.long("compiles a mission's image")
-@needs("make")
 @flies_on("leon3")
 @pytest.mark.parametrize("mission", [["earth_imager"], ["formation", "--process", "deputy"]])
 def test_the_folder_has_all_that_rtems_has_not(mission, tmp_path, capsys):

@@ -11,7 +11,6 @@ from fledge import cli
 from fledge.analysis.versions import Results, compare, fly, regressions
 from fledge.montecarlo import Campaign
 from fledge.targets import build
-from tests.needs import needs
 
 RUNS = 12
 
@@ -59,7 +58,6 @@ def test_a_weaker_gain_is_found_and_the_tree_is_no_worse_than_itself(weak, tmp_p
     assert "nothing moved by a bit" in capsys.readouterr().out
 
 
-@needs("git")
 def test_a_revision_is_flown(tmp_path):
     """A mission in a repository of its own: the revision has the gain of the tree, what is there now a weaker one."""
     folder = tmp_path / "repository"

@@ -13,14 +13,12 @@ import fledge
 from fledge import Archive, new
 from fledge.mission import provenance
 from fledge.mission.provenance import Revisions, parameters
-from tests.needs import skip_without
 
 IDENTITY = {"GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_SYSTEM": os.devnull,
             **{f"GIT_{role}_{what}": "a@b" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}}
 
 
 def git(folder, *arguments):
-    skip_without("git")
     done = subprocess.run(["git", "-C", folder, *arguments], env={**os.environ, **IDENTITY}, capture_output=True,
                           text=True, check=True)
     return done.stdout.strip()

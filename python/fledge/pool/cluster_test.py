@@ -22,7 +22,6 @@ from fledge.montecarlo.montecarlo_test import RELEASE, same
 from fledge.pool.pool_test import OfFaults, OfFlips, OfSweep, OfTiming, OfVerify, compiled
 from fledge.verify import flights as verification
 from fledge.verify.flight import Flight
-from tests.needs import skip_without
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
@@ -47,7 +46,6 @@ def start(program, *arguments, folder, until):
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
     """Of which a campaign waits for the answer, however busy the machine."""
-    skip_without("python3-distributed")
     folder = tmp_path_factory.mktemp("scheduler")
     child, address = start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
                            folder=folder, until=r"Scheduler at:\s+(tcp://[\d.:]+)")

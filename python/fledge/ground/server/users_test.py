@@ -27,7 +27,6 @@ from fledge.ground.server.passwords import hashed, scrypt, token
 from fledge.ground.server.settings import read
 from fledge.errors import SetupError
 from fledge.ground.scripts.served import Served
-from tests.needs import skip_without
 from tests.waiting import PATIENCE
 
 CASES = int(os.environ.get("FLEDGE_CASES", 300))
@@ -438,7 +437,6 @@ def test_tokens_and_passwords_of_other_machines(tmp_path):
 
 
 def certificate(folder):
-    skip_without("openssl")
     subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", folder / "key.pem", "-out",
                     folder / "server.pem", "-days", "2", "-subj", "/CN=localhost", "-addext",
                     "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
