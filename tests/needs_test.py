@@ -18,19 +18,24 @@ def wanted():
     """(packages, targets) that the calls of tests name."""
     packages, targets = set(), set()
     for path in files():
-        if path.suffix == ".py" and "tests.needs" in (text := (ROOT / path).read_text(encoding="utf-8")):
-            calls = [call for call in ast.walk(ast.parse(text)) if isinstance(call, ast.Call)]
-            for call in (call for call in calls if isinstance(call.func, ast.Name)):
-                name, words = call.func.id, [word.value for word in call.args if isinstance(word, ast.Constant)]
-                packages.update(*(ast.literal_eval(word.value) for word in call.keywords if word.arg == "needs"))
-                if name in OF_PACKAGES:
-                    packages.update(words)
-                elif name == "module":
-                    packages.update(words[1:] or [f"python3-{word.partition('.')[0].lower()}" for word in words])
-                elif name == "section":
-                    packages.update(*map(needs.section, words))
-                elif name in OF_TARGETS:
-                    targets.update(words)
+        if path.suffix != ".py" or "from tests.needs import" not in (text := (ROOT / path).read_text(encoding="utf-8")):
+            continue
+        nodes = [*ast.walk(ast.parse(text))]
+        ours = {name.name for node in nodes if getattr(node, "module", "") == "tests.needs" for name in node.names}
+        for call in nodes:
+            name = getattr(getattr(call, "func", None), "id", "")
+            if name not in ours:
+                continue
+            words = [word.value for word in call.args if isinstance(word, ast.Constant)]
+            packages.update(*(ast.literal_eval(more.value) for more in call.keywords))
+            if name in OF_PACKAGES:
+                packages.update(words)
+            elif name == "module":
+                packages.update(words[1:] or [f"python3-{words[0].partition('.')[0].lower()}"])
+            elif name == "section":
+                packages.update(*map(needs.section, words))
+            elif name in OF_TARGETS:
+                targets.update(words)
     return packages, targets
 
 
