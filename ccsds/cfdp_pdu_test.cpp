@@ -500,7 +500,7 @@ TEST(CfdpPdu, damaged_and_random_bytes_are_refused_or_read_within_bounds)
 TEST(CfdpPdu, wireshark_reads_the_same)
 {
     if (std::system("command -v tshark >/dev/null 2>&1") != 0) {
-        GTEST_SKIP() << "tshark is not installed";
+        GTEST_SKIP() << "not installed: tshark";
     }
     // As space packets of the application that Wireshark knows as CFDP's. It reads the issue before: sizes of 32 bits.
     // It takes PDUs below 10 bytes, a response of the store and a proxy's flow label for cut; these are left out.

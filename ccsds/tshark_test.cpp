@@ -37,7 +37,7 @@ std::vector<std::string> dissected(const std::string &path)
 TEST(SpacePacket, tshark_reads_the_same_fields)
 {
     if (std::system("command -v tshark > /dev/null") != 0) {
-        GTEST_SKIP() << "tshark is not installed";
+        GTEST_SKIP() << "not installed: tshark";
     }
     // Wireshark looks for the secondary header of the Space Station in each packet, and for a check that it may
     // announce: 12 bytes.

@@ -69,7 +69,7 @@ std::string without_qemu()
     if (pipe != nullptr)
         pclose(pipe);
     if (!found)
-        return "qemu-system-sparc is not installed";
+        return "not installed: qemu-system-sparc";
     return major > 7 ? "QEMU " + std::to_string(major) + " has another floating-point unit than QEMU 7" : "";
 }
 

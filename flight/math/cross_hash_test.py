@@ -46,9 +46,10 @@ TARGETS = {
 
 def hashes(compiler, emulator, folder):
     """Lines "function hash" from a build with the compiler, run by the emulator, if any."""
-    missing = [tool for tool in (compiler[0], *emulator[:1]) if not shutil.which(tool)]
+    missing = ["qemu-user" if tool in emulator else f"gcc-{tool[:-4]}" if "-gcc" in tool else tool
+               for tool in (compiler[0], *emulator[:1]) if not shutil.which(tool)]
     if missing:
-        print(f"SKIPPED: {' and '.join(missing)} not installed", file=sys.stderr)
+        print(f"not installed: {', '.join(missing)}", file=sys.stderr)
         sys.exit(SKIPPED)
     program = folder / "elementary_hash"
     # The headers of glibc's 64-bit SPARC package ask for this empty file when compiled for 32 bits.

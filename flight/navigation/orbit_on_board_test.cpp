@@ -114,7 +114,7 @@ TEST(OrbitOnBoard, sgp4_is_the_published_one_for_the_whole_verification)
     const std::filesystem::path folder = "/usr/lib/python3/dist-packages/sgp4";
     std::ifstream sets(folder / "SGP4-VER.TLE"), lines(folder / "tcppver.out");
     if (!sets || !lines) {
-        GTEST_SKIP() << "python3-sgp4 is not installed";
+        GTEST_SKIP() << "not installed: python3-sgp4";
     }
     // Sets that end before their time, and why.
     const std::map<std::string, int> ends = {{"22312", 1}, {"28350", 1}, {"28872", 6},

@@ -20,7 +20,7 @@ import sys
 try:
     from mpmath import mp, mpf
 except ImportError:
-    print("skipped: python3-mpmath is not installed", file=sys.stderr)
+    print("not installed: python3-mpmath", file=sys.stderr)
     sys.exit(77)
 
 mp.dps = 60
