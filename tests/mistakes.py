@@ -106,6 +106,8 @@ def answers(mistakes: list[Mistake]) -> list[list[str]]:
 
     fledge.cli.parser()
     fledge.load(TEMPLATE)
+    with fledge.plot.drawn((1.0, 1.0), "none"):
+        pass    # it has imported matplotlib
     with tempfile.TemporaryDirectory() as folder:
         folders = [Path(folder).resolve() / str(i) for i in range(len(mistakes))]
         free = os.cpu_count() or 1
