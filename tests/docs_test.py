@@ -228,6 +228,7 @@ def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 
 
+@pytest.mark.long("follows the page; makes FMUs, and flies them: 6 s")
 def test_missions_are_fmus_and_fmus_fly_in_missions(tmp_path):
     assert follow("fmi.md", Shell(tmp_path)) == 5
 
