@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launcher, run in a copy with stand-ins for the tools that change the machine."""
 
+import compileall
 import json
 import os
 import re
@@ -62,18 +63,11 @@ def report(failures):
             "".join(f'<testcase name="t{i}">{what}</testcase>\n' for i, what in enumerate(cases)) + "</testsuite>\n")
 
 
-@pytest.fixture
-def launch():
-    """launch(*arguments, **environment) runs the copy in launch.tree; launch.calls(name) has the arguments
-    of each call of a tool. A tool executes launch.fake/"during" with its path as $1. Every user can read the folders,
-    unlike pytest's."""
-    place = Path(tempfile.mkdtemp(prefix="fledge-"))
-    place.chmod(0o755)
-    tree, bin_, fake = place / "tree", place / "bin", place / "fake"
-    for folder in (tree / "cmake", bin_, fake):
-        folder.mkdir(parents=True)
-    fake.chmod(0o777)
-    (fake / "during").touch()
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A tree of the launcher alone, with its modules compiled: each test has a copy of its own."""
+    tree = tmp_path_factory.mktemp("launcher") / "tree"
+    (tree / "cmake").mkdir(parents=True)
     for name in ("fledge", "conftest.py"):
         shutil.copy(ROOT / name, tree)
     shutil.copy(ROOT / "cmake/packages.txt", tree / "cmake")
@@ -93,6 +87,23 @@ def launch():
                    "    return 0\n")
     (tree / "python/fledge/targets/__main__.py").write_text(
         "import os, sys\nopen(os.environ['FAKE'] + '/prepared', 'a').write(' '.join(sys.argv[1:]) + '\\n')\n")
+    compileall.compile_dir(tree / "python/fledge", quiet=1)
+    return tree
+
+
+@pytest.fixture
+def launch(copied):
+    """launch(*arguments, **environment) runs the copy in launch.tree; launch.calls(name) has the arguments
+    of each call of a tool. A tool executes launch.fake/"during" with its path as $1. Every user can read the folders,
+    unlike pytest's."""
+    place = Path(tempfile.mkdtemp(prefix="fledge-"))
+    place.chmod(0o755)
+    tree, bin_, fake = place / "tree", place / "bin", place / "fake"
+    subprocess.run(["cp", "-a", copied, tree], check=True)
+    for folder in (bin_, fake):
+        folder.mkdir()
+    fake.chmod(0o777)
+    (fake / "during").touch()
     for tool in TOOLS:
         (bin_ / tool).symlink_to(shutil.which(tool))
     for name, script in STAND_INS.items():
