@@ -22,7 +22,7 @@
 #ifndef TARGETS_CFS_POCKET_H
 #define TARGETS_CFS_POCKET_H
 
-#include "cfe.h"
+#include "targets/cfs/inc/cfe.h"
 
 /** An app that is linked with the program. A restart leaves its static data as they are. */
 typedef struct PocketApp {

@@ -5,7 +5,7 @@
 #ifndef TARGETS_CFS_PORT_H
 #define TARGETS_CFS_PORT_H
 
-#include "common_types.h"
+#include "targets/cfs/inc/common_types.h"
 
 /** The first call, by task 0, which boots the pocket. root: the folder that holds cf and ram, if the port has folders.
  */

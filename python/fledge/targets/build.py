@@ -29,11 +29,10 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
 OF_OTHERS = ["-w", "-Wno-error=implicit-function-declaration", "-Wno-error=int-conversion",
              "-Wno-error=incompatible-pointer-types"]
 
-# Folders whose sources are compiled once for all programs, if they name nothing of what one of them defines.
+# Folders whose sources are compiled once for all programs, without what one of them includes. What it defines, no file
+# of the source's folder names.
 SHARED = ("ccsds", "flight", "record", "registers")
-# Others that are.
-AROUND = ("fmi/fmu/*.c", "targets/*.c", "targets/linux/*.c", "targets/bare/fault.c", "targets/bare/recorder.c",
-          "targets/bare/say.c")
+AROUND = ("fmi/fmu", "targets", "targets/cfs", "targets/linux")     # without the folders in them
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
@@ -119,10 +118,15 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     named = set(re.findall(r"-D(\w+)", " ".join(own)))
     known = {ROOT / path: path for folder in SHARED for path in sorted(
         path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
-    known |= {path: path.relative_to(ROOT) for pattern in AROUND for path in sorted(ROOT.glob(pattern))}
-    objects = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known
-               and named.isdisjoint(re.findall(r"\w+", Path(source).read_text("utf-8")))}
-    if not objects:
+    known |= {path: path.relative_to(ROOT) for folder in AROUND for path in sorted((ROOT / folder).glob("*.c"))}
+
+    def changes(source: Path) -> bool:
+        texts = (path.read_text("utf-8") for path in [source, *source.parent.glob("*.h")] if named)
+        return any(not named.isdisjoint(re.findall(r"\w+", text)) for text in texts)
+
+    objects = {source: known[Path(source)].with_suffix(".o") for source in sources
+               if Path(source) in known and not changes(Path(source))}
+    if not objects or "-include" in flags:      # such a file of the program changes all
         return {}
     rule = _rule(compiler, [*(flag for flag in flags if flag not in own), f"-I{ROOT}"])
     place = build_folder() if (ROOT / "CMakeLists.txt").exists() and os.access(build_folder(), os.W_OK) else folder

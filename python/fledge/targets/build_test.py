@@ -60,3 +60,15 @@ def test_a_user_without_write_access_builds_in_a_cache(places, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert library("one") == (ours / "library", False)
     assert library("two") == (cache / "library", True) and library("two") == (cache / "library", False)
+
+
+def test_what_a_program_defines_or_includes_is_compiled_for_it_alone(tmp_path):
+    paths = [build.ROOT / f"targets/{name}.c" for name in ("linux/main", "linux/crash", "cfs/evs")]
+
+    def shared(*flags):
+        return [path.stem for path in build.shared_objects(tmp_path, paths, "gcc", [*build.FLAGS, *flags])]
+
+    assert shared() == shared("-DELSE=1") == ["main", "crash", "evs"]
+    assert shared("-DFLEDGE_FILES") == ["crash", "evs"]
+    assert shared("-DPOCKET_TASKS=8u") == ["main", "crash"]     # a header beside it has it
+    assert shared("-include", "names.h") == []
