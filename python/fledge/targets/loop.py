@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
+import math
 import os
 import re
 import subprocess
@@ -77,7 +78,8 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
 
 
 def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[str, str]]:
-    """Run programs until all have ended. When the first has ended, the others have 20 s, or 0.5 s."""
+    """Run programs until all have ended. When the first has ended, the others have 20 s; after a failure that tells
+    why, less."""
     log = job.folder.resolve() / f"{name}.log"
     folders = {part.process: part.folder.resolve() for part in job.parts}
     with contextlib.ExitStack() as stack:
@@ -90,8 +92,8 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
         programs = {which: stack.enter_context(Program(
             which, command, text, folders.get(which) if command[0] != sys.executable else None,
             [how_far.write] if how_far and which == CONTROLLER else [])) for which, command in commands.items()}
-        results, ends = {}, None
-        while ends is None or time.monotonic() < ends:
+        results, ends = {}, math.inf
+        while time.monotonic() < ends:
             if how_far:
                 bar.reaches(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
@@ -99,10 +101,12 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
                 print(f"  {printable(line)}", file=sys.stderr)
             if None not in results.values():
                 break
-            if ends is None and any(code is not None for code in results.values()):
-                # What is wrong with a board at a line is known: the others' reasons need no wait.
+            if any(code is not None for code in results.values()):
+                # What is wrong with a board at a line is known: the others' reasons need no wait. A controller that
+                # failed has told those that had joined; another would wait for it.
                 at_line = any(code and programs[which].device for which, code in results.items())
-                ends = time.monotonic() + (0.5 if at_line else 20.0)
+                wait = 0.5 if at_line else 2.0 if results.get(CONTROLLER) else 20.0
+                ends = min(ends, time.monotonic() + wait)
             time.sleep(0.01)
         figures = {which: program.figures() for which, program in programs.items()}
     if any(code != 0 for code in results.values()):
