@@ -5,6 +5,7 @@ import pytest
 from bench import orbiter
 from fledge.cosim.up import description
 from fledge.targets import TARGETS
+from tests.needs import flies_on
 
 
 def test_a_process_belongs_to_a_program():
@@ -23,6 +24,7 @@ def test_a_process_belongs_to_a_program():
 
 
 @pytest.mark.long("flies the orbiter's programs")
+@flies_on("leon3")
 def test_the_files_fly_as_fast_as_they_can(tmp_path):
     plan = description.read(orbiter.files(tmp_path, 8080), TARGETS, None)
     assert not plan.pace and [program.name for program in plan.programs] == ["panel", "world", "flight", "ground"]

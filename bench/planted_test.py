@@ -5,6 +5,7 @@ import pytest
 from bench import planted
 from bench.mutants import ROOT
 from bench.mutation import applied
+from tests.needs import needs, section
 
 TEXT = """double mean(const Row *m, uint32_t n)
 {
@@ -62,6 +63,7 @@ def test_the_table_counts_what_each_means_sees():
 
 
 @pytest.mark.long("compiles, proves and flies a fault")
+@needs("frama-c-base", *section("decisions"))
 def test_a_number_that_is_not_finite_is_seen():
     bench = planted.Bench()
     file = "flight/control/mrp_steering.c"
