@@ -5,6 +5,8 @@
 # tests-A-B builds those of the folder A/B and below, for `./fledge test A/B`.
 
 add_custom_target(tests)
+add_custom_target(tests-in-python)      # what those call beside the product
+add_dependencies(tests tests-in-python)
 file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
 
 # A test runs once: to optimise its source takes longer than it saves. A folder whose tests compute for long or with

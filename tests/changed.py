@@ -44,6 +44,7 @@ from tests.used_test import used_in
 
 USERS = 3       # of a module or model: their tests pass within a minute
 EVERYTHING = ["CMakeLists.txt", "CMakePresets.json", "cmake/*.cmake", "conftest.py", "pytest.ini"]
+GENERATES = ["*/CMakeLists.txt", "cmake/*", "introspect/*.py", "registers/*.py", "*/boards/*.toml", "registers/*.toml"]
 CHECKS = {".md": "tests/links_test.py", "CMakeLists.txt": "tests/collection_test.py",
           "fledge": "tests/launcher_test.py", **dict.fromkeys([*C_SUFFIXES, ".py"], "tests/include_direction_test.py")}
 CASE = re.compile(r"^(TYPED_)?TEST(?:_F|(_P))?\(\s*(\w+)", re.MULTILINE)
@@ -313,9 +314,11 @@ def main() -> None:
         programs, _ = programs_and_cases(closure(changed), build)
         share, shares = map(int, arguments.turn.split("/"))
         if not {"tests"} & programs:
-            programs |= {name for name, _ in programs_of(build) if shares and zlib.crc32(name.encode()) % shares ==
-                         share % shares}
+            programs |= {name for name, source in programs_of(build) if shares and (ROOT / source).exists()
+                         and zlib.crc32(name.encode()) % shares == share % shares}
         paths = reach(changed) if changed else set()
+        if any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
+            programs = {"tests"}    # what they write, no #include shows
         if everything:
             programs, paths = {"tests"}, set(tests())
         print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")

@@ -103,6 +103,27 @@ def test_the_reach_follows_the_tables(path, least, never):
     assert least in reached and never not in reached and (ROOT / never).exists()
 
 
+def reached_by(monkeypatch, capsys, changes, *words):
+    """What `--reach` prints: the programs, and the tests in Python."""
+    monkeypatch.setattr(changed, "changed_files", lambda root, base: changes)
+    monkeypatch.setattr(sys, "argv", ["changed", "--reach", *words, "BASE"])
+    changed.main()
+    programs, tests = capsys.readouterr().out.splitlines()
+    return programs.split(), tests.split()
+
+
+def test_the_reach_in_c_and_cpp_has_programs_and_a_share_of_the_others(monkeypatch, capsys):
+    every = {program for program, _ in changed.programs_of(BUILD)}
+    one, tests = reached_by(monkeypatch, capsys, ["ccsds/space_packet.c"])
+    assert "ccsds_test" in one and set(one) < every and "tests/hygiene_test.py" in tests
+    shares = [reached_by(monkeypatch, capsys, ["ccsds/space_packet.c"], "--turn", f"{i}/10")[0] for i in range(10)]
+    assert all(set(one) <= set(share) for share in shares) and set().union(*shares) == every
+    assert sum(len(set(share) - set(one)) for share in shares) == len(every - set(one))
+    assert reached_by(monkeypatch, capsys, [], "--turn", "0/1")[0] == sorted(every)
+    for path in ("ccsds/CMakeLists.txt", "introspect/emit/tables.py", "CMakeLists.txt"):
+        assert reached_by(monkeypatch, capsys, [path])[0] == ["tests"]
+
+
 HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dynamics/drag.h", "sim/runtime.h",
            "flight/math/vec.h", "cosim/protocol/protocol.h"]
 

@@ -7,7 +7,8 @@ long they take, and what the last passes of CI have run.
     /usr/bin/python3 -m tests.circles --others FOLDER...    how long the tests of the other folders take
     /usr/bin/python3 -m tests.circles --pass COMMIT I WHAT  add a pass to .ci/passed: the commit up to which it checked
                                                             all, the tenth I of the long tests (or "all"), what else
-    /usr/bin/python3 -m tests.circles --missed              which long tests none of those passes has run
+    /usr/bin/python3 -m tests.circles --missed [I]          which long tests none of those passes has run, nor one now
+                                                            of the tenth I
 
 A long test has no seconds unless that run had it. Several tests run at once: their seconds add up to more than the
 time of the run.
@@ -99,10 +100,12 @@ class Seconds(NamedTuple):
 
 def seconds(report: Path) -> dict[str, Seconds]:
     """Case -> its time in a report in JUnit's format."""
-    if not report.exists():
+    try:
+        root = ElementTree.parse(report).getroot()
+    except (OSError, ElementTree.ParseError):       # none was written, or not to its end
         return {}
     times = {}
-    for case in ElementTree.parse(report).getroot().iter("testcase"):
+    for case in root.iter("testcase"):
         known = {prop.get("name"): prop.get("value", "") for prop in case.iter("property")}
         times[f"{case.get('classname')}::{case.get('name')}"] = Seconds(
             float(case.get("time", 0)), float(known.get("setup", 0)), "long" in known)
@@ -162,7 +165,7 @@ def passes(file: Path | None = None) -> list[list[str]]:
     """[commit, share, what] of those that are kept, the newest first."""
     file = file or PASSED
     lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
-    return [line.split(" ", 2) for line in lines if re.match("[0-9a-f]{40} ", line)]
+    return [line.split(" ", 2) for line in lines if re.match("([0-9a-f]{40}|none) ", line)]
 
 
 def add_pass(commit: str, share: str, what: str) -> None:
@@ -214,7 +217,7 @@ def main() -> None:
     parser.add_argument("--slowest", type=int, metavar="N")
     parser.add_argument("--others", nargs="*", metavar="FOLDER")
     parser.add_argument("--pass", nargs=3, dest="passed", metavar=("COMMIT", "I", "WHAT"))
-    parser.add_argument("--missed", action="store_true")
+    parser.add_argument("--missed", nargs="?", const="", metavar="I")
     options = parser.parse_args()
     if options.others is not None:
         keep({room: times for room, times in by_room(BUILD / "tests").items()
@@ -222,8 +225,9 @@ def main() -> None:
         print(others(options.others, kept()) if options.others else "", end="")
     elif options.passed:
         add_pass(*options.passed)
-    elif options.missed:
-        print(missed(cases(), [share for _, share, *_ in passes()]), end="")
+    elif options.missed is not None:
+        shares = [options.missed] * bool(options.missed) + [share for _, share, *_ in passes()]
+        print(missed(cases(), shares[:PASSES]), end="")
     elif options.slowest:
         print(slowest(seconds(REPORT), options.slowest), end="")
     else:

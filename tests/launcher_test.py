@@ -441,8 +441,9 @@ def test_the_tests_of_a_folder_are_built_and_run(launch):
     for words, cwd, parts, runners, line in (
             (["flight"], "", "tests-flight", "-R ^(flight)[.]", "4 passed, 0 failed, 1 skipped"),
             (["math"], "flight", "tests-flight-math", "-R ^(flight[.]math)[.]", "4 passed, 0 failed, 1 skipped"),
-            (["world"], "", "all", "", "1 passed, 0 failed, 0 skipped"),
-            (["flight", "python"], "", "all tests-flight", "-R ^(flight|python)[.]", "5 passed, 0 failed, 1 skipped"),
+            (["world"], "", "all tests-in-python", "", "1 passed, 0 failed, 0 skipped"),
+            (["flight", "python"], "", "all tests-flight tests-in-python",
+             "-R ^(flight|python)[.]", "5 passed, 0 failed, 1 skipped"),
             (["flight", "-k", "vec"], "", "tests-flight", "-R ^(flight)[.].*(vec)", "4 passed, 0 failed, 1 skipped")):
         done = launch("test", *words, cwd=launch.tree / cwd)
         assert done.returncode == 0 and done.stdout.splitlines()[-1] == line, done.stderr
@@ -452,6 +453,7 @@ def test_the_tests_of_a_folder_are_built_and_run(launch):
     for words, message in (
             (["fligt"], "no folder fligt; did you mean 'flight'? folders with tests are flight, python, world"),
             (["cmake"], "cmake has no tests"), (["a_test.py"], "a_test.py is no folder; -k a_test runs the tests of"),
+            (["--turn", "1/2"], "--turn and --compiled are about what --since chooses"),
             (["flight", "--since", "HEAD"], "FOLDER is not for --changed, --since and --coverage")):
         done = launch("test", *words)
         assert done.returncode == 2 and message in done.stderr, done.stderr

@@ -44,7 +44,7 @@ SHOWN_BY = {
     "openssh-server": "/usr/sbin/sshd",
     "picolibc-arm-none-eabi": "/usr/lib/picolibc/arm-none-eabi",
     "picolibc-riscv64-unknown-elf": "/usr/lib/picolibc/riscv64-unknown-elf",
-    "postgresql": "pg_ctlcluster",
+    "postgresql": "/usr/lib/postgresql",
     "python3-myst-parser": "myst_parser",
     "python3-pil": "PIL",
     "python3-venv": "ensurepip",

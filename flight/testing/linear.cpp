@@ -49,7 +49,7 @@ double spectral_radius(const MatrixXd &a)
     double log = 0, n = 1;
     for (int i = 0; i < 50; i++, n *= 2) {
         const double norm = power.norm();
-        if (!(norm > 0)) {
+        if (norm == 0) {
             return 0;
         }
         log += std::log(norm) / n;

@@ -60,7 +60,7 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                       help="run those whose names match, long ones too")
     near.add_argument("--changed", nargs="?", const="", metavar="BASE", help="run those near what differs from the "
                       "commit BASE; without BASE, from where this branch began; if nothing differs, from the last "
-                      "commit but one")
+                      "pass of .ci/run, or the last commit but one")
     add_argument = parser.add_argument
     add_argument("--all", dest="long", action="store_const", const="all", default="none",
                  help="run the tests too that are marked long")
@@ -69,6 +69,7 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
     add_argument("--since", metavar="COMMIT", help="run those tests only that what differs from it can reach")
     add_argument("--turn", metavar="I/N", type=_share,
                  help="with --since: of C and C++, run the share I of N of the other tests, too")
+    add_argument("--compiled", action="store_true", help="with --since: run those of C and C++ alone")
     add_argument("--build", action="store_true", help="install and build what the tests need, and run none")
     add_argument("--complete", action="store_true", help="a test that is skipped for want of a package fails")
     add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
@@ -179,6 +180,8 @@ def test(context: Context, options: argparse.Namespace) -> int:
     elif options.changed is not None or options.folders:
         raise Failure(f"test: {'--changed' if options.changed is not None else 'FOLDER'} is for Fledge, not for a "
                       "project")
+    if options.since is None and (options.turn or options.compiled):
+        raise Failure("test: --turn and --compiled are about what --since chooses; add it")
     if options.folders and (options.changed is not None or options.since or options.coverage):
         raise Failure("test: FOLDER is not for --changed, --since and --coverage")
     if (options.strict is not None or options.table) and not options.coverage:

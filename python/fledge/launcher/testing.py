@@ -72,11 +72,11 @@ class Tests:
                 sys.exit(0)
             self.programs, self.cases, paths = [*lines, "", ""][:3]
             self.paths = paths.split() or None
-        elif options.since:
+        elif options.since is not None:
             turn = ["--turn", options.turn] * bool(options.turn)
             self.programs, paths = [*self._tell("tests.changed", "--reach", *turn,
                                                 options.since).splitlines(), "", ""][:2]
-            self.cases, self.paths = "*", paths.split()
+            self.cases, self.paths = "*", [] if options.compiled else paths.split()
         elif self.folders:
             in_python = {folder: {path.suffix == ".py" for path in _tests_in(folder)} for folder in self.folders}
             self.programs = " ".join(f"tests-{folder.replace('/', '-')}" for folder, kinds in in_python.items()
@@ -106,8 +106,9 @@ class Tests:
         kind = context.observed
         with self._counted("build"):
             everything = self.paths is None or any(map(_is_of_product, self.paths))
+            programs = f"{self.programs} tests-in-python" if everything and self.programs != "tests" else self.programs
             self.folder = build.compile(context, [kind] if kind else ["all"] * everything, tests=True,
-                                        programs=f"{kind}_tests" if kind else self.programs)
+                                        programs=f"{kind}_tests" if kind else programs)
         if context.project:
             say(f"testing {context.project}")
         if not may_write(context.logs, self.folder):
@@ -136,7 +137,8 @@ class Tests:
             counts[1] = 1
         if not self.context.project:
             say(", ".join(f"{part} {seconds:.0f} s" for part, seconds in self.seconds.items()))
-            write_files({"parts.json": json.dumps(self.seconds)}, self.folder / "tests")
+            if not self.context.observed:
+                write_files({"parts.json": json.dumps(self.seconds)}, self.folder / "tests")
             if not self.pattern and self.cases is None and (ROOT / "tests/circles.py").is_file():
                 print(self._tell("tests.circles", "--others", *self.folders), end="")
         print("{} passed, {} failed, {} skipped".format(*counts), flush=True)

@@ -2,8 +2,6 @@
 """For tests: an exported mission compiled to a shared object, and its memory as Python sees it."""
 
 import ctypes
-import functools
-import shutil
 import subprocess
 from pathlib import Path
 
