@@ -88,7 +88,7 @@ def cases() -> list[Case]:
         code = pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT), "-c",
                             str(ROOT / "pytest.ini")], plugins=[collector])
     if code:
-        sys.exit(f"fledge: pytest collects no tests:\n{printed.getvalue()}")
+        sys.exit(f"fledge: pytest collects no tests:\n{printed.getvalue()[-3000:]}")
     return collector.cases
 
 
