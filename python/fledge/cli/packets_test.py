@@ -18,6 +18,7 @@ from fledge.archive.archive_test import Maker
 from fledge.cli import main
 from fledge.errors import Failure
 from fledge.ground.captures import Format, Joiner, Piece, encapsulated, header, pieces, read
+from fledge.programs import without_preload
 from tests.needs import needs
 
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -189,10 +190,10 @@ def pcapng(frames, order="<", offset=0, old=False):
 
 def by_tshark(path):
     """(time [ns], payload) of each UDP datagram, as Wireshark reads the file."""
-    rows = subprocess.run(["tshark", "-r", path, "-T", "fields", "-e", "frame.time_epoch", "-e", "udp.payload"],
-                          check=True, capture_output=True, text=True).stdout.split("\n")
+    text = subprocess.run(["tshark", "-r", path, "-T", "fields", "-e", "frame.time_epoch", "-e", "udp.payload"],
+                          check=True, capture_output=True, text=True, env=without_preload(os.environ)).stdout
     return [(int(Decimal(time) * 10**9), bytes.fromhex(payload))
-            for time, payload in map(str.split, filter(None, rows))]
+            for time, payload in map(str.split, filter(None, text.split("\n")))]
 
 
 @needs("tshark")
@@ -207,7 +208,8 @@ def test_captures_of_all_kinds_have_the_datagrams_that_wireshark_finds(tmp_path)
     for file, data in zip(files, captures):
         file.write_bytes(data)
     # Wireshark is slow to start: it reads all as one file, whose interfaces are of several kinds.
-    subprocess.run(["mergecap", "-a", "-w", tmp_path / "all.pcapng", *files], check=True)
+    subprocess.run(["mergecap", "-a", "-w", tmp_path / "all.pcapng", *files], check=True,
+                   env=without_preload(os.environ))     # else it may not end under the sanitizers
     found = [[(piece.time, piece.packet) for piece in pieces(data)] for data in captures]
     assert all(found) and sum(found, []) == by_tshark(tmp_path / "all.pcapng")
     problem, = (piece.problem for piece in pieces(pcap([ip, ip], link=127)))
