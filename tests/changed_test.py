@@ -114,11 +114,11 @@ def reached_by(monkeypatch, capsys, changes, *words):
 
 def test_the_reach_in_c_and_cpp_has_programs_and_a_share_of_the_others(monkeypatch, capsys):
     every = {program for program, _ in changed.programs_of(BUILD)}
-    one, tests = reached_by(monkeypatch, capsys, ["ccsds/space_packet.c"])
-    assert "ccsds_test" in one and set(one) < every and "tests/hygiene_test.py" in tests
+    own, tests = reached_by(monkeypatch, capsys, ["ccsds/space_packet.c"])
+    assert "ccsds_test" in own and set(own) < every and "tests/hygiene_test.py" in tests
     shares = [reached_by(monkeypatch, capsys, ["ccsds/space_packet.c"], "--turn", f"{i}/10")[0] for i in range(10)]
-    assert all(set(one) <= set(share) for share in shares) and set().union(*shares) == every
-    assert sum(len(set(share) - set(one)) for share in shares) == len(every - set(one))
+    assert all(set(own) <= set(share) for share in shares) and set().union(*shares) == every
+    assert sum(len(set(share) - set(own)) for share in shares) == len(every - set(own))
     assert reached_by(monkeypatch, capsys, [], "--turn", "0/1")[0] == sorted(every)
     for path in ("ccsds/CMakeLists.txt", "introspect/emit/tables.py", "CMakeLists.txt"):
         assert reached_by(monkeypatch, capsys, [path])[0] == ["tests"]
