@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which of Debian's packages a test needs: without one it is skipped, with "not installed: PACKAGE, ..." as the reason.
-The tests end with the sum of that by package, and with `./fledge test --complete` each such skip is a failure.
+The tests in Python end with the sum of that by package, and with `./fledge test --complete` they fail if there is any.
 """
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ class Tests:
         return tally(reports, status)
 
     def _python(self, variables: Mapping[str, str] = {}) -> list[int]:
-        if self.paths is not None and not self.paths:
+        if self.paths == []:
             return [0, 0, 0]
         reports, project = self._reports("pytest"), self.context.project
         command = [sys.executable, "-m", "pytest", "-q", "-rfEsR", f"--junit-xml={reports}/pytest.xml"]

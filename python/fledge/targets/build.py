@@ -29,8 +29,8 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
 OF_OTHERS = ["-w", "-Wno-error=implicit-function-declaration", "-Wno-error=int-conversion",
              "-Wno-error=incompatible-pointer-types"]
 
-# Folders whose sources are compiled once for all programs, without what one of them includes. What it defines, no file
-# of the source's folder names.
+# Folders whose sources are compiled once for all programs, without the options -D and -I of one of them. A source is
+# compiled for a program alone if it, or a header beside it, has a name that the program defines.
 SHARED = ("ccsds", "flight", "record", "registers")
 AROUND = ("fmi/fmu", "targets", "targets/cfs", "targets/linux")     # without the folders in them
 
