@@ -107,7 +107,8 @@ def seconds(report: Path) -> dict[str, Seconds]:
     times = {}
     for case in root.iter("testcase"):
         known = {prop.get("name"): prop.get("value", "") for prop in case.iter("property")}
-        times[f"{case.get('classname')}::{case.get('name')}"] = Seconds(
+        name = re.sub(r"@\w+$", "", case.get("name", ""))      # the group, which pytest-xdist adds
+        times[f"{case.get('classname')}::{name}"] = Seconds(
             float(case.get("time", 0)), float(known.get("setup", 0)), "long" in known)
     return times
 
