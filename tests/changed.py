@@ -3,8 +3,9 @@
 
     /usr/bin/python3 -m tests.changed [BASE]            the near tests, in three lines: programs, cases, paths
     /usr/bin/python3 -m tests.changed --reach [--turn I/N] [BASE]
-                        for CI, in two lines: the programs, and the tests in Python, that the change can reach; of the
-                        other programs the share I of N
+                        in two lines: the programs, and the tests in Python, that the change can reach; with --turn, for
+                        CI: of the other programs the share I of N, and in Python the near tests and that share of the
+                        others that it can reach
 
 The change is what differs from BASE: commits, uncommitted and untracked files. Without BASE, it is the work of this
 branch: what differs from where it left `main`, `origin/main` or its upstream, the nearest of these. If nothing differs
@@ -20,7 +21,8 @@ The near tests are:
 
 The reach is all of these, all users, and each test whose folder or part may use the changed one by tests/layers.py.
 cosim/, emulator/ and ground/ reach Python by the part of their name alone, every other folder by the extension that
-all parts share. A change of the build or of the settings of pytest reaches every test.
+all parts share; for CI, what only uses that one is not near. A folder's CMakeLists.txt stands for its sources. A change
+of the build or of the settings of pytest reaches every test.
 """
 
 import argparse
@@ -44,7 +46,8 @@ from tests.used_test import used_in
 
 USERS = 3       # of a module or model: their tests pass within a minute
 EVERYTHING = ["CMakeLists.txt", "CMakePresets.json", "cmake/*.cmake", "conftest.py", "pytest.ini"]
-GENERATES = ["*/CMakeLists.txt", "cmake/*", "introspect/*.py", "registers/*.py", "*/boards/*.toml", "registers/*.toml"]
+GENERATES = ["cmake/*", "introspect/*.py", "registers/*.py", "*/boards/*.toml", "registers/*.toml",
+             "introspect/CMakeLists.txt", "registers/CMakeLists.txt"]
 CHECKS = {".md": "tests/links_test.py", "CMakeLists.txt": "tests/collection_test.py",
           "fledge": "tests/launcher_test.py", **dict.fromkeys([*C_SUFFIXES, ".py"], "tests/include_direction_test.py")}
 CASE = re.compile(r"^(TYPED_)?TEST(?:_F|(_P))?\(\s*(\w+)", re.MULTILINE)
@@ -123,6 +126,15 @@ def closure(changed: Iterable[str]) -> set[str]:
         seen |= new
         todo += new
     return seen
+
+
+def sources_of(path: str) -> set[str]:
+    """The C and C++ that a folder's CMakeLists.txt builds."""
+    inside = [file for file in map(str, files(ROOT / os.path.dirname(path)))] if Path(path).name == "CMakeLists.txt" \
+        and "/" in path else []
+    apart = tuple(f"{os.path.dirname(file)}/" for file in inside if file.endswith("/CMakeLists.txt"))
+    return {f"{os.path.dirname(path)}/{file}" for file in inside
+            if Path(file).suffix in C_SUFFIXES and not file.startswith(apart)}
 
 
 def unit(name: str) -> str:
@@ -307,20 +319,26 @@ def main() -> None:
     parser.add_argument("--turn", default="0/0", help="with --reach: the share I of N of the other programs, too")
     arguments = parser.parse_args()
     changed = changed_files(ROOT, arguments.base)
+    changed += sorted(set().union(*map(sources_of, changed)) - {*changed})
     everything = any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in EVERYTHING)
     build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
     if arguments.reach:
         build = build if (build / "tests.txt").exists() else ROOT / "build/release"     # which is configured first
-        programs, _ = programs_and_cases(closure(changed), build)
         share, shares = map(int, arguments.turn.split("/"))
+
+        def in_turn(name: str) -> bool:
+            return bool(shares) and zlib.crc32(name.encode()) % shares == share % shares
+
+        reached = closure(changed)
+        programs, _ = programs_and_cases(reached, build)
         if not {"tests"} & programs:
-            programs |= {name for name, source in programs_of(build) if shares and (ROOT / source).exists()
-                         and zlib.crc32(name.encode()) % shares == share % shares}
-        paths = reach(changed) if changed else set()
-        if any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
+            programs |= {name for name, source in programs_of(build) if in_turn(name) and (ROOT / source).exists()}
+        if everything or any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
             programs = {"tests"}    # what they write, no #include shows
-        if everything:
-            programs, paths = {"tests"}, set(tests())
+        paths = set(tests()) if everything else reach(changed) if changed else set()
+        if shares:
+            by_name = {path for path in reached if path in changed or not path.startswith("python/")}
+            paths = {path for path in paths if in_turn(path)} | python_tests(changed, by_name) & paths
         print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")
     elif not changed:
         print("fledge: nothing has changed", file=sys.stderr)

@@ -120,8 +120,26 @@ def test_the_reach_in_c_and_cpp_has_programs_and_a_share_of_the_others(monkeypat
     assert all(set(own) <= set(share) for share in shares) and set().union(*shares) == every
     assert sum(len(set(share) - set(own)) for share in shares) == len(every - set(own))
     assert reached_by(monkeypatch, capsys, [], "--turn", "0/1")[0] == sorted(every)
-    for path in ("ccsds/CMakeLists.txt", "introspect/emit/tables.py", "CMakeLists.txt"):
+    for path in ("introspect/emit/tables.py", "registers/CMakeLists.txt", "CMakeLists.txt"):
         assert reached_by(monkeypatch, capsys, [path])[0] == ["tests"]
+
+
+def test_by_turns_python_has_the_near_tests_and_a_share_of_the_others(monkeypatch, capsys):
+    change = ["sim/archive_file.cpp"]
+    _, every = reached_by(monkeypatch, capsys, change)
+    shares = [set(reached_by(monkeypatch, capsys, change, "--turn", f"{i}/10")[1]) for i in range(10)]
+    near = set.intersection(*shares)
+    assert set().union(*shares) == set(every) and {"missions/nadir_spin/nadir_spin_test.py"} <= set(every) - near
+    assert all(len(share) < len(every) / 2 for share in shares) and "missions/check_cases/check_cases_test.py" in near
+
+
+def test_what_builds_a_folder_stands_for_its_sources(monkeypatch, capsys):
+    here = changed.sources_of("world/CMakeLists.txt")
+    assert {"world/dynamics/drag_model.cpp", "world/models.h"} <= here
+    assert not [path for path in here if path.startswith("world/environment/")]    # which builds itself
+    assert changed.sources_of("CMakeLists.txt") == changed.sources_of("world/models.h") == set()
+    programs, _ = reached_by(monkeypatch, capsys, ["world/CMakeLists.txt"])
+    assert {"world_dynamics_test", "properties_test"} <= set(programs) and "ccsds_test" not in programs
 
 
 HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dynamics/drag.h", "sim/runtime.h",

@@ -135,9 +135,9 @@ def by_room(folder: Path) -> dict[str, list[float]]:
 def kept() -> dict[str, list[float]]:
     """The seconds of each room: of its last run here, or of the newest pass of CI."""
     lines = PASSED.read_text(encoding="utf-8").splitlines() if PASSED.exists() else []
-    rooms = {words[0]: [float(word) for word in words[1:]] for words in map(str.split, lines) if len(words) == 3
-             and (ROOT / words[0]).is_dir()}
-    return {**rooms, **(json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {})}
+    rooms = {words[0]: [float(word) for word in words[1:]] for words in map(str.split, lines) if len(words) == 3}
+    here = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    return {room: times for room, times in {**rooms, **here}.items() if (ROOT / room).is_dir()}
 
 
 def keep(rooms: dict[str, list[float]]) -> None:

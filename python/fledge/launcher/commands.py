@@ -68,11 +68,11 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                  help="run the share I of N of the tests that are marked long, too")
     add_argument("--since", metavar="COMMIT", help="run those tests only that what differs from it can reach")
     add_argument("--turn", metavar="I/N", type=_share,
-                 help="with --since: of C and C++, run the share I of N of the other tests, too")
+                 help="with --since: of the tests that are not near what differs, run the share I of N alone")
     add_argument("--compiled", action="store_true", help="with --since: run those of C and C++ alone")
     add_argument("--build", action="store_true", help="install and build what the tests need, and run none")
-    add_argument("--complete", action="store_true", help="a test in Python that is skipped for want of a "
-                 "package fails")
+    add_argument("--complete", action="store_true", help="the tests fail where one is skipped for want of a "
+                 "package")
     add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
                  "show to decide, and name the others; of Fledge itself, by its tests of flight in C++")
     add_argument("--strict", nargs="?", const="", metavar="FOLDER,...", help="with --coverage: fail where a condition, "

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -183,12 +184,15 @@ class Tests:
             return []
         if self.cases is not None:
             return [self._ctest("ctest", self.cases, "-L", self.labels)]
-        place = f"^({'|'.join(folder.replace('/', '[.]') for folder in self.folders)})[.]" if self.folders else ""
+        places = {folder: f"^{folder.replace('/', '[.]')}[.]" for folder in self.folders} or {"": ""}
+        within = ["-R", "|".join(places.values())] * bool(self.folders)
         if not self.pattern:
-            return [self._ctest("ctest", "*", *["-R", place] * bool(place))]
+            return [self._ctest("ctest", "*", *within)]
         cases = ":".join(f"*{name}*" for name in self.pattern.split("|"))
-        return [self._ctest("ctest", "*", "-R", f"{place}.*({self.pattern})"),
-                self._ctest("cases", cases, "-L", "gtest", "-E", self.pattern, *["-R", place] * bool(place))]
+        sources = "|".join(place if re.search(self.pattern, folder) else f"{place}.*({self.pattern})"
+                           for folder, place in places.items())
+        return [self._ctest("ctest", "*", "-R", sources),
+                self._ctest("cases", cases, "-L", "gtest", "-E", self.pattern, *within)]
 
     def _ctest(self, name: str, cases: str, *arguments: str) -> list[int]:
         """Run the sources that these arguments of ctest select, and these cases of theirs; print what failed. name: of
@@ -203,7 +207,12 @@ class Tests:
         for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
             if not PASSED.match(line):
                 print(line, flush=True)
-        return tally(reports, status)
+        counts = tally(reports, status)
+        if lacking := not_installed(reports):
+            say("not installed, and tests in C and C++ that were skipped for it: " + ", ".join(
+                f"{package} {count}" for package, count in lacking.most_common()))
+            counts[1] += self.options.complete
+        return counts
 
     def _python(self, variables: Mapping[str, str] = {}) -> list[int]:
         if self.paths == []:
@@ -295,6 +304,20 @@ def tally(folder: Path, status: int) -> list[int]:
     if status and not counts[1]:
         counts[1] = 1
     return counts
+
+
+def not_installed(folder: Path) -> Counter[str]:
+    """Package -> how many cases were skipped for want of it, by the reports in a folder."""
+    packages: Counter[str] = Counter()
+    for path in folder.glob("*.xml"):
+        try:
+            cases = [case for case in ElementTree.parse(path).getroot().iter("testcase") if _outcome(case) == 2]
+        except ElementTree.ParseError:
+            continue
+        for case in cases:
+            if reason := re.search("not installed: ([^<\"&\n]+)", ElementTree.tostring(case, "unicode")):
+                packages.update(reason[1].strip().split(", "))
+    return packages
 
 
 def _outcome(case: ElementTree.Element) -> int:
