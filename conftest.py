@@ -64,23 +64,33 @@ def pytest_configure(config: pytest.Config) -> None:
 
 # --- what is not installed, and what takes how long ------------------------------------------------
 
-def not_installed(config: pytest.Config) -> Counter[str]:
-    """Package -> how many tests were skipped without it (tests/needs.py)."""
+def lacking(config: pytest.Config) -> dict[str, Counter[str]]:
+    """What is not installed, or not built -> how many tests were skipped without it (tests/needs.py). With --complete,
+    the packages of each target belong to that, without a count: tests fly on those targets that are there."""
     skipped = config.pluginmanager.get_plugin("terminalreporter").stats.get("skipped", [])
-    reasons = [re.search("not installed: (.*)", str(report.longrepr[2])) for report in skipped]
-    return Counter(name for reason in reasons if reason for name in reason[1].split(", "))
+    whys = [str(report.longrepr[2]) for report in skipped]
+    counts = {"not installed": Counter(name for why in whys if (found := re.search("not installed: (.*)", why))
+                                       for name in found[1].split(", ")),
+              "not built": Counter(found[1] for why in whys if (found := re.search(r"(\w+) (?:is|are) not built", why)))}
+    if config.getoption("--complete"):
+        from tests.needs import NOT_INSTALLED, TARGETS, reason_on
+
+        for why in map(reason_on, TARGETS):
+            if why.startswith(NOT_INSTALLED):
+                counts["not installed"].update(dict.fromkeys(why.removeprefix(NOT_INSTALLED).split(", "), 0))
+    return {what: count for what, count in counts.items() if count}
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if session.config.getoption("--complete") and not hasattr(session.config, "workerinput") and \
-            not_installed(session.config):
+            lacking(session.config):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.Config) -> None:
-    if counts := not_installed(config):
-        terminalreporter.write_line("not installed, and tests that were skipped for it: " + ", ".join(
-            f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test installs all",
+    for what, counts in lacking(config).items():
+        terminalreporter.write_line(f"{what}, and tests that were skipped for it: " + ", ".join(
+            f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test --view has all",
             red=config.getoption("--complete"))
 
 

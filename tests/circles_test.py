@@ -108,5 +108,11 @@ def test_what_is_skipped_for_want_of_a_package_is_summed_and_may_fail(tmp_path):
     for options, wanted in (([], 0), (["--complete"], 1)):
         code, output = run(tmp_path, text, *options)
         assert code == wanted and "not installed, and tests that were skipped for it: gcc-vax 2; ./fledge set" in output
-    code, output = run(tmp_path, "def test_other():\n    pytest.skip('no network')\n", "--complete")
-    assert code == 0 and "not installed" not in output
+    other = "from tests import needs\n\nneeds.reason_on = lambda target: '{}'\n\n\n" \
+        "def test_other():\n    pytest.skip('{}')\n"
+    for why, of_targets, code, line in (
+            ("no network", "", 0, ""),
+            ("the pages are not built", "", 1, "not built, and tests that were skipped for it: pages 1"),
+            ("no network", "not installed: vax", 1, "not installed, and tests that were skipped for it: vax 0")):
+        found, output = run(tmp_path, other.format(of_targets, why), "--complete")
+        assert found == code and line in output and ("skipped for it" in output) == bool(line)
