@@ -71,7 +71,7 @@ def lacking(config: pytest.Config) -> dict[str, Counter[str]]:
     whys = [str(report.longrepr[2]) for report in skipped]
     counts = {"not installed": Counter(name for why in whys if (found := re.search("not installed: (.*)", why))
                                        for name in found[1].split(", ")),
-              "not built": Counter(found[1] for why in whys if (found := re.search(r"(\w+) (?:is|are) not built", why)))}
+              "not built": Counter(found[1] for why in whys if (found := re.search(r"(\w+) (is|are) not built", why)))}
     if config.getoption("--complete"):
         from tests.needs import NOT_INSTALLED, TARGETS, reason_on
 
