@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from fledge.contents import by_contents
@@ -30,7 +31,7 @@ OF_OTHERS = ["-w", "-Wno-error=implicit-function-declaration", "-Wno-error=int-c
              "-Wno-error=incompatible-pointer-types"]
 
 # Folders whose sources are compiled once for all programs, without the options -D and -I of one of them. A source is
-# compiled for a program alone if it, or a header beside it, has a name that the program defines.
+# compiled for a program alone if it, or a header that it includes, has a name that the program defines.
 SHARED = ("ccsds", "flight", "record", "registers")
 AROUND = ("fmi/fmu", "targets", "targets/cfs", "targets/linux")     # without the folders in them
 
@@ -120,9 +121,22 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
         path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.c") if "testing" not in path.parts)}
     known |= {path: path.relative_to(ROOT) for folder in AROUND for path in sorted((ROOT / folder).glob("*.c"))}
 
+    @cache
+    def read(path: Path) -> tuple[bool, list[Path]]:
+        """Whether a file has one of the names, and what it includes."""
+        text = path.read_text("utf-8") if path.is_file() else ""
+        return not named.isdisjoint(re.findall(r"\w+", text)), [
+            place / name for name in re.findall('^#include "(.+)"', text, re.M) for place in (path.parent, ROOT)]
+
     def changes(source: Path) -> bool:
-        texts = (path.read_text("utf-8") for path in [source, *source.parent.glob("*.h")] if named)
-        return any(not named.isdisjoint(re.findall(r"\w+", text)) for text in texts)
+        todo, seen = [source], {source}
+        while named and todo:
+            has_one, included = read(todo.pop())
+            if has_one:
+                return True
+            todo += set(included) - seen
+            seen.update(included)
+        return False
 
     objects = {source: known[Path(source)].with_suffix(".o") for source in sources
                if Path(source) in known and not changes(Path(source))}

@@ -70,5 +70,6 @@ def test_what_a_program_defines_or_includes_is_compiled_for_it_alone(tmp_path):
 
     assert shared() == shared("-DELSE=1") == ["main", "crash", "evs"]
     assert shared("-DFLEDGE_FILES") == ["crash", "evs"]
-    assert shared("-DPOCKET_TASKS=8u") == ["main", "crash"]     # a header beside it has it
+    assert shared("-DPOCKET_TASKS=8u") == ["main", "crash"]     # a header that it includes has it
+    assert shared("-DREGISTERS_CLOCK_H") == ["crash", "evs"]    # and one that such a header includes
     assert shared("-include", "names.h") == []
