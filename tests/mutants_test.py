@@ -13,6 +13,8 @@ import pytest
 from tests import mutants
 from tests.tree import ROOT
 
+pytestmark = pytest.mark.spread
+
 
 def verdict(tmp_path, read):
     return mutants.judge(read, tmp_path, mutants.REFUSALS).word
@@ -42,8 +44,9 @@ def test_the_judge_sees_what_a_reader_may_not_do(tmp_path, monkeypatch):
     assert verdict(tmp_path, lambda path: forever()) == "no end within 1 s"
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(300, marks=pytest.mark.long("9,000 copies"))])
-def test_each_copy_is_read_or_refused_in_a_line(count):
-    done = subprocess.run([sys.executable, "-m", "tests.mutants", "1", str(count)], cwd=ROOT, text=True,
+@pytest.mark.parametrize("count, kind", [pytest.param(4, (), id="each"), *(
+    pytest.param(300, (kind,), marks=pytest.mark.long("300 copies"), id=kind) for kind in mutants.kinds())])
+def test_each_copy_is_read_or_refused_in_a_line(count, kind):
+    done = subprocess.run([sys.executable, "-m", "tests.mutants", "1", str(count), *kind], cwd=ROOT, text=True,
                           stdout=subprocess.PIPE, timeout=3600)
     assert done.returncode == 0, done.stdout
