@@ -225,15 +225,21 @@ def own_tests(path: str) -> set[str]:
     return beside
 
 
+@cache
+def missions() -> dict[str, set[str]]:
+    """Mission -> the modules and models in its Python."""
+    used = defaultdict(set)
+    for path in files(ROOT / "missions"):
+        if len(path.parts) > 1 and path.suffix == ".py" and not is_test(path):
+            used[path.parts[0]] |= modules_in(list(ast.walk(ast.parse(text_of(f"missions/{path}")))))
+    return used
+
+
 def of_modules(names: set[str], wide: bool) -> set[str]:
     """The tests of the missions X, X/X_test.py, and those among the other tests, that use these modules and models: of
     the smallest, without flights on targets, for which more must be built; wide: of all, and all tests of the missions.
     """
-    by_mission: dict[str, set[str]] = defaultdict(set)
-    for path in files():
-        if path.parts[0] == "missions" and len(path.parts) > 2 and path.suffix == ".py" and not is_test(path):
-            user = f"missions/{path.parts[1]}/{'' if wide else f'{path.parts[1]}_test.py'}"
-            by_mission[user] |= modules_in(list(ast.walk(ast.parse(text_of(str(path))))))
+    by_mission = {f"missions/{name}/{'' if wide else f'{name}_test.py'}": used for name, used in missions().items()}
     by_test = {path: named.modules for path, named in tests().items() if not path.startswith("missions/")
                and (wide or not any(name.startswith("fledge.targets") for name in named.units))}
     chosen = [user for users in (by_mission, by_test) for _, user in sorted(
