@@ -71,7 +71,7 @@ def lacking(config: pytest.Config) -> dict[str, Counter[str]]:
     whys = [str(report.longrepr[2]) for report in skipped]
     counts = {"not installed": Counter(name for why in whys if (found := re.search("not installed: (.*)", why))
                                        for name in found[1].split(", ")),
-              "not built": Counter(found[1] for why in whys if (found := re.search(r"(\w+) (is|are) not built", why)))}
+              "not built": Counter(found[1] for why in whys if (found := re.search(r"(\S+) (is|are) not built", why)))}
     if config.getoption("--complete"):
         from tests.needs import NOT_INSTALLED, TARGETS, reason_on
 
@@ -90,7 +90,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.Config) -> None:
     for what, counts in lacking(config).items():
         terminalreporter.write_line(f"{what}, and tests that were skipped for it: " + ", ".join(
-            f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test --view has all",
+            f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test --view has all" +
+            " (of targets: 0)" * (0 in counts.values()),
             red=config.getoption("--complete"))
 
 

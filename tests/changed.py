@@ -4,8 +4,8 @@
     /usr/bin/python3 -m tests.changed [BASE]            the near tests, in three lines: programs, cases, paths
     /usr/bin/python3 -m tests.changed --reach [--turn I/N] [BASE]
                         in two lines: the programs, and the tests in Python, that the change can reach; with --turn, for
-                        CI: of the other programs the share I of N, and in Python the near tests and that share of the
-                        others that it can reach
+                        CI: of the other programs the share I of N, and in Python the near tests and that share of all
+                        others
 
 The change is what differs from BASE: commits, uncommitted and untracked files. Without BASE, it is the work of this
 branch: what differs from where it left `main`, `origin/main` or its upstream, the nearest of these. If nothing differs
@@ -21,8 +21,8 @@ The near tests are:
 
 The reach is all of these, all users, and each test whose folder or part may use the changed one by tests/layers.py.
 cosim/, emulator/ and ground/ reach Python by the part of their name alone, every other folder by the extension that
-all parts share; for CI, what only uses that one is not near. A folder's CMakeLists.txt stands for its sources. A change
-of the build or of the settings of pytest reaches every test.
+all parts share; for CI, what only uses that one is not near. A change of the build or of the settings of pytest reaches
+every test; with --turn, every program.
 """
 
 import argparse
@@ -64,7 +64,8 @@ class Failure(Exception):
 def git(root: Path, *words: str) -> str:
     """The output of git, or "" where it fails."""
     try:
-        return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout.strip()
+        return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True,
+                              errors="surrogateescape").stdout.strip()
     except FileNotFoundError:
         raise Failure("test: --changed needs git, which is not installed") from None
 
@@ -72,9 +73,10 @@ def git(root: Path, *words: str) -> str:
 def changed_files(root: Path, base: str | None = None) -> list[str]:
     """The files, relative to the root, that differ from the base; deleted ones, too."""
     def differing(place: str) -> list[str]:
+        """But what a pass of CI has written."""
         names = git(root, "diff", "--name-only", "--no-renames", "--relative", "-z", place, "--") + "\0" + \
             git(root, "ls-files", "--others", "--exclude-standard", "-z")
-        return sorted(set(filter(None, names.split("\0"))))
+        return sorted(set(filter(None, names.split("\0"))) - {".ci/passed"})
 
     def commit(name: str) -> str:
         return git(root, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}")
@@ -83,7 +85,7 @@ def changed_files(root: Path, base: str | None = None) -> list[str]:
         raise Failure(f"test: --changed needs a repository of git with a commit, and {root} is none")
     if base is not None:
         if not commit(base):
-            raise Failure(f"test: git knows no commit '{base}'; --changed takes a commit, branch or tag")
+            raise Failure(f"test: git knows no commit '{base}'; give a commit, branch or tag")
         return differing(git(root, "merge-base", base, "HEAD") or base)
     places = [git(root, "merge-base", "HEAD", name) for name in ("main", "origin/main", "@{upstream}")]
     nearest = min(filter(None, places), key=lambda place: int(git(root, "rev-list", "--count", f"{place}..HEAD")),
@@ -97,7 +99,17 @@ def changed_files(root: Path, base: str | None = None) -> list[str]:
 # --- what uses what --------------------------------------------------------------------------------
 
 def text_of(path: str) -> str:
-    return (ROOT / path).read_text(encoding="utf-8")
+    """Its text; "" of a link that leads nowhere."""
+    file = ROOT / path
+    return file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
+
+
+def nodes_of(path: str) -> list[ast.AST]:
+    """What a file in Python consists of."""
+    try:
+        return list(ast.walk(ast.parse(text_of(path))))
+    except SyntaxError as error:
+        raise Failure(f"test: {path}:{error.lineno}: {error.msg}") from None
 
 
 @cache
@@ -126,15 +138,6 @@ def closure(changed: Iterable[str]) -> set[str]:
         seen |= new
         todo += new
     return seen
-
-
-def sources_of(path: str) -> set[str]:
-    """The C and C++ that a folder's CMakeLists.txt builds."""
-    inside = [file for file in map(str, files(ROOT / os.path.dirname(path)))] if Path(path).name == "CMakeLists.txt" \
-        and "/" in path else []
-    apart = tuple(f"{os.path.dirname(file)}/" for file in inside if file.endswith("/CMakeLists.txt"))
-    return {f"{os.path.dirname(path)}/{file}" for file in inside
-            if Path(file).suffix in C_SUFFIXES and not file.startswith(apart)}
 
 
 def unit(name: str) -> str:
@@ -177,7 +180,7 @@ def tests() -> dict[str, Named]:
     table = {}
     for path in map(str, files()):
         if path.endswith("_test.py") and not path.startswith(TEMPLATES):
-            nodes = list(ast.walk(ast.parse(text_of(path))))
+            nodes = nodes_of(path)
             names = [lazy.get(name, f"{module}.{name}") if module == "fledge" else f"{module}.{name}"
                      for _, module, name in imported(nodes)]
             names += [lazy[node.attr] for node in nodes if isinstance(node, ast.Attribute) and node.attr in lazy
@@ -231,7 +234,7 @@ def missions() -> dict[str, set[str]]:
     used = defaultdict(set)
     for path in files(ROOT / "missions"):
         if len(path.parts) > 1 and path.suffix == ".py" and not is_test(path):
-            used[path.parts[0]] |= modules_in(list(ast.walk(ast.parse(text_of(f"missions/{path}")))))
+            used[path.parts[0]] |= modules_in(nodes_of(f"missions/{path}"))
     return used
 
 
@@ -318,39 +321,93 @@ def programs_and_cases(reached: set[str], build: Path) -> tuple[set[str], list[s
     return ({"tests"} if "tests" in programs else programs), sorted(cases)
 
 
+@cache
+def linked(build: Path) -> dict[str, set[str]]:
+    """Program of tests in C and C++ -> the files that it is made of, as Ninja and the compiler know them; none before
+    it was built."""
+    def ninja(*words: str) -> list[str]:
+        try:
+            return subprocess.run(["ninja", "-C", build, "-t", *words], capture_output=True, text=True,
+                                  errors="replace").stdout.splitlines()
+        except FileNotFoundError:
+            return []
+
+    read: dict[str, list[str]] = {}
+    for line in ninja("deps"):
+        if line.startswith(" "):
+            files.append(line.strip())
+        else:
+            files = read.setdefault(line.partition(": #deps")[0], [])
+    return {program: {os.path.relpath(build / file, ROOT) for part in ninja("inputs", program)
+                      for file in (part, *read.get(part, []))} for program in {name for name, _ in programs_of(build)}}
+
+
+def programs_reached(changed: Iterable[str], build: Path) -> set[str]:
+    """The programs of tests in C and C++ that a change can reach: by what includes what; of a source also those of its
+    folder, or of the next one above, that link it; and if there is none, all that link it. The CMakeLists.txt of a
+    folder reaches those of the folder, and below."""
+    programs = set()
+    for path in changed:
+        reached, _ = programs_and_cases(closure([path]), build)
+        folder = os.path.dirname(path)
+        if path.endswith("/CMakeLists.txt"):
+            reached |= {program for program, source in programs_of(build) if source.startswith(f"{folder}/")}
+        elif path.endswith((".c", ".cpp")) and not path.endswith(("_test.c", "_test.cpp")):
+            linking = {program for program, files in linked(build).items() if path in files}
+            beside: set[str] = set()
+            while folder and not beside:
+                beside = {program for program, source in programs_of(build)
+                          if program in linking and source.startswith(f"{folder}/")}
+                folder = os.path.dirname(folder)
+            reached |= beside if reached or beside else linking
+        programs |= reached
+    return programs
+
+
+def share_of(text: str) -> tuple[int, int]:
+    if not (match := re.fullmatch("([0-9]+)/([1-9][0-9]*)", text)):
+        raise Failure(f"changed: --turn takes I/N, such as 0/5; found '{text}'")
+    return int(match[1]), int(match[2])
+
+
+def print_reach(changed: list[str], everything: bool, turn: str | None) -> None:
+    """Print what --reach is about."""
+    def in_turn(name: str) -> bool:
+        return bool(turn) and zlib.crc32(name.encode()) % shares == share % shares
+
+    share, shares = share_of(turn) if turn else (0, 0)
+    own, release = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"), ROOT / "build/release"
+    build = release if (release / "tests.txt").exists() else own    # the other one may not be configured yet
+    if everything or any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
+        programs = {"tests"}    # what they write, no #include shows
+    else:
+        programs = programs_reached(changed, build)
+        programs |= {name for name, source in programs_of(build) if in_turn(name) and (ROOT / source).exists()}
+        programs = {"tests"} if "tests" in programs else programs
+    if turn:
+        by_name = {path for path in closure(changed) if path in changed or not path.startswith("python/")}
+        paths = {path for path in tests() if in_turn(path)} | python_tests(changed, by_name) if changed else set()
+    else:
+        paths = set(tests()) if everything else reach(changed) if changed else set()
+    print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="changed", description=__doc__.splitlines()[0])
     parser.add_argument("base", nargs="?", help="commit to compare with; default: where this branch began")
     parser.add_argument("--reach", action="store_true", help="all tests that the change can reach")
-    parser.add_argument("--turn", default="0/0", help="with --reach: the share I of N of the other programs, too")
+    parser.add_argument("--turn", metavar="I/N", help="with --reach: in C and C++ the share I of N of the other "
+                        "programs, too; in Python the near tests, and that share of the others, alone")
     arguments = parser.parse_args()
     changed = changed_files(ROOT, arguments.base)
-    changed += sorted(set().union(*map(sources_of, changed)) - {*changed})
     everything = any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in EVERYTHING)
-    build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
     if arguments.reach:
-        build = build if (build / "tests.txt").exists() else ROOT / "build/release"     # which is configured first
-        share, shares = map(int, arguments.turn.split("/"))
-
-        def in_turn(name: str) -> bool:
-            return bool(shares) and zlib.crc32(name.encode()) % shares == share % shares
-
-        reached = closure(changed)
-        programs, _ = programs_and_cases(reached, build)
-        if not {"tests"} & programs:
-            programs |= {name for name, source in programs_of(build) if in_turn(name) and (ROOT / source).exists()}
-        if everything or any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
-            programs = {"tests"}    # what they write, no #include shows
-        paths = set(tests()) if everything else reach(changed) if changed else set()
-        if shares:
-            by_name = {path for path in reached if path in changed or not path.startswith("python/")}
-            paths = {path for path in paths if in_turn(path)} | python_tests(changed, by_name) & paths
-        print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")
+        print_reach(changed, everything, arguments.turn)
     elif not changed:
         print("fledge: nothing has changed", file=sys.stderr)
     else:
         reached = closure(changed)
-        programs, cases = programs_and_cases(reached, build)
+        programs, cases = programs_and_cases(reached, ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"))
         paths = python_tests(changed, reached)
         if everything:
             programs, cases, paths = {"tests"}, ["*"], set(tests())

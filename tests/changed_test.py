@@ -129,17 +129,25 @@ def test_by_turns_python_has_the_near_tests_and_a_share_of_the_others(monkeypatc
     _, every = reached_by(monkeypatch, capsys, change)
     shares = [set(reached_by(monkeypatch, capsys, change, "--turn", f"{i}/10")[1]) for i in range(10)]
     near = set.intersection(*shares)
-    assert set().union(*shares) == set(every) and {"missions/nadir_spin/nadir_spin_test.py"} <= set(every) - near
+    assert set().union(*shares) == set(changed.tests()) > near and "missions/nadir_spin/nadir_spin_test.py" not in near
     assert all(len(share) < len(every) / 2 for share in shares) and "missions/check_cases/check_cases_test.py" in near
 
 
-def test_what_builds_a_folder_stands_for_its_sources(monkeypatch, capsys):
-    here = changed.sources_of("world/CMakeLists.txt")
-    assert {"world/dynamics/drag_model.cpp", "world/models.h"} <= here
-    assert not [path for path in here if path.startswith("world/environment/")]    # which builds itself
-    assert changed.sources_of("CMakeLists.txt") == changed.sources_of("world/models.h") == set()
-    programs, _ = reached_by(monkeypatch, capsys, ["world/CMakeLists.txt"])
-    assert {"world_dynamics_test", "properties_test"} <= set(programs) and "ccsds_test" not in programs
+@pytest.mark.parametrize("path, least, never", [
+    ("world/CMakeLists.txt", {"world_dynamics_test", "world_environment_test"}, "ccsds_test"),
+    ("emulator/translator/emitter_memory.cpp", {"emulator_translator_test"}, "ccsds_test"),     # without a header
+    ("targets/cfs/sb.c", {"pocket_cfe_test"}, "targets_test"),
+    ("cosim/node/observer.cpp", {"cosim_node_test"}, "ccsds_test")])
+def test_a_source_reaches_the_programs_of_its_folder_that_link_it(path, least, never, monkeypatch, capsys):
+    programs, _ = reached_by(monkeypatch, capsys, [path])
+    assert least <= set(programs) and never not in programs
+
+
+def test_each_source_that_a_program_links_reaches_one():
+    linked = set().union(*changed.linked(BUILD).values())
+    sources = [path for path in map(str, files()) if path in linked and path.endswith((".c", ".cpp"))]
+    assert len(sources) > 300
+    assert [path for path in sources if not changed.programs_reached([path], BUILD)] == []
 
 
 HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dynamics/drag.h", "sim/runtime.h",

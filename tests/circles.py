@@ -4,9 +4,12 @@ long they take, and what the last passes of CI have run.
 
     /usr/bin/python3 -m tests.circles                       the table, with the seconds of the last `./fledge test`
     /usr/bin/python3 -m tests.circles --slowest N           its N slowest cases
-    /usr/bin/python3 -m tests.circles --others FOLDER...    how long the tests of the other folders take
+    /usr/bin/python3 -m tests.circles --others FOLDER...    how long the tests of the other folders take; keeps the
+                                                            seconds of these, or of all
     /usr/bin/python3 -m tests.circles --pass COMMIT I WHAT  add a pass to .ci/passed: the commit up to which it checked
                                                             all, the tenth I of the long tests (or "all"), what else
+    /usr/bin/python3 -m tests.circles --last                the commit of the last pass, its tenth, and how many passes
+                                                            ago one was on other systems
     /usr/bin/python3 -m tests.circles --missed [I]          which long tests none of those passes has run, nor one now
                                                             of the tenth I
 
@@ -96,6 +99,7 @@ class Seconds(NamedTuple):
     whole: float
     setup: float        # of it, before the test itself: with the fixtures that it is first to use
     long: bool = False
+    skipped: bool = False
 
 
 def seconds(report: Path) -> dict[str, Seconds]:
@@ -109,7 +113,7 @@ def seconds(report: Path) -> dict[str, Seconds]:
         known = {prop.get("name"): prop.get("value", "") for prop in case.iter("property")}
         name = re.sub(r"@\w+$", "", case.get("name", ""))      # the group, which pytest-xdist adds
         times[f"{case.get('classname')}::{name}"] = Seconds(
-            float(case.get("time", 0)), float(known.get("setup", 0)), "long" in known)
+            float(case.get("time", 0)), float(known.get("setup", 0)), "long" in known, case.find("skipped") is not None)
     return times
 
 
@@ -135,8 +139,12 @@ def by_room(folder: Path) -> dict[str, list[float]]:
 def kept() -> dict[str, list[float]]:
     """The seconds of each room: of its last run here, or of the newest pass of CI."""
     lines = PASSED.read_text(encoding="utf-8").splitlines() if PASSED.exists() else []
-    rooms = {words[0]: [float(word) for word in words[1:]] for words in map(str.split, lines) if len(words) == 3}
-    here = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    rooms = {line.split()[0]: [float(word) for word in line.split()[1:]] for line in lines
+             if re.fullmatch(r"\S+ [0-9]+ [0-9]+", line)}
+    try:
+        here = json.loads(KEPT.read_text(encoding="utf-8"))
+    except (OSError, ValueError):       # there is none, or it was not written to its end
+        here = {}
     return {room: times for room, times in {**rooms, **here}.items() if (ROOT / room).is_dir()}
 
 
@@ -169,6 +177,15 @@ def passes(file: Path | None = None) -> list[list[str]]:
     return [line.split(" ", 2) for line in lines if re.match("([0-9a-f]{40}|none) ", line)]
 
 
+def last() -> str:
+    """For .ci/run: the commit of the last pass, its tenth, and how many passes ago one was on other systems; "none",
+    -1 and 9 where there is none."""
+    found = passes()
+    tenths = [share for _, share, *_ in found if share.isdigit()]
+    systems = [i for i, words in enumerate(found) if "systems" in " ".join(words[2:])]
+    return f"{found[0][0] if found else 'none'} {tenths[0] if tenths else -1} {systems[0] if systems else 9}"
+
+
 def add_pass(commit: str, share: str, what: str) -> None:
     """Write a pass before those that were kept, and the seconds of its run."""
     lines = [" ".join(words) for words in [[commit, share, what], *passes()][:PASSES]]
@@ -177,7 +194,7 @@ def add_pass(commit: str, share: str, what: str) -> None:
 
 
 def missed(cases: list[Case], shares: list[str]) -> str:
-    """Which long tests are in none of these shares."""
+    """Which long tests are in none of these shares, by the names that they have now."""
     left = [case for case in cases if case.why is not None and "all" not in shares and str(case.share) not in shares]
     tenths = Counter(case.share for case in left if case.share is not None)
     never = [case.name for case in left if case.share is None]
@@ -218,17 +235,22 @@ def main() -> None:
     parser.add_argument("--slowest", type=int, metavar="N")
     parser.add_argument("--others", nargs="*", metavar="FOLDER")
     parser.add_argument("--pass", nargs=3, dest="passed", metavar=("COMMIT", "I", "WHAT"))
+    parser.add_argument("--last", action="store_true")
     parser.add_argument("--missed", nargs="?", const="", metavar="I")
     options = parser.parse_args()
     if options.others is not None:
         keep({room: times for room, times in by_room(BUILD / "tests").items()
               if not options.others or is_below(room, options.others)})
         print(others(options.others, kept()) if options.others else "", end="")
+    elif options.last:
+        print(last())
     elif options.passed:
         add_pass(*options.passed)
     elif options.missed is not None:
         shares = [options.missed] * bool(options.missed) + [share for _, share, *_ in passes()]
         print(missed(cases(), shares[:PASSES]), end="")
+        if skipped := [name for name, time in seconds(REPORT).items() if time.long and time.skipped]:
+            print(f"fledge: long tests that the last run has skipped: {', '.join(skipped)}")
     elif options.slowest:
         print(slowest(seconds(REPORT), options.slowest), end="")
     else:

@@ -100,6 +100,18 @@ def test_passes_are_kept_and_what_none_of_them_ran_is_named(tmp_path, monkeypatc
     assert "ran: the 3 of the tenth 9; those that are in no share, for which CI has no time: a_test::test_hour" in (
         circles.missed([*cases, never], [share for share in shares if share != "9"]))
     assert "each long test has run" in circles.missed([*cases, never], [*shares[:3], "all"])
+    (tmp_path / "seconds.json").write_text('{"tests": [')       # its writer was killed
+    circles.add_pass("f" * 40, "all", "1")
+    assert circles.kept() == {"tests": [1.0, 3.0]}
+
+
+def test_the_last_pass_says_what_is_due(tmp_path, monkeypatch):
+    monkeypatch.setattr(circles, "PASSED", tmp_path / "passed")
+    assert circles.last() == "none -1 9"
+    for commit, share, what, line in (("a", "2", "sanitizers systems, in 40 min", "2 0"),
+                                      ("b", "3", "sanitizers", "3 1"), ("c", "all", "by hand", "3 2")):
+        circles.add_pass(commit * 40, share, what)
+        assert circles.last() == f"{commit * 40} {line}"
 
 
 def test_what_is_skipped_for_want_of_a_package_is_summed_and_may_fail(tmp_path):

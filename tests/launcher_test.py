@@ -289,6 +289,12 @@ def test_tests_go_on_without_the_packages_that_only_some_of_them_need(launch):
     assert "fledge: going on without cortex_m7\n" in done.stderr
     assert any("tshark" in line and "frama" not in line for line in launch.calls("apt") if not line.startswith("-s "))
     assert "5 passed, 0 failed" in done.stdout
+    (launch.fake / "during").write_text('case "$0 $*" in *"-s "*) ;; *apt-get*satisfy*gdb*) exit 100 ;; esac\n')
+    (launch.tree / "build/packages-test.stamp").unlink()
+    (launch.fake / "installed").unlink()
+    done = launch("test")       # apt knows it, and cannot fetch it
+    assert "fledge: apt cannot install gdb; without it, what needs it is skipped; " in done.stderr
+    assert done.returncode == 0 and "installed make, " in (launch.fake / "installed").read_text()
     (launch.fake / "during").write_text('case "$0 $*" in *apt-get*libgmock-dev*) exit 100 ;; esac\n')
     (launch.tree / "build/packages-unit.stamp").unlink()
     (launch.fake / "installed").unlink()
@@ -455,6 +461,8 @@ def test_the_tests_of_a_folder_are_built_and_run(launch):
     for words, message in (
             (["fligt"], "no folder fligt; did you mean 'flight'? folders with tests are flight, python, world"),
             (["cmake"], "cmake has no tests"), (["a_test.py"], "a_test.py is no folder; -k a_test runs the tests of"),
+            (["."], ". is all of Fledge: ./fledge test"),
+            (["-k", "x", "--since", "HEAD"], "--since chooses the tests, as -k and --changed do; give one of them"),
             (["--turn", "1/2"], "--turn and --compiled are about what --since chooses"),
             (["flight", "--since", "HEAD"], "FOLDER is not for --changed, --since and --coverage")):
         done = launch("test", *words)

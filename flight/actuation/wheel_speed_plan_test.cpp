@@ -85,6 +85,19 @@ TEST(WheelSpeedPlan, wanted_speeds_have_the_momentum_of_now)
     }
 }
 
+TEST(WheelSpeedPlan, axes_that_only_nearly_lie_in_a_plane_have_no_null_motion)
+{
+    Matrix3Xd axes(3, 4);
+    axes << 1, 1, 1, 0, 0, 0, 0, 1, 0, 1e-5, 0, 0; // the last wheel has no part in it
+    WheelSpeedPlan m = plan_of(axes.colwise().normalized(), 2e-5);
+    const VectorXd now = VectorXd::LinSpaced(4, 10, 40);
+    VectorXd::Map(m.in.speeds.Omega, 4) = now;
+    wheel_speed_plan_update(&m, {0, 0});
+    EXPECT_EQ(m.out.wanted.head.quality, QUALITY_GOOD);
+    EXPECT_EQ(m.out.state.phase, WHEEL_PLAN_NONE);
+    EXPECT_EQ(numbers(m.out.wanted.Omega, m), now);
+}
+
 /// Overload, wheels in the band, whether a sign differs, and the depth in the wider band.
 std::tuple<double, int, bool, double> cost(const VectorXd &Omega, const VectorXd &signs)
 {

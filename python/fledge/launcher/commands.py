@@ -68,11 +68,12 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                  help="run the share I of N of the tests that are marked long, too")
     add_argument("--since", metavar="COMMIT", help="run those tests only that what differs from it can reach")
     add_argument("--turn", metavar="I/N", type=_share,
-                 help="with --since: of the tests that are not near what differs, run the share I of N alone")
+                 help="with --since, for CI: in C and C++ run the share I of N of the other programs, too; in Python "
+                 "the near tests, and that share of the others, alone")
     add_argument("--compiled", action="store_true", help="with --since: run those of C and C++ alone")
     add_argument("--build", action="store_true", help="install and build what the tests need, and run none")
     add_argument("--complete", action="store_true", help="the tests fail where one is skipped for want of a "
-                 "package")
+                 "package, or a target's packages are missing")
     add_argument("--coverage", action="store_true", help="count by clang which conditions of flight code the tests "
                  "show to decide, and name the others; of Fledge itself, by its tests of flight in C++")
     add_argument("--strict", nargs="?", const="", metavar="FOLDER,...", help="with --coverage: fail where a condition, "
@@ -181,6 +182,8 @@ def test(context: Context, options: argparse.Namespace) -> int:
     elif options.changed is not None or options.folders:
         raise Failure(f"test: {'--changed' if options.changed is not None else 'FOLDER'} is for Fledge, not for a "
                       "project")
+    if options.since and (options.pattern or options.changed is not None):
+        raise Failure("test: --since chooses the tests, as -k and --changed do; give one of them")
     if options.since is None and (options.turn or options.compiled):
         raise Failure("test: --turn and --compiled are about what --since chooses; add it")
     if options.folders and (options.changed is not None or options.since or options.coverage):

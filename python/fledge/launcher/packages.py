@@ -134,7 +134,7 @@ def _checked(purpose: str) -> str:
 
 def _install(purpose: str, names: list[str], if_possible: bool) -> None:
     """Install what is missing, unless another launcher has done so meanwhile. if_possible: without what apt does not
-    have."""
+    have, or cannot fetch."""
     logs, name = ROOT / "build", Path(purpose).name
 
     def by_hand() -> str:
@@ -157,8 +157,8 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
         apt_get = [*as_root, "apt-get", "-y", "-o", "DPkg::Lock::Timeout=120"]
         log, update, dpkg = logs / f"apt-{name}.log", logs / "apt-update.log", logs / "dpkg.log"
 
-        def satisfy() -> int:
-            return run(log, [*apt_get, "satisfy", "--no-install-recommends", ", ".join(names)], lock=lock)
+        def satisfy(*options: str) -> int:
+            return run(log, [*apt_get, *options, "satisfy", "--no-install-recommends", ", ".join(names)], lock=lock)
 
         # Outdated lists make the install fail, and so does an install that was interrupted before.
         if not _has_lists() or satisfy():
@@ -175,6 +175,13 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
                     "what needs it is skipped")
                 names = had
                 status = satisfy() if names else 0
+            if status and if_possible:      # it knows all, and cannot fetch some
+                once, wanted, lacking = ("-o", "Acquire::Retries=0", "-o", "Acquire::http::Timeout=10"), names, []
+                for line in wanted:
+                    names = [line]
+                    lacking += names if satisfy(*once) else []
+                say(f"apt cannot install {', '.join(lacking)}; without it, what needs it is skipped; {log} says why")
+                status = 0
             if status:
                 with open(log, "ab") as file:
                     file.write(update.read_bytes())     # apt-get update only warns of what fails

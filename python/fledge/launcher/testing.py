@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -223,8 +224,11 @@ class Tests:
             # A worker that dies ends the run: pytest-xdist 3.1 would wait for its tests for ever. A test that waits for
             # what does not come is ended, late enough for any load of the machine. One worker more than processors, for
             # tests often wait.
-            command += ["-n", str((os.cpu_count() or 1) + 1), "--dist", "loadgroup", "--max-worker-restart", "0",
-                        "--timeout", "1200", "--long", self.long, *["--complete"] * self.options.complete]
+            command += ["--long", self.long, *["--complete"] * self.options.complete]
+            if find_spec("xdist"):
+                command += ["-n", str((os.cpu_count() or 1) + 1), "--dist", "loadgroup", "--max-worker-restart", "0"]
+            if find_spec("pytest_timeout"):
+                command += ["--timeout", "1200"]
         else:
             command += ["--import-mode=importlib", "-o", "python_files=*_test.py",
                         "-o", "cache_dir=build/.pytest_cache", "-o", "markers=long: takes long", "--rootdir", "."]
@@ -249,13 +253,15 @@ class Tests:
 
 
 def _folder(given: Path) -> str:
-    """A folder of Fledge with tests, from its root, of a name from there or from the current folder."""
+    """A folder of Fledge with tests, from its root, of a name from the current folder or from the root."""
     place = given if given.is_absolute() else next((
-        base / given for base in (ROOT, Path.cwd()) if (base / given).is_dir()), ROOT / given)
+        base / given for base in (Path.cwd(), ROOT) if (base / given).is_dir()), ROOT / given)
     inside = os.path.relpath(place, ROOT)
+    if inside == ".":
+        raise Failure(f"test: {given} is all of Fledge: ./fledge test")
     if place.is_file():
         raise Failure(f"test: {given} is no folder; -k {given.stem} runs the tests of that name")
-    if not place.is_dir() or inside.split("/")[0] in (".", "..", "build", "runs"):
+    if not place.is_dir() or inside.split("/")[0] in ("..", "build", "runs"):
         known = [path.name for path in ROOT.iterdir() if path.is_dir() and any(_tests_in(path.name))]
         raise Failure(f"test: Fledge has no folder {given}{did_you_mean(str(given), known)} folders with tests are "
                       f"{', '.join(sorted(known))}, and those below them")

@@ -74,7 +74,7 @@ def browse(script: Path, address: str, folder: Path) -> dict[str, str]:
     try:
         done = run_script(script, address, folder)
     except SetupError as error:
-        pytest.skip(reason("npm") or str(error))
+        pytest.skip(reason("npm") or f"the pages are not built: {error}")
     assert done.returncode == 0, done.stderr
     errors: dict[str, str] = json.loads(done.stdout)
     return errors
