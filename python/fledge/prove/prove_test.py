@@ -12,7 +12,7 @@ from fledge.prove import loops
 from tests.circles import long_after
 from tests.needs import needs
 
-pytestmark = needs("frama-c-base")
+pytestmark = [needs("frama-c-base"), pytest.mark.spread]
 
 HEADER = """\
 #ifndef FLIGHT_PROBE_H
