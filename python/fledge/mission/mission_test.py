@@ -301,7 +301,8 @@ def test_list_plot_and_convert(here, tmp_path):
     folder = tmp_path / "runs" / "looker" / "orbit"
     assert cli("plot", "looker", "sigma_RN", cwd=tmp_path).stdout == "runs/looker/orbit/sigma_RN.png\n"
     assert cli("plot", folder / "run.mcap", "--out", "plots", cwd=tmp_path).returncode == 0
-    assert [p.name for p in (tmp_path / "plots").iterdir()] == ["flight.guidance.reference.png"]
+    assert {p.name for p in (tmp_path / "plots").iterdir()} == {
+        "flight.guidance.reference.png", "world.craft.state.png"}   # the state, for the view, though none records it
     assert cli("convert", "looker", "--csv", "--out", "csv", cwd=tmp_path).returncode == 0
     table = (tmp_path / "csv" / "flight.guidance.reference.csv").read_text().split("\n")
     assert table[0].startswith("time [s],sigma_RN[0]") and len(table) == 15
