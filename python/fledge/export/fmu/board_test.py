@@ -179,7 +179,7 @@ def test_on_aarch64_the_same_bits(flight, tmp_path):
     try:
         board.path = export(board.system, tmp_path / "aarch64.fmu", platforms=["aarch64"])
     except Failure as failure:
-        pytest.skip(f"the library is not built: {failure}")
+        pytest.skip(str(failure))
     board.fly(60, machine="aarch64", states=5,
               program=["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu", importer("aarch64-linux-gnu-gcc")])
 
