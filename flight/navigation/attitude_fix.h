@@ -92,10 +92,11 @@ static inline void fix_write(StarAttitude *attitude, AttitudeFixState *state, co
     const double std = fm_sqrt(P_B.m[0][0] + P_B.m[1][1] + P_B.m[2][2]);
     const Vec3 near_BN = mrp_short(sigma_BN);
     Quality quality = QUALITY_DEGRADED;
-    /* undecided: a guard; no inputs are known at which this alone is not finite */
-    const int finite = vec_finite(near_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit);
-    if (finding == FIX_SOUND && !finite) {
-        finding = FIX_INVALID;
+    if (finding == FIX_SOUND) {
+        /* undecided: a guard; no inputs are known at which this alone is not finite */
+        if (!(vec_finite(near_BN) && mat_finite(P_B) && isfinite(std) && isfinite(misfit))) {
+            finding = FIX_INVALID;
+        }
     }
     if (finding == FIX_SOUND) {
         quality = misfit <= gate * gate ? c->quality : QUALITY_DEGRADED;
