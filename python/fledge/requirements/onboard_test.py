@@ -127,9 +127,10 @@ def test_each_margin_is_that_of_the_simulations_judge_at_each_sample():
     assert sum(decided) > 200 and sum(n > 0 for n in decided) > 6
 
 
-@pytest.mark.long("1,000 flights of random formulas")
-def test_each_margin_is_that_of_the_simulations_judge_for_many_formulas():
-    assert sum(flown_as_judged(seed) for seed in range(100, 1100)) > 20_000
+@pytest.mark.long("100 flights of random formulas")
+@pytest.mark.parametrize("first", range(100, 1100, 100))
+def test_each_margin_is_that_of_the_simulations_judge_for_many_formulas(first):
+    assert sum(flown_as_judged(seed) for seed in range(first, first + 100)) > 1500
 
 
 def test_settles_is_known_from_the_last_sample_of_its_window_on_and_ends_as_the_judge_says():

@@ -11,7 +11,7 @@ import pytest
 
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
-from fledge.ground.server.web_test import console, flown, free_port, sending
+from fledge.ground.server.web_test import console, flown, own_address, sending
 from fledge.errors import SetupError
 from fledge.ground.history_test import ALL_KINDS
 
@@ -24,7 +24,7 @@ FILE = """
 [[craft]]
 name = "craft"
 database = "craft.xml"
-link = "tcp://127.0.0.1:PORT"
+link = "tcp://ADDRESS"
 [craft.derived.last]
 of = { a = "middle", b = "real" }
 expression = "a + b"
@@ -50,18 +50,18 @@ def drawn(chance):
 @flown
 async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
     (tmp_path / "craft.xml").write_text(DATABASE)
-    port, chance = free_port(), random.Random(1)
+    address, chance = own_address(), random.Random(1)
     values = [drawn(chance) for _ in range(60)]
     packets = [struct.pack(">HHHB QqdB4s3s", 0x0801, 0xC000 + i, 32, 2, *item) for i, item in enumerate(values)]
-    async with console(tmp_path, FILE.replace("PORT", str(port))) as c:
+    async with console(tmp_path, FILE.replace("ADDRESS", address)) as c:
         names = ["natural", "integer", "real", "label", "text", "bytes", "last"]
-        await sending(port, packets[:30])
+        await sending(address, packets[:30])
         slots = {item["name"]: item["slot"] for item in await c.until("crafts/craft/slots", lambda _: (
             c.room.crafts["craft"].telemetry.packets == 30))}
         then = int((await c.get("crafts"))[0]["t_ns"])
         for name, limits in (("real", {"critical": [-0.5, 0.5]}), ("last", {"severe": [None, 1.5]})):
             await c.post(f"crafts/craft/limits/{slots[name]}", {"limits": limits}, method="put")
-        await sending(port, packets[30:])
+        await sending(address, packets[30:])
         await c.until("crafts", lambda rows: rows[0]["packets"] == 60)
         path = f"crafts/craft/history?names={','.join(names)}&points=0"
         series = json.loads(await (await c.client.get(f"/api/{path}")).text(), parse_int=Decimal)
@@ -120,6 +120,6 @@ async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
 
 def test_derived_parameters_in_a_circle_are_refused(tmp_path):
     (tmp_path / "craft.xml").write_text(DATABASE)
-    (tmp_path / "ground.toml").write_text(FILE.replace("PORT", "1").replace('x = "label"', 'x = "last"'))
+    (tmp_path / "ground.toml").write_text(FILE.replace("ADDRESS", "127.0.0.1:1").replace('x = "label"', 'x = "last"'))
     with pytest.raises(SetupError, match="in a circle: last -> middle -> first -> last"):
         Room(read(tmp_path / "ground.toml"))

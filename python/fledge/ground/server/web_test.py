@@ -2,6 +2,7 @@
 """The server in real flights, by HTTP and WebSocket."""
 import asyncio
 import re
+import secrets
 import socket
 import struct
 import subprocess
@@ -468,7 +469,7 @@ def power(i, head=2049):
     return struct.pack(">4H", head, 0xC000 | i & 0x3FFF, 1, i)
 
 
-async def sending(port, packets):
+async def sending(address, packets):
     """A spacecraft that sends packets to each client that connects, once; then it is gone."""
     over = asyncio.Event()
 
@@ -479,34 +480,33 @@ async def sending(port, packets):
         over.set()
         writer.close()
 
-    server = await asyncio.start_server(serve, "127.0.0.1", port, start_serving=False)
+    server = await asyncio.start_server(serve, *address.split(":"), start_serving=False)
     await server.start_serving()
     await asyncio.wait_for(over.wait(), PATIENCE)
 
 
-def free_port(held=[]):
-    """A port of TCP that refuses connections until somebody serves there; it stays this process's."""
-    listener = socket.socket()
-    held.append(listener)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    listener.bind(("127.0.0.1", 0))
-    return listener.getsockname()[1]
+def own_address():
+    """An address that refuses connections until the test serves there, by its server or another one: no other program
+    takes a port of that host."""
+    with socket.socket() as listener:
+        listener.bind((f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}", 0))
+        return "{}:{}".format(*listener.getsockname())
 
 
 @pytest.mark.long("waits for a link to return")
 @flown
 async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_path):
-    port = free_port()
+    address = own_address()
     file = tmp_path / "sat.xml"
     file.write_text(XTCE.replace("NAME", "battery"))
     double = tmp_path / "double.py"
     double.write_text("def f(a):\n    return 2 * a\n")
-    text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://127.0.0.1:{port}"\n' \
+    text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://{address}"\n' \
         'lenient = true\n[craft.derived.double]\nof = { a = "count" }\nfunction = "double.py:f"\n'
     async with console(tmp_path, text) as c:
         await c.until("crafts", lambda crafts: "refused" in crafts[0]["link"]["state"].lower())
         await c.post("crafts/sat/send", {"name": "x"}, 400)
-        await sending(port, [power(i) for i in range(1, 101)] + [power(7, head=2050)])
+        await sending(address, [power(i) for i in range(1, 101)] + [power(7, head=2050)])
         await c.until("crafts", lambda crafts: crafts[0]["packets"] == 101 and not crafts[0]["link"]["up"])
         craft, = await c.get("crafts")
         assert craft["undecoded"] == 1 and craft["clock"] == "utc" and int(craft["t_ns"]) > 17 * 10**17
@@ -520,7 +520,7 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
             await c.until("crafts/sat/events", lambda rows: any(why in row["text"] for row in rows))
         double.write_text("def f(a):\n    return 3 * a\n")
         await c.until("crafts/sat/events", lambda rows: sum("was read anew" in row["text"] for row in rows) == 2)
-        await sending(port, [power(i) for i in range(101, 201)])
+        await sending(address, [power(i) for i in range(101, 201)])
         await c.until("crafts", lambda crafts: crafts[0]["packets"] == 201 and not crafts[0]["link"]["up"])
         assert [entry["name"] for entry in await c.get("crafts/sat/slots")].count("voltage") == 1
         assert (await c.get("crafts/sat/history?names=double&points=0"))["double"]["value"][-1] == 3 * 0xC000 + 600
