@@ -96,7 +96,8 @@ class Splitter:
 
     accepts: whether a packet may begin with these six bytes; without it, any of the version 0. A byte at which none
     can begin is skipped, so that the stream is found again after a damage. So is a packet of an unusual length, if
-    others inside of it continue their applications' counts and lead beyond its end: its length is damaged.
+    others inside of it continue their applications' counts and lead beyond its end: its length is damaged. (The first
+    of an application has no usual length: it is a packet if others continue behind it.)
     """
 
     def __init__(self, accepts: Callable[[bytes], bool] | None = None) -> None:
@@ -155,7 +156,7 @@ class Splitter:
         """Where packets begin inside of one whose length must be damaged."""
         there = len(self._rest)
         known = self._known.get(bytes(self._rest[at:at + 2]))
-        if end == there or known and known[1] == end - at:
+        if end == there or known and known[1] == end - at or not known and self._lead(at, at, 2):
             return None
         if end > there:
             if there - at < self._check:

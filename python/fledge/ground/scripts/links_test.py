@@ -4,6 +4,7 @@ import os
 import random
 import resource
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -288,6 +289,22 @@ def test_a_stream_is_found_from_any_byte_on():
         stream = Splitter()
         got = fed(draw, stream, b"".join(sent)[cut:], 300)
         assert got[-40:] == sent[-40:] and [packet for packet in got if packet not in sent] == got[:len(got) - 59][:1]
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_a_stream_without_damage_loses_nothing_whatever_its_packets_hold(seed):
+    """Short packets, whose data could be the headers of others."""
+    draw = random.Random(seed)
+    apps = range(1, 4) if seed % 3 == 0 else draw.sample(range(1, 2047), draw.randrange(1, 4))
+    size, count = {app: draw.randrange(1, 13) for app in apps}, dict.fromkeys(apps, draw.choice([0, 1, 0x2000]))
+    sent = []
+    for i in range(draw.randrange(3, 150)):
+        app = draw.choice(apps)
+        data = (i.to_bytes(2, "big") * 6, b"\x01" * 12, draw.randbytes(12), bytes(12))[seed % 4]
+        sent.append(struct.pack(">3H", app, 0xC000 | count[app], size[app] - 1) + data[:size[app]])
+        count[app] += 1
+    stream = Splitter()
+    assert fed(draw, stream, b"".join(sent), draw.choice([4, 60, 100_000])) == sent and not stream.damages
 
 
 def test_a_packet_may_hold_packets():
