@@ -5,7 +5,9 @@ The tests in Python end with the sum of that by package, and with `./fledge test
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
@@ -102,16 +104,24 @@ def flies_on(*targets: str, needs: Iterable[str] = ()) -> pytest.MarkDecorator:
     return skipped(reason_on(*targets, needs=needs))
 
 
+def _skip(why: str) -> None:
+    """Skip the test, or the module of tests, that runs, unless the reason is "". pytest-xdist takes equal reports of
+    modules for one: the reason names the file."""
+    if why:
+        frame = sys._getframe(1)
+        while frame.f_back and frame.f_code.co_filename == __file__:
+            frame = frame.f_back
+        pytest.skip(f"{os.path.relpath(frame.f_code.co_filename)}: {why}", allow_module_level=True)
+
+
 def skip_without(*packages: str) -> None:
     """Skip the test, or the module of tests, that runs."""
-    if why := reason(*packages):
-        pytest.skip(why, allow_module_level=True)
+    _skip(reason(*packages))
 
 
 def skip_unless_on(*targets: str) -> None:
     """Skip the test, or the module of tests, that runs, where not all of these targets can fly."""
-    if why := reason_on(*targets):
-        pytest.skip(why, allow_module_level=True)
+    _skip(reason_on(*targets))
 
 
 def module(name: str, *packages: str) -> ModuleType:

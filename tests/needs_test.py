@@ -69,6 +69,6 @@ def test_what_is_lacking_is_named(monkeypatch, tmp_path):
         "not installed: graphviz, valgrind", "not installed: graphviz, casacore-data-jpl-de405, valgrind")
     assert re.match("not installed: .*gcc-arm-none-eabi.*qemu-system-arm", needs.reason_on("linux", "cortex-m7"))
     assert needs.reason_on("linux") == "linux needs gcc and ninja" and needs.reason() == needs.reason_on() == ""
-    with pytest.raises(pytest.skip.Exception, match="^not installed: python3-erfa$"):
+    with pytest.raises(pytest.skip.Exception, match="^tests/needs_test.py: not installed: python3-erfa$"):
         needs.module("erfa")
     assert needs.skipped("", "first", "second").kwargs == {"reason": "first"}
