@@ -332,12 +332,12 @@ def linked(build: Path) -> dict[str, set[str]]:
         except FileNotFoundError:
             return []
 
-    read: dict[str, list[str]] = {}
+    read: dict[str, list[str]] = {}     # object -> what the compiler read for it
     for line in ninja("deps"):
         if line.startswith(" "):
-            files.append(line.strip())
+            of_object.append(line.strip())
         else:
-            files = read.setdefault(line.partition(": #deps")[0], [])
+            of_object = read.setdefault(line.partition(": #deps")[0], [])
     return {program: {os.path.relpath(build / file, ROOT) for part in ninja("inputs", program)
                       for file in (part, *read.get(part, []))} for program in {name for name, _ in programs_of(build)}}
 
@@ -353,7 +353,7 @@ def programs_reached(changed: Iterable[str], build: Path) -> set[str]:
         if path.endswith("/CMakeLists.txt"):
             reached |= {program for program, source in programs_of(build) if source.startswith(f"{folder}/")}
         elif path.endswith((".c", ".cpp")) and not path.endswith(("_test.c", "_test.cpp")):
-            linking = {program for program, files in linked(build).items() if path in files}
+            linking = {program for program, parts in linked(build).items() if path in parts}
             beside: set[str] = set()
             while folder and not beside:
                 beside = {program for program, source in programs_of(build)
