@@ -198,14 +198,18 @@ void LineBackend::take(const LineMessage &message)
     switch (message.kind) {
     case LINE_WELCOME: {
         const LineWelcome &w = message.welcome;
+        const bool differs = greeted_ && w.boot != board_.boot && w.session == line_->session;
         if (w.session == 0) {
             was_reset_ = was_reset_ || greeted_;
+        } else if (w.boot == former_ || (!settings_.goes_on && differs)) {
+            wrong_ = "two boards answer, " + std::string(board_.target) + " and " + w.target +
+                     ": take one of them off the line";
         } else if (!greeted_) {
             board_ = w;
             greeted_ = true;
-        } else if (w.boot != board_.boot && w.session == line_->session) {
-            wrong_ = "two boards answer, " + std::string(board_.target) + " and " + w.target +
-                     ": take one of them off the line";
+        } else if (differs) { // if it was reset between two answers, the next greeting has one answer
+            former_ = board_.boot;
+            was_reset_ = true;
         }
         break;
     }

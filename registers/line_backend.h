@@ -93,6 +93,7 @@ private:
     bool greeted_ = false;     ///< the session is open
     bool checked_ = false;     ///< and its board flies what it should
     bool was_reset_ = false;   ///< the board waits for a greeting again
+    std::uint32_t former_ = 0; ///< the boot of the board, when another one answered the same greeting
     bool pushing_ = false;     ///< some of what has changed here was not sent yet
     bool complained_ = false;  ///< about the present silence
     std::string wrong_;        ///< the impossible content of a message
