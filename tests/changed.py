@@ -364,6 +364,12 @@ def programs_reached(changed: Iterable[str], build: Path) -> set[str]:
     return programs
 
 
+def build_of_programs() -> Path:
+    """The build that knows the programs: that of the release, whose list is whole, unless there is none."""
+    own, release = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"), ROOT / "build/release"
+    return release if (release / "tests.txt").exists() else own
+
+
 def share_of(text: str) -> tuple[int, int]:
     if not (match := re.fullmatch("([0-9]+)/([1-9][0-9]*)", text)):
         raise Failure(f"changed: --turn takes I/N, such as 0/5; found '{text}'")
@@ -375,9 +381,7 @@ def print_reach(changed: list[str], everything: bool, turn: str | None) -> None:
     def in_turn(name: str) -> bool:
         return bool(turn) and zlib.crc32(name.encode()) % shares == share % shares
 
-    share, shares = share_of(turn) if turn else (0, 0)
-    own, release = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"), ROOT / "build/release"
-    build = release if (release / "tests.txt").exists() else own    # the other one may not be configured yet
+    (share, shares), build = share_of(turn) if turn else (0, 0), build_of_programs()
     if everything or any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
         programs = {"tests"}    # what they write, no #include shows
     else:

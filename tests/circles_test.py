@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A test that is marked long has a reason, and its folder has a shorter test that each run includes."""
 
+import re
 import subprocess
 import sys
 
@@ -119,7 +120,8 @@ def test_what_is_skipped_for_want_of_a_package_is_summed_and_may_fail(tmp_path):
         "@needs('gcc-vax')\ndef test_too():\n    pass\n\n\ndef test_other():\n    pytest.skip('no network')\n"
     for options, wanted in (([], 0), (["--complete"], 1)):
         code, output = run(tmp_path, text, *options)
-        assert code == wanted and "not installed, and tests that were skipped for it: gcc-vax 2; ./fledge set" in output
+        assert code == wanted and re.search(
+            "not installed, and .* skipped for it: gcc-vax 2[;,].* ./fledge set", output)
     other = "from tests import needs\n\nneeds.reason_on = lambda target: '{}'\n\n\n" \
         "def test_other():\n    pytest.skip('{}')\n"
     for why, of_targets, code, line in (

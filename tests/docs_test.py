@@ -24,7 +24,8 @@ import yaml
 
 import fledge
 from fledge import attitude, flight as fsw, flight_math, world
-from tests.needs import flies_on, module, needs, section
+from fledge.scene.testing.node import not_built
+from tests.needs import flies_on, module, needs, section, skipped
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -115,6 +116,7 @@ def blocks_of_readme(kind, heading=""):
     return re.findall(rf"^```{kind}\n(.*?)^```$", text[text.index(heading):], re.MULTILINE | re.DOTALL)
 
 
+@skipped(not_built())
 def test_the_python_of_the_readme_runs_from_top_to_bottom(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec("\n".join(blocks_of_readme("python")), names := {})

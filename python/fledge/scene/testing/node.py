@@ -16,10 +16,15 @@ from tests.needs import needs, reason, skipped
 needs_node = needs("nodejs")
 
 
+def not_built(*files: str) -> str:
+    """Why a page of these files cannot be written; by default, one of the viewer's. "" if they are built."""
+    return "" if bundle.is_built(*files) else \
+        reason("npm") or "the pages are not built; ./fledge setup --view builds them"
+
+
 def opens(*files: str) -> pytest.MarkDecorator:
     """The mark of a test that opens a page of these files; by default, of the viewer's."""
-    return skipped(reason("chromium"), "" if bundle.is_built(*files) else
-                   reason("npm") or "the pages are not built; ./fledge setup --view builds them",
+    return skipped(reason("chromium"), not_built(*files),
                    "sanitizers see nothing of a page" if os.environ.get("FLEDGE_PRESET") == "asan" else "")
 
 
