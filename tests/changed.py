@@ -342,25 +342,23 @@ def linked(build: Path) -> dict[str, set[str]]:
                       for file in (part, *read.get(part, []))} for program in {name for name, _ in programs_of(build)}}
 
 
-def programs_reached(changed: Iterable[str], build: Path) -> set[str]:
+def programs_reached(changed: list[str], build: Path) -> set[str]:
     """The programs of tests in C and C++ that a change can reach: by what includes what; of a source also those of its
     folder, or of the next one above, that link it; and if there is none, all that link it. The CMakeLists.txt of a
     folder reaches those of the folder, and below."""
-    programs = set()
+    programs, _ = programs_and_cases(closure(changed), build)
+    listed = programs_of(build)
+
+    def below(folder: str) -> set[str]:
+        return {program for program, source in listed if source.startswith(f"{folder}/")}
+
     for path in changed:
-        reached, _ = programs_and_cases(closure([path]), build)
-        folder = os.path.dirname(path)
         if path.endswith("/CMakeLists.txt"):
-            reached |= {program for program, source in programs_of(build) if source.startswith(f"{folder}/")}
+            programs |= below(os.path.dirname(path))
         elif path.endswith((".c", ".cpp")) and not path.endswith(("_test.c", "_test.cpp")):
             linking = {program for program, parts in linked(build).items() if path in parts}
-            beside: set[str] = set()
-            while folder and not beside:
-                beside = {program for program, source in programs_of(build)
-                          if program in linking and source.startswith(f"{folder}/")}
-                folder = os.path.dirname(folder)
-            reached |= beside if reached or beside else linking
-        programs |= reached
+            folders = map(str, Path(path).parents[:-1])
+            programs |= next(filter(None, (linking & below(folder) for folder in folders)), linking)
     return programs
 
 
