@@ -91,7 +91,7 @@ def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.C
     for what, counts in lacking(config).items():
         terminalreporter.write_line(f"{what}, and tests that were skipped for it: " + ", ".join(
             f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test --view has all" +
-            " (of targets: 0)" * (0 in counts.values()),
+            "; 0: a package of a target, on which tests would fly" * (0 in counts.values()),
             red=config.getoption("--complete"))
 
 

@@ -157,11 +157,11 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
         apt_get = [*as_root, "apt-get", "-y", "-o", "DPkg::Lock::Timeout=120"]
         log, update, dpkg = logs / f"apt-{name}.log", logs / "apt-update.log", logs / "dpkg.log"
 
-        def satisfy(*options: str) -> int:
+        def satisfy(names: list[str], *options: str) -> int:
             return run(log, [*apt_get, *options, "satisfy", "--no-install-recommends", ", ".join(names)], lock=lock)
 
         # Outdated lists make the install fail, and so does an install that was interrupted before.
-        if not _has_lists() or satisfy():
+        if not _has_lists() or satisfy(names):
             if log.exists() and "dpkg --configure -a" in log.read_text(encoding="utf-8", errors="replace"):
                 say("completing an interrupted installation of packages")
                 if status := run(dpkg, [*as_root, "dpkg", "--configure", "-a"], lock=lock):
@@ -169,17 +169,15 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
             say("fetching apt's package lists")
             if status := run(update, [*apt_get, "update"], lock=lock):
                 raise failure(update, "apt-get update", status)
-            status = satisfy()
+            status = satisfy(names)
             if status and if_possible and len(had := _obtainable(names)) < len(names):
                 say(f"this system has no {', '.join(line for line in names if line not in had)}; without it, "
                     "what needs it is skipped")
                 names = had
-                status = satisfy() if names else 0
+                status = satisfy(names) if names else 0
             if status and if_possible:      # it knows all, and cannot fetch some
-                once, wanted, lacking = ("-o", "Acquire::Retries=0", "-o", "Acquire::http::Timeout=10"), names, []
-                for line in wanted:
-                    names = [line]
-                    lacking += names if satisfy(*once) else []
+                once = "-o", "Acquire::Retries=0", "-o", "Acquire::http::Timeout=10"
+                lacking = [line for line in names if satisfy([line], *once)]
                 say(f"apt cannot install {', '.join(lacking)}; without it, what needs it is skipped; {log} says why")
                 status = 0
             if status:
