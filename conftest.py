@@ -58,7 +58,7 @@ def pytest_configure(config: pytest.Config) -> None:
                             "one, where each other file is one worker's")
     config.addinivalue_line("markers", "long(why, share=True): this takes long, and says why; a shorter test of the "
                             "same folder shows the same capability each time. share=False: in no share, only with all")
-    if not re.fullmatch(r"all|none|\d+/[1-9]\d*", config.getoption("--long")):
+    if not re.fullmatch("all|none|[0-9]+/[1-9][0-9]*", config.getoption("--long")):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
 
 
@@ -91,7 +91,7 @@ def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.C
     for what, counts in lacking(config).items():
         terminalreporter.write_line(f"{what}, and tests that were skipped for it: " + ", ".join(
             f"{name} {count}" for name, count in counts.most_common()) + "; ./fledge setup --test --view has all" +
-            "; 0: a package of a target, on which tests would fly" * (0 in counts.values()),
+            "; 0: of a target, on which tests would have flown" * (0 in counts.values()),
             red=config.getoption("--complete"))
 
 
@@ -136,10 +136,10 @@ def runs_now(item: pytest.Item, wanted: str) -> bool:
         raise pytest.UsageError(f'{item.nodeid} is marked long without a reason: @pytest.mark.long("200 flights")')
     if "/" not in wanted:
         return wanted == "all"
-    from tests.circles import tenth_of
+    from tests.circles import share_of, tenth_of
 
-    share, shares = map(int, wanted.split("/"))
-    return tenth_of(item, shares) == share % shares
+    share, shares = share_of(wanted)
+    return tenth_of(item, shares) == share
 
 
 @pytest.hookimpl(tryfirst=True)     # before pytest-xdist reads the marks

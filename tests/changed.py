@@ -21,8 +21,8 @@ The near tests are:
 
 The reach is all of these, all users, and each test whose folder or part may use the changed one by tests/layers.py.
 cosim/, emulator/ and ground/ reach Python by the part of their name alone, every other folder by the extension that
-all parts share; for CI, what only uses that one is not near. A change of the build or of the settings of pytest reaches
-every test; with --turn, every program.
+all parts share; with --turn, a test that only uses that extension is not near. A change of the build or of the settings
+of pytest reaches every test; with --turn, every program.
 """
 
 import argparse
@@ -46,7 +46,7 @@ from tests.used_test import used_in
 
 USERS = 3       # of a module or model: their tests pass within a minute
 EVERYTHING = ["CMakeLists.txt", "CMakePresets.json", "cmake/*.cmake", "conftest.py", "pytest.ini"]
-GENERATES = ["cmake/*", "introspect/*.py", "registers/*.py", "*/boards/*.toml", "registers/*.toml",
+GENERATES = ["introspect/*.py", "registers/*.py", "*/boards/*.toml", "registers/*.toml",
              "introspect/CMakeLists.txt", "registers/CMakeLists.txt"]
 CHECKS = {".md": "tests/links_test.py", "CMakeLists.txt": "tests/collection_test.py",
           "fledge": "tests/launcher_test.py", **dict.fromkeys([*C_SUFFIXES, ".py"], "tests/include_direction_test.py")}
@@ -265,6 +265,8 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
                      and {path, file.name} & {leaf.value for leaf in ast.walk(node) if isinstance(leaf, ast.Constant)}}
         elif file.name != "CMakeLists.txt":
             own = own_tests(path)
+            if path.startswith("fmi/"):     # what it compiles into the extension of all is used by few
+                own |= {test for test in tests() if "fmi" in test or "fmu" in test}
             if not own and path.startswith("python/"):      # such as fledge.elements
                 own = tests_of_users(part_of(path))
             words = {file.parts[1]} if path.startswith("missions/") else \
@@ -326,8 +328,9 @@ def linked(build: Path) -> dict[str, set[str]]:
     """Program of tests in C and C++ -> the files that it is made of, as Ninja and the compiler know them; none before
     it was built."""
     def ninja(*words: str) -> list[str]:
+        """What it knows, read without -n it would write its logs anew, perhaps beside another ninja."""
         try:
-            return subprocess.run(["ninja", "-C", build, "-t", *words], capture_output=True, text=True,
+            return subprocess.run(["ninja", "-n", "-C", build, "-t", *words], capture_output=True, text=True,
                                   errors="replace").stdout.splitlines()
         except FileNotFoundError:
             return []
@@ -343,9 +346,9 @@ def linked(build: Path) -> dict[str, set[str]]:
 
 
 def programs_reached(changed: list[str], build: Path) -> set[str]:
-    """The programs of tests in C and C++ that a change can reach: by what includes what; of a source also those of its
-    folder, or of the next one above, that link it; and if there is none, all that link it. The CMakeLists.txt of a
-    folder reaches those of the folder, and below."""
+    """The programs of tests in C and C++ that a change can reach: by what includes what; of a source, and of a header
+    whose includers reach none, also those of its folder, or of the next one above, that link it; and if there is none,
+    all that link it. The CMakeLists.txt of a folder reaches those of the folder, and below."""
     programs, _ = programs_and_cases(closure(changed), build)
     listed = programs_of(build)
 
@@ -355,7 +358,8 @@ def programs_reached(changed: list[str], build: Path) -> set[str]:
     for path in changed:
         if path.endswith("/CMakeLists.txt"):
             programs |= below(os.path.dirname(path))
-        elif path.endswith((".c", ".cpp")) and not path.endswith(("_test.c", "_test.cpp")):
+        elif Path(path).suffix in C_SUFFIXES and not Path(path).stem.endswith("_test") and (
+                path.endswith((".c", ".cpp")) or not programs_and_cases(closure([path]), build)[0]):
             linking = {program for program, parts in linked(build).items() if path in parts}
             folders = map(str, Path(path).parents[:-1])
             programs |= next(filter(None, (linking & below(folder) for folder in folders)), linking)
@@ -368,19 +372,14 @@ def build_of_programs() -> Path:
     return release if (release / "tests.txt").exists() else own
 
 
-def share_of(text: str) -> tuple[int, int]:
-    if not (match := re.fullmatch("([0-9]+)/([1-9][0-9]*)", text)):
-        raise Failure(f"changed: --turn takes I/N, such as 0/5; found '{text}'")
-    return int(match[1]), int(match[2])
-
-
-def print_reach(changed: list[str], everything: bool, turn: str | None) -> None:
+def print_reach(changed: list[str], everything: bool, turn: tuple[int, int] | None) -> None:
     """Print what --reach is about."""
     def in_turn(name: str) -> bool:
-        return bool(turn) and zlib.crc32(name.encode()) % shares == share % shares
+        return bool(turn) and zlib.crc32(name.encode()) % shares == share
 
-    (share, shares), build = share_of(turn) if turn else (0, 0), build_of_programs()
-    if everything or any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in GENERATES):
+    (share, shares), build = turn or (0, 0), build_of_programs()
+    if everything or any(fnmatch.fnmatch(path, pattern) for path in changed if not path.endswith("_test.py")
+                         for pattern in GENERATES):
         programs = {"tests"}    # what they write, no #include shows
     else:
         programs = programs_reached(changed, build)
@@ -388,7 +387,7 @@ def print_reach(changed: list[str], everything: bool, turn: str | None) -> None:
         programs = {"tests"} if "tests" in programs else programs
     if turn:
         by_name = {path for path in closure(changed) if path in changed or not path.startswith("python/")}
-        paths = {path for path in tests() if in_turn(path)} | python_tests(changed, by_name) if changed else set()
+        paths = {path for path in tests() if in_turn(path)} | python_tests(changed, by_name)
     else:
         paths = set(tests()) if everything else reach(changed) if changed else set()
     print(" ".join(sorted(programs)), " ".join(sorted(paths)), sep="\n")
@@ -398,8 +397,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="changed", description=__doc__.splitlines()[0])
     parser.add_argument("base", nargs="?", help="commit to compare with; default: where this branch began")
     parser.add_argument("--reach", action="store_true", help="all tests that the change can reach")
-    parser.add_argument("--turn", metavar="I/N", help="with --reach: in C and C++ the share I of N of the other "
-                        "programs, too; in Python the near tests, and that share of the others, alone")
+    parser.add_argument("--turn", metavar="I/N", type=circles.share_of, help="with --reach: in C and C++ the share I "
+                        "of N of the other programs, too; in Python the near tests and that share of the others alone")
     arguments = parser.parse_args()
     changed = changed_files(ROOT, arguments.base)
     everything = any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in EVERYTHING)

@@ -7,6 +7,7 @@ import random
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -122,6 +123,7 @@ def test_the_reach_in_c_and_cpp_has_programs_and_a_share_of_the_others(monkeypat
     assert reached_by(monkeypatch, capsys, [], "--turn", "0/1")[0] == sorted(every)
     for path in ("introspect/emit/tables.py", "registers/CMakeLists.txt", "CMakeLists.txt"):
         assert reached_by(monkeypatch, capsys, [path])[0] == ["tests"]
+    assert reached_by(monkeypatch, capsys, ["introspect/emit/emit_test.py"])[0] == []
 
 
 def test_by_turns_python_has_the_near_tests_and_a_share_of_the_others(monkeypatch, capsys):
@@ -131,6 +133,7 @@ def test_by_turns_python_has_the_near_tests_and_a_share_of_the_others(monkeypatc
     near = set.intersection(*shares)
     assert set().union(*shares) == set(changed.tests()) > near and "missions/nadir_spin/nadir_spin_test.py" not in near
     assert all(len(share) < len(every) / 2 for share in shares) and "missions/check_cases/check_cases_test.py" in near
+    assert near & set(reached_by(monkeypatch, capsys, [], "--turn", "0/1")[1]) == near      # nothing has changed
 
 
 @pytest.mark.parametrize("path, least, never", [
@@ -146,9 +149,21 @@ def test_a_source_reaches_the_programs_of_its_folder_that_link_it(path, least, n
 def test_each_source_that_a_program_links_reaches_one():
     build = changed.build_of_programs()
     linked = set().union(*changed.linked(build).values())
-    sources = [path for path in map(str, files()) if path in linked and path.endswith((".c", ".cpp"))]
+    sources = [path for path in map(str, files()) if path in linked and Path(path).suffix in changed.C_SUFFIXES]
     assert len(sources) > 50        # those of one object for a folder are known when that is compiled
     assert [path for path in sources if not changed.programs_reached([path], build)] == []
+
+
+def test_each_source_of_the_product_that_no_program_reaches_has_tests_in_python_near_it():
+    build, checks = changed.build_of_programs(), {"tests/hygiene_test.py", *changed.CHECKS.values()}
+    checked = 0
+    for path in map(str, files()):
+        if Path(path).suffix in changed.C_SUFFIXES and path.startswith(("fmi/", "cosim/", "emulator/", "targets/l")) \
+                and not changed.is_test(Path(path)) and not changed.programs_reached([path], build) \
+                and path != "targets/leon3_qemu/qemu.c":
+            checked += 1
+            assert changed.python_tests([path], {path}) - checks, path
+    assert checked > 10
 
 
 HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dynamics/drag.h", "sim/runtime.h",

@@ -42,8 +42,9 @@ PASSED = ROOT / ".ci/passed"
 PASSES = 10         # that are kept, and in which each long test shall run
 
 HEAD = """\
-# What the last passes of .ci/run checked, the newest first: all up to a commit; of the long tests a tenth, or all; what
-# else. The next change commits it. Below, the seconds of the quick tests of each room in the newest pass.
+# The last passes of .ci/run, the newest first: the commit up to which all is checked, which tenth of the long tests ran
+# (or "all"), and what else did. The next change commits this file. Below, of the newest pass: the seconds of the quick
+# tests of each room, in C and C++ and in Python.
 """
 
 
@@ -59,6 +60,14 @@ def tenth_of(item: pytest.Item, shares: int = PASSES) -> int | None:
     if not all(mark.kwargs.get("share", True) for mark in item.iter_markers("long")):
         return None
     return zlib.crc32(item.nodeid.encode()) % shares
+
+
+def share_of(text: str) -> tuple[int, int]:
+    """I, modulo N, and N of the share "I/N"."""
+    if not re.fullmatch("[0-9]+/[1-9][0-9]*", text):
+        raise argparse.ArgumentTypeError(f"takes I/N, such as 0/5; found '{text}'")
+    share, shares = map(int, text.split("/"))
+    return share % shares, shares
 
 
 def long_after(count: int, values: Iterable, why: str) -> list:

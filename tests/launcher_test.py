@@ -42,7 +42,7 @@ STAND_INS = {
              'printf "CMAKE_HOME_DIRECTORY:INTERNAL=%s\\nBUILD_TESTING:BOOL=%s\\nFledge_DIR:PATH=%s\\n'
              'CMAKE_COMPILE_WARNING_AS_ERROR:BOOL=%s\\n" '
              '"$PWD" "$tests" "$fledge" "$strict" > "$dir/CMakeCache.txt"',
-    "ninja": 'case "$*" in *" -t deps") exit ;; esac; echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
+    "ninja": 'case "$*" in *" -t "*) exit ;; esac; echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'echo "$*" >> "$FAKE/ctest"\n'
              'while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
@@ -289,12 +289,16 @@ def test_tests_go_on_without_the_packages_that_only_some_of_them_need(launch):
     assert "fledge: going on without cortex_m7\n" in done.stderr
     assert any("tshark" in line and "frama" not in line for line in launch.calls("apt") if not line.startswith("-s "))
     assert "5 passed, 0 failed" in done.stdout
-    (launch.fake / "during").write_text('case "$0 $*" in *"-s "*) ;; *apt-get*satisfy*gdb*) exit 100 ;; esac\n')
+    (launch.fake / "during").write_text('case "$0 $*" in *"-s "*) ;; *apt-get*satisfy*gdb*) echo "E: no gdb"; exit 100'
+                                        ' ;; esac\n')
     (launch.tree / "build/packages-test.stamp").unlink()
     (launch.fake / "installed").unlink()
     done = launch("test")       # apt knows it, and cannot fetch it
     assert "fledge: apt cannot install gdb; without it, what needs it is skipped; " in done.stderr
     assert done.returncode == 0 and "installed make, " in (launch.fake / "installed").read_text()
+    assert (launch.tree / "build/apt-test.log").read_text() == "E: no gdb\n"
+    (launch.fake / "during").write_text("")
+    assert launch("test").returncode == 0 and "installed gdb, " in (launch.fake / "installed").read_text()
     (launch.fake / "during").write_text('case "$0 $*" in *apt-get*libgmock-dev*) exit 100 ;; esac\n')
     (launch.tree / "build/packages-unit.stamp").unlink()
     (launch.fake / "installed").unlink()
@@ -467,6 +471,34 @@ def test_the_tests_of_a_folder_are_built_and_run(launch):
             (["flight", "--since", "HEAD"], "FOLDER is not for --changed, --since and --coverage")):
         done = launch("test", *words)
         assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+def test_what_a_change_reaches_is_built_and_run(launch):
+    """tests/changed.py says what; here one that always says the same."""
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(report(0))
+    (launch.tree / "tests").mkdir()
+    says = launch.tree / "tests/changed.py"
+    for text, words, parts, runner, line in (
+            ("one two\na_test.py", ["--turn", "3/10"], "all one two tests-in-python", "-L ^(one|two)$", "5 passed"),
+            ("one two\na_test.py", ["--compiled"], "one two", "-L ^(one|two)$", "4 passed"),
+            ("tests\n", ["--complete"], "tests", "", "4 passed"),
+            ("\na_test.py", [], "all tests-in-python", None, "1 passed"),
+            ("one\na_test.py", ["--build"], "all one tests-in-python", None, None)):
+        for name in ("ninja", "ctest"):
+            (launch.fake / name).unlink(missing_ok=True)
+        says.write_text(f"import pathlib, sys\npathlib.Path({str(launch.fake / 'words')!r}).write_text("
+                        f"' '.join(sys.argv[1:]))\nprint({text!r})\n")
+        done = launch("test", "--since", "HEAD", *words)
+        assert done.returncode == 0 and (not done.stdout if line is None else line in done.stdout), done.stderr
+        assert (launch.fake / "words").read_text() == " ".join(["--reach", *words[:2] * ("--turn" in words), "HEAD"])
+        assert [call.partition("build/release ")[2] for call in launch.calls("ninja")][-1:] == [parts] * bool(parts)
+        calls = launch.calls("ctest") if (launch.fake / "ctest").exists() else []
+        assert len(calls) == (runner is not None) and all(("-L" in call) == bool(runner) and runner in call
+                                                          for call in calls)
+    says.write_text("import sys\nsys.exit(2)\n")
+    assert launch("test", "--since", "HEAD").returncode == 2
 
 
 def test_each_runner_keeps_its_reports(launch):
