@@ -57,7 +57,7 @@ def add(command: Callable[..., argparse.ArgumentParser]) -> None:
                         "and say how long those of the others take")
     near = parser.add_mutually_exclusive_group()
     near.add_argument("-k", dest="pattern", metavar="PATTERN", default="",
-                      help="run those whose names match, long ones too")
+                      help="run those whose names match, of the long ones those for which all is installed, too")
     near.add_argument("--changed", nargs="?", const="", metavar="BASE", help="run those near what differs from the "
                       "commit BASE; without BASE, from where this branch began; if nothing differs, from the last "
                       "pass of .ci/run, or the last commit but one")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Debian's packages: which a command needs, and those that are missing, installed.
 
-A purpose is a section of cmake/packages.txt, `run` for three of them, or the folder of a target, whose packages.txt has
+A purpose is a section of cmake/packages.txt, with those of COMPOSED, or the folder of a target, whose packages.txt has
 its packages. What a command needs besides what all need (`needs` of its parser) is a list of
 
     a section, or the name of a target      its packages; of a target, those too of the targets that it uses
@@ -28,20 +28,20 @@ from fledge.launcher.tools import alone, failure, pass_on, run, say
 STATUS = Path("/var/lib/dpkg/status")
 OS_RELEASE = Path("/etc/os-release")
 SYSTEMS = {"bookworm": "Debian 12", "trixie": "Debian 13", "noble": "Ubuntu 24.04"}    # by VERSION_CODENAME
-BASIC = ("project", "build", "fly")         # sections: `run`
+COMPOSED = {"run": ("project", "build", "fly"),      # sections that are of another purpose, too
+            "all": ("profile", "prove", "load", "ssh", "film", "decisions", "docs")}
 BUILDING = ("project", "unit", "pytest", "docs")      # purposes for which an installed Fledge lacks packages
 
 
 def listed(purpose: str) -> list[str]:
     """The packages of a purpose; of alternatives, "a | b"."""
-    if purpose == "run":
-        return [line for section in BASIC for line in listed(section)]
     if "/" in purpose:
         text = Path(purpose, "packages.txt").read_text(encoding="utf-8")
     else:
         text = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").partition(f"\n[{purpose}]\n")[2]
         text = text.partition("\n[")[0]
-    return re.findall(r"^[^#\s].*?(?=\s*(?:#|$))", text, re.M)
+    own = re.findall(r"^[^#\s].*?(?=\s*(?:#|$))", text, re.M)
+    return [line for section in COMPOSED.get(purpose, ()) for line in listed(section)] + own
 
 
 def missing(purpose: str) -> list[str]:
@@ -74,8 +74,8 @@ def need(context: Context, purpose: str, if_possible: bool = False) -> None:
         raise Failure(f"this is {name}, and Fledge is made for {', '.join(SYSTEMS.values())}; {_lacks(purpose)}; to "
                       "try it here: ./fledge --force COMMAND", 1)
     if which("apt-get"):
-        if names := missing(purpose):
-            _install(purpose, names, if_possible or bool(name))
+        if (names := missing(purpose)) and not _install(purpose, names, if_possible or bool(name)):
+            return      # without a stamp: the next command tries again
     else:
         say(f"this is {name}: {_lacks(purpose)}")
     if may_write(stamp.parent):
@@ -132,9 +132,9 @@ def _checked(purpose: str) -> str:
     return f"{zlib.crc32(chr(10).join(listed(purpose)).encode())}\n{state}\n"
 
 
-def _install(purpose: str, names: list[str], if_possible: bool) -> None:
+def _install(purpose: str, names: list[str], if_possible: bool) -> bool:
     """Install what is missing, unless another launcher has done so meanwhile. if_possible: without what apt does not
-    have, or cannot fetch."""
+    have, or cannot fetch. Returns False if it could not fetch some, which a later command may."""
     logs, name = ROOT / "build", Path(purpose).name
 
     def by_hand() -> str:
@@ -144,11 +144,12 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
     if not may_write(logs) or as_root and not which("sudo"):
         if names := _obtainable(names) if if_possible else names:
             raise Failure(f"packages are missing; {by_hand()}", 1)
-        return
+        return True
     with alone(logs / "packages.lock", "installs packages") as lock:
         names = missing(purpose)
         if not names:
-            return
+            return True
+        lacking: list[str] = []
         say(f"installing for '{name}': {', '.join(names)}")
         begun = time.monotonic()
         if as_root and pass_on(["sudo", "true"]):     # which may ask for a password
@@ -177,15 +178,23 @@ def _install(purpose: str, names: list[str], if_possible: bool) -> None:
                 status = satisfy(names) if names else 0
             if status and if_possible:      # it knows all, and cannot fetch some
                 once = "-o", "Acquire::Retries=0", "-o", "Acquire::http::Timeout=10"
-                lacking = [line for line in names if satisfy([line], *once)]
-                say(f"apt cannot install {', '.join(lacking)}; without it, what needs it is skipped; {log} says why")
+                refusals = b""
+                for line in names:
+                    if satisfy([line], *once):
+                        lacking.append(line)
+                        refusals += log.read_bytes()
                 status = 0
+                if lacking:
+                    log.write_bytes(refusals)
+                    say(f"apt cannot install {', '.join(lacking)}; without it, what needs it is skipped; {log} says "
+                        "why")
             if status:
                 with open(log, "ab") as file:
                     file.write(update.read_bytes())     # apt-get update only warns of what fails
                 raise failure(log, "apt-get satisfy", status)
         size = re.search("^Need to get (.*) of archives", log.read_text(encoding="utf-8", errors="replace"), re.M)
         say(f"installed ({size[1] if size else ''}) in {time.monotonic() - begun:.0f} s")
+        return not lacking
 
 
 # --- what a command needs --------------------------------------------------------------------------

@@ -64,7 +64,7 @@ class Tests:
         self.pattern = options.pattern      # names match; of alternatives, "a|b"
         self.long = "all" if options.pattern else options.long      # which of those that are marked long
         self.programs = "tests"             # targets of those of C and C++ that are built
-        self.labels = ".*"                  # of the programs that ctest starts
+        self.labels: list[str] = []         # the words by which ctest starts these programs alone
         self.cases: str | None = None       # of GoogleTest, its filter; None: as the pattern says
         self.paths: list[str] | None = None     # of Python; None: all
         self.folder = context.build
@@ -85,7 +85,7 @@ class Tests:
                                      if False in kinds)
             self.paths = [folder for folder, kinds in in_python.items() if True in kinds]
         if self.cases is not None and self.programs != "tests":
-            self.labels = f"^({self.programs.replace(' ', '|')})$"
+            self.labels = ["-L", f"^({self.programs.replace(' ', '|')})$"]
 
     def _tell(self, module: str, *words: str) -> str:
         """What a program of tests/ prints."""
@@ -184,7 +184,7 @@ class Tests:
         if self.context.project and not self.context.builds_project or not self.programs:
             return []
         if self.cases is not None:
-            return [self._ctest("ctest", self.cases, "-L", self.labels)]
+            return [self._ctest("ctest", self.cases, *self.labels)]
         places = {folder: f"^{folder.replace('/', '[.]')}[.]" for folder in self.folders} or {"": ""}
         within = ["-R", "|".join(places.values())] * bool(self.folders)
         if not self.pattern:
