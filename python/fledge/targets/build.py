@@ -140,7 +140,7 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
 
     objects = {source: known[Path(source)].with_suffix(".o") for source in sources
                if Path(source) in known and not changes(Path(source))}
-    if not objects or "-include" in flags:      # such a file of the program changes all
+    if not objects or "-include" in flags:      # each object depends on that file, which is the program's
         return {}
     rule = _rule(compiler, [*(flag for flag in flags if flag not in own), f"-I{ROOT}"])
     place = build_folder() if (ROOT / "CMakeLists.txt").exists() and os.access(build_folder(), os.W_OK) else folder
@@ -158,7 +158,7 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
 def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:
     """Build folder / output as folder / "build.ninja" says: all of it, or some targets. Raises Failure with the words
     of the compiler."""
-    # Any folder is alike, with what was exported beside it.
+    # ccache finds in one folder what was compiled in another, for it sees paths from the folder above.
     environment = {"CCACHE_BASEDIR": str(folder.resolve().parent), **without_preload(os.environ)}
     with by_contents(folder):
         done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

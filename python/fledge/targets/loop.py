@@ -103,7 +103,7 @@ def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[
                 break
             if any(code is not None for code in results.values()):
                 # What is wrong with a board at a line is known: the others' reasons need no wait. A controller that
-                # failed has told the programs that had joined; one that had not would wait for it until it is ended.
+                # failed has told the programs that had joined; one that had not joined would wait for ever.
                 at_line = any(code and programs[which].device for which, code in results.items())
                 wait = 0.5 if at_line else 5.0 if results.get(CONTROLLER) else 20.0
                 ends = min(ends, time.monotonic() + wait)
