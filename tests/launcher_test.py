@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import fledge
+from fledge.disk import create
 from fledge.launcher.packages import listed
 from fledge.launcher.parser import parser
 from tests.circles import long_after
@@ -597,6 +598,17 @@ def test_packages_are_looked_for_on_another_machine_too(launch):
     before = len(launch.calls("apt"))
     launch("setup")
     assert len(launch.calls("apt")) > before
+
+
+def test_a_stamp_that_another_command_writes_now_is_left_to_it(launch):
+    (launch.fake / "updated").touch()
+    (launch.tree / "build").mkdir()
+    lock = create(launch.tree / "build/packages-run.stamp.part")
+    try:
+        done = launch("list")
+    finally:
+        os.close(lock)
+    assert "list in" in done.stdout and done.returncode == 0, done.stderr
 
 
 @pytest.mark.long("builds a tree of its own")

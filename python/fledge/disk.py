@@ -169,6 +169,15 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
     return [whole for _, whole in fresh]
 
 
+def keep(path: Path, text: str) -> None:
+    """Write what spares a later command some work: not in a tree that this user may only read, nor while another
+    program writes it."""
+    try:
+        write_files({path.name: text}, path.parent)
+    except OSError:
+        pass
+
+
 def reserve(path: Path) -> None:
     """Give a sparse file its room on the disk: where that is full, a write to its mapped memory ends the process."""
     with path.open("r+b") as file:

@@ -4,7 +4,7 @@
 import pytest
 
 from fledge.cli.failures import in_words
-from fledge.disk import Part, write_files
+from fledge.disk import Part, keep, write_files
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path):
@@ -40,3 +40,14 @@ def test_a_full_disk_is_named_by_file_or_folder(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
     assert in_words(OSError(28, "No space left on device"), tmp_path) == \
         f"No space left on device, in {tmp_path} or the folder of temporary files"
+
+
+def test_what_only_spares_work_is_written_where_it_can_be(tmp_path):
+    path = tmp_path / "a/b.txt"
+    keep(path, "one")
+    with Part(path):
+        keep(path, "two")
+    assert not path.read_text()     # the file of the other
+    keep(path, "two")
+    assert path.read_text() == "two"
+    keep(path / "below a file", "three")

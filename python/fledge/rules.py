@@ -32,7 +32,7 @@ from pathlib import Path
 from shutil import which
 from typing import Any, NamedTuple
 
-from fledge.disk import ROOT, write_files
+from fledge.disk import ROOT, keep
 from fledge.errors import Failure, did_you_mean, listed
 from fledge.prove.sources import Tree
 
@@ -261,11 +261,8 @@ def _unit(tree: Tree, scratch: Path, addon: Path, found_version: str, name: str)
     unit = {"digest": digest, "findings": sorted(findings),
             "shared": shared.read_text(encoding="utf-8") if shared.is_file() else ""}
     dump.unlink()
-    try:
-        if (root / "build").is_dir():       # an export has none
-            write_files({kept.name: json.dumps(unit) + "\n"}, kept.parent)
-    except OSError:
-        pass    # a tree that this user may only read
+    if (root / "build").is_dir():       # an export has none
+        keep(kept, json.dumps(unit) + "\n")
     return unit
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from shutil import which
 
 from fledge.errors import Failure
-from fledge.disk import ROOT, may_write, write_files
+from fledge.disk import ROOT, keep, may_write
 from fledge.launcher.context import Context
 from fledge.launcher.tools import alone, failure, pass_on, run, say
 
@@ -78,8 +78,7 @@ def need(context: Context, purpose: str, if_possible: bool = False) -> None:
             return      # without a stamp: the next command tries again
     else:
         say(f"this is {name}: {_lacks(purpose)}")
-    if may_write(stamp.parent):
-        write_files({stamp.name: _checked(purpose)}, stamp.parent)
+    keep(stamp, _checked(purpose))
 
 
 def _other_system() -> str:

@@ -129,8 +129,7 @@ class Tests:
             if kind:
                 return self._observed()
             shutil.rmtree(self.folder / "tests", ignore_errors=True)
-            counts = [sum(column) for column in zip(*self._compiled(), self._python())]
-        return self._sum(counts)
+            return self._sum([sum(column) for column in zip(*self._compiled(), self._python())])
 
     def _sum(self, counts: list[int]) -> int:
         """Print what took how long, then the sum; returns the exit code."""

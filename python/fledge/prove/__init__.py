@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from fledge.disk import write_files
+from fledge.disk import keep
 from fledge.errors import Failure, did_you_mean, listed
 from fledge.prove import driver, eva
 from fledge.prove.sources import MATH, Tree, named
@@ -204,10 +204,7 @@ def proved(tree: Tree, unit: Unit, analyser: str, programs: Sequence[eva.Program
                   if (a.file, a.line, a.kind, a.text) not in within]
         result = dataclasses.replace(declared, seconds=result.seconds + declared.seconds, loops=result.loops,
                                      alarms=(*declared.alarms, *beyond), ranges=_ranges(unit.module))
-    try:
-        write_files({path.name: json.dumps(result.facts(), indent=1) + "\n"}, path.parent)
-    except OSError:
-        pass    # a tree that this user may only read
+    keep(path, json.dumps(result.facts(), indent=1) + "\n")
     return result
 
 
