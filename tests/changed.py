@@ -73,7 +73,7 @@ def git(root: Path, *words: str) -> str:
 def changed_files(root: Path, base: str | None = None) -> list[str]:
     """The files, relative to the root, that differ from the base; deleted ones, too."""
     def differing(place: str) -> list[str]:
-        """But what a pass of CI has written."""
+        """The files that differ from a commit, except .ci/passed, which .ci/run writes."""
         names = git(root, "diff", "--name-only", "--no-renames", "--relative", "-z", place, "--") + "\0" + \
             git(root, "ls-files", "--others", "--exclude-standard", "-z")
         return sorted(set(filter(None, names.split("\0"))) - {".ci/passed"})
@@ -328,7 +328,7 @@ def linked(build: Path) -> dict[str, set[str]]:
     """Program of tests in C and C++ -> the files that it is made of, as Ninja and the compiler know them; none before
     it was built."""
     def ninja(*words: str) -> list[str]:
-        """What it knows, read without -n it would write its logs anew, perhaps beside another ninja."""
+        """Lines that one of Ninja's tools prints. -n keeps it from writing its logs, which another ninja may use."""
         try:
             return subprocess.run(["ninja", "-n", "-C", build, "-t", *words], capture_output=True, text=True,
                                   errors="replace").stdout.splitlines()
@@ -373,14 +373,15 @@ def build_of_programs() -> Path:
 
 
 def print_reach(changed: list[str], everything: bool, turn: tuple[int, int] | None) -> None:
-    """Print what --reach is about."""
+    """Print the targets to build, then the files of Python to test, as --reach says. everything: all may have
+    changed. turn: I and N of the share of the programs and files that run besides those."""
     def in_turn(name: str) -> bool:
         return bool(turn) and zlib.crc32(name.encode()) % shares == share
 
     (share, shares), build = turn or (0, 0), build_of_programs()
     if everything or any(fnmatch.fnmatch(path, pattern) for path in changed if not path.endswith("_test.py")
                          for pattern in GENERATES):
-        programs = {"tests"}    # what they write, no #include shows
+        programs = {"tests"}    # the sources that these generate show in no #include
     else:
         programs = programs_reached(changed, build)
         programs |= {name for name, source in programs_of(build) if in_turn(name) and (ROOT / source).exists()}

@@ -39,7 +39,7 @@ BUILD = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
 REPORT = BUILD / "tests/pytest/pytest.xml"
 KEPT = BUILD / "seconds.json"           # of each room's tests: of their last run
 PASSED = ROOT / ".ci/passed"
-PASSES = 10         # that are kept, and in which each long test shall run
+PASSES = 10         # .ci/passed keeps so many; each long test shall run in one of them
 
 HEAD = """\
 # The last passes of .ci/run, the newest first: the commit up to which all is checked, which tenth of the long tests ran
@@ -180,15 +180,15 @@ def others(folders: list[str], rooms: dict[str, list[float]]) -> str:
 # --- passes of CI ----------------------------------------------------------------------------------
 
 def passes(file: Path | None = None) -> list[list[str]]:
-    """[commit, share, what] of those that are kept, the newest first."""
+    """[commit, share, turns] of each pass in .ci/passed, the newest first."""
     file = file or PASSED
     lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
     return [line.split(" ", 2) for line in lines if re.match("([0-9a-f]{40}|none) ", line)]
 
 
 def last() -> str:
-    """For .ci/run: the commit of the last pass, its tenth, and how many passes ago one was on other systems; "none",
-    -1 and 9 where there is none."""
+    """For .ci/run: the commit of the last pass, its tenth, and how many passes came after the last on other systems;
+    "none", -1 and 9 where there is none."""
     found = passes()
     tenths = [share for _, share, *_ in found if share.isdigit()]
     systems = [i for i, words in enumerate(found) if "systems" in " ".join(words[2:])]

@@ -88,7 +88,7 @@ class Tests:
             self.labels = ["-L", f"^({self.programs.replace(' ', '|')})$"]
 
     def _tell(self, module: str, *words: str) -> str:
-        """What a program of tests/ prints."""
+        """What a module of tests/, run as a program, prints; if it fails, exit with its code."""
         done = subprocess.run([sys.executable, "-P", "-m", module, *words], cwd=ROOT, stdout=subprocess.PIPE,
                               text=True, env={**os.environ, **self.context.names(), "PYTHONPATH": str(ROOT)})
         if done.returncode:
@@ -97,7 +97,7 @@ class Tests:
 
     @contextmanager
     def _counted(self, part: str) -> Iterator[None]:
-        """Add the seconds that this takes to a part of the run."""
+        """Add the seconds of the block to this part of the run."""
         begun = time.monotonic()
         yield
         self.seconds[part] = self.seconds.get(part, 0.0) + time.monotonic() - begun
@@ -196,8 +196,8 @@ class Tests:
 
     def _ctest(self, name: str, cases: str, *arguments: str) -> list[int]:
         """Run the sources that these arguments of ctest select, and these cases of theirs; print what failed. name: of
-        the reports. Many programs wait, so that there are more than processors. In the background of a script Ctrl-C
-        is ignored, which the programs would inherit."""
+        the reports. Many programs wait, so that there are more than processors. A script starts
+        its background jobs with SIGINT and SIGQUIT ignored: env restores them for the programs."""
         reports, log = self._reports(name), self.context.logs / f"ctest-{self.context.preset}.log"
         with self._counted("C and C++"):
             status = run(log, ["env", "--default-signal=INT,QUIT", f"GTEST_OUTPUT=xml:{reports}/",
@@ -244,7 +244,7 @@ class Tests:
         return tally(reports, status if status != 5 else 0)     # 5: it found no test; ctest may have found some
 
     def _reports(self, name: str) -> Path:
-        """The folder of some reports, emptied."""
+        """An empty folder for the reports of this name."""
         folder = self.folder / "tests" / name
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
