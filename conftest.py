@@ -40,8 +40,8 @@ IN_RELEASE = [ROOT / path for path in (
     "python/fledge/emulator/flips_test.py", "python/fledge/export", "python/fledge/falsify", "python/fledge/pool",
     "python/fledge/prove", "python/fledge/rules_test.py", "python/fledge/scene", "python/fledge/targets",
     "python/fledge/verify", "registers/emit_test.py", "registers/machines_test.py", "targets",
-    "tests/branches_test.py", "tests/crash_test.py", "tests/decisions_test.py", "tests/docs_test.py",
-    "tests/flight_symbols_test.py", "tests/format_test.py", "tests/hygiene_test.py",
+    "tests/branches_test.py", "tests/crash_test.py", "tests/data_test.py", "tests/decisions_test.py",
+    "tests/docs_test.py", "tests/flight_symbols_test.py", "tests/format_test.py", "tests/hygiene_test.py",
     "tests/include_direction_test.py", "tests/install_test.py", "tests/launcher_test.py",
     "tests/leon3_programs_test.py", "tests/links_test.py", "tests/mistakes_test.py", "tests/module_hash_test.py",
     "tests/mutants_test.py", "tests/notebook_test.py", "tests/project_test.py")]
