@@ -37,7 +37,7 @@ def _usage(of):
 def fly(mission, span, sharing="allowed", **parameters) -> Flown:
     import fledge
     from fledge import cosim
-    from fledge.cli.node import Programs
+    from fledge.cli.cosim.node import Programs
 
     sim = fledge.load(mission, **parameters)
     names = [process.name for process in sim.processes]

@@ -4,7 +4,7 @@
     ./fledge bench planted                          # 20 faults
     ./fledge bench planted --faults 8 --seed 2 flight/control
 
-A seed draws as many faults of each kind from modules that stay proved (python/fledge/prove/prove_test.py), so that each
+A seed draws as many faults of each kind from modules that stay proved (studies/prove/prove_test.py), so that each
 alarm is one of the fault; where these have too few of a kind, the rest is from others, and new alarms count:
 
     index       the bound of a loop, or a subscript, is off by one

@@ -4,8 +4,8 @@
 #
 # A kind of such a build has a name, a launcher in place of the compiler, the options of its C, the options of the link,
 # and C that is compiled with it:
-#   mcdc        which conditions have decided, as clang counts them (python/fledge/verify/decisions.py)
-#   branches    which branches each run of a campaign takes (python/fledge/falsify). Its options turn off the
+#   mcdc        which conditions have decided, as clang counts them (studies/verify/decisions.py)
+#   branches    which branches each run of a campaign takes (studies/falsify). Its options turn off the
 #               optimisations that replace a small branch by a select
 
 set(FLEDGE_OBSERVED mcdc branches)

@@ -57,11 +57,29 @@ install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py ${FLEDGE_PYTHON_DIR}/_fledge_p
 
 foreach(folder ccsds flight record registers sim world targets cosim fmi introspect missions)
     install(DIRECTORY ${folder} DESTINATION ${FLEDGE_HOME}
-        REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
+        REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE
+        REGEX "/(cosim|fmi)/(cli|export|python)$" EXCLUDE)
 endforeach()
-install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
-    REGEX "(_test[.](py|mjs)|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/web)$" EXCLUDE
-    REGEX "(scene|ground/server|ground/console)/testing$" EXCLUDE)
+
+# fledge_install_package(<folder> <destination>): a package of Python, and in it those that rooms hold, in the place of
+# their links: a wheel has no links.
+function(fledge_install_package folder destination)
+    file(GLOB_RECURSE links LIST_DIRECTORIES true ${folder}/*)
+    set(named "")
+    foreach(link IN LISTS links)
+        if(IS_SYMLINK ${link})
+            file(RELATIVE_PATH name ${folder} ${link})
+            file(REAL_PATH ${link} room)
+            fledge_install_package(${room} ${destination}/${name})
+            string(APPEND named "|/${name}")
+        endif()
+    endforeach()
+    install(DIRECTORY ${folder}/ DESTINATION ${destination}
+        REGEX "(_test[.](py|mjs)|[.]cpp|fledge/CMakeLists[.]txt|/__pycache__)$" EXCLUDE
+        REGEX "(fledge/(templates|core)|scene/web${named})$" EXCLUDE
+        REGEX "(scene|server|console)/testing$" EXCLUDE)
+endfunction()
+fledge_install_package(${PROJECT_SOURCE_DIR}/python/fledge ${FLEDGE_HOME}/python/fledge)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY build/view/ DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL
     PATTERN work EXCLUDE PATTERN stamp EXCLUDE)

@@ -19,7 +19,7 @@ from fledge_wheel import PROJECT, ROOT, VERSION     # and finds those of Fledge
 from fledge.disk import Part
 from fledge.launcher.packages import listed
 
-SUGGESTED = ("project", "film", "scheduler", "profile")     # sections of packages.txt
+SUGGESTED = ("project", "film", "scheduler", "profile")     # purposes of fledge.launcher.packages
 DESCRIPTION = """ Algorithms in C, composed by Python, fly in closed loop against a simulated spacecraft. This
  package has what that needs, without a compiler; modules of one's own and flights for other
  targets need those that it suggests.
@@ -62,7 +62,7 @@ def pack(prefix, folder):
             "Maintainer": "The authors of Fledge", "Section": "science", "Priority": "optional",
             "Installed-Size": str(sum(path.stat().st_size for path in files) // 1024),
             "Depends": ", ".join(depends(prefix / "lib/fledge")),
-            "Recommends": ", ".join(listed("control_room")),
+            "Recommends": ", ".join(listed("ground")),
             "Suggests": ", ".join(dict.fromkeys(package for section in SUGGESTED for package in listed(section))),
             "Description": PROJECT["description"]}
         meta = tree / "DEBIAN"

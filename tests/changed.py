@@ -20,9 +20,10 @@ The near tests are:
 - of a document: the cases that follow it, and the links.
 
 The reach is all of these, all users, and each test whose folder or part may use the changed one by tests/layers.py.
-cosim/, emulator/ and ground/ reach Python by the part of their name alone, every other folder by the extension that
-all parts share; with --turn, a test that only uses that extension is not near. A change of the build or of the settings
-of pytest reaches every test; with --turn, every program.
+C++ of cosim/, emulator/ and ground/ reaches the package from `targets` up, whose flights start their programs; that of
+every other folder reaches all of it by the extension that all parts share; with --turn, a test that only uses that
+extension is not near. A change of the build or of the settings of pytest reaches every test; with --turn, every
+program.
 """
 
 import argparse
@@ -41,7 +42,7 @@ from typing import Iterable, NamedTuple
 from tests import circles, layers
 from tests.include_direction_test import (C_SUFFIXES, EXTENSIONS, INCLUDE, ROOMS, TOPS, imported, is_test,
                                           library_imports, resolve)
-from tests.tree import ROOT, files
+from tests.tree import ROOT, files, library, module_of
 from tests.used_test import used_in
 
 USERS = 3       # of a module or model: their tests pass within a minute
@@ -149,16 +150,16 @@ def unit(name: str) -> str:
 
 def unit_of(path: str) -> str:
     """The unit of a file."""
-    path = re.sub("^targets/", "python/fledge/targets/", path.replace(TEMPLATES, "python/fledge/new/"))
-    path = re.sub(r"^(cosim/bindings/)?python/|(/__init__)?\.py$", "", path)
-    return unit(path.replace("/", "."))
+    file = Path(path.replace(TEMPLATES, "python/fledge/new/"))
+    outside = re.sub(r"^cosim/bindings/python/|(/__init__)?\.py$", "", str(file)).replace("/", ".")
+    return unit(module_of(file) or outside)
 
 
 @cache
 def part_of(path: str) -> str:
-    """The part of the package that has a file, or by which alone the file reaches the package, or ""."""
-    folder, module = layers.rule_of(path).split("/")[0], unit_of(path).removesuffix("_test").partition(".")[2]
-    part = folder if folder in APART else layers.part_of(module) if folder == "fledge" else ""
+    """The part of the package that has a file, or from which on up the file reaches the package, or ""."""
+    root, _, module = unit_of(path).removesuffix("_test").partition(".")
+    part = layers.part_of(module) if root == "fledge" else "targets" if root in APART else ""
     return part if part in layers.LEVEL else ""
 
 
@@ -294,10 +295,12 @@ def reach(changed: list[str]) -> set[str]:
         if is_test(Path(path)) or path.endswith(".md") or folder.split("/")[0] not in TOPS - {"bench", "docs", "tests"}:
             continue
         above = {folder} if folder != "missions" else {"bench", "tests"}    # a mission uses no other
+        above |= {"fledge"} if module_of(Path(path)) else set()
         while new := {rule for rule in layers.RULES if any(layers.may_use(rule, other) for other in above)} - above:
             above |= new
-        reached |= {test for test in tests() if (own := layers.rule_of(test)) in above and not (
-            own == "fledge" and part and part_of(test) != part
+            above |= {"fledge"} if above & library().keys() else set()
+        reached |= {test for test in tests() if layers.rule_of(test) in above and not (
+            module_of(Path(test)) and part and part_of(test) != part
             and layers.LEVEL.get(part_of(test), 99) <= layers.LEVEL[part])}
     return reached
 

@@ -75,7 +75,7 @@ def test_a_mission_reaches_its_own_tests_and_those_that_name_it():
     ("docs/guide.md", set(), {"tests/docs_test.py::test_the_guide_shows_what_fledge_prints", "tests/links_test.py",
                               "tests/hygiene_test.py"}, "tests/docs_test.py"),
     ("python/fledge/units.py", set(), {"python/fledge/units_test.py", *CHECKS}, "tests/links_test.py"),
-    ("python/fledge/elements.py", set(), {"python/fledge/emulator/emulator_test.py", *CHECKS}, "tests/links_test.py"),
+    ("python/fledge/elements.py", set(), {"emulator/python/emulator_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/units_test.py", set(), {"python/fledge/units_test.py"}, "python/fledge/errors_test.py"),
     ("targets/leon3/flight.c", set(), {"targets/leon3/leon3_test.py"}, "targets/linux/linux_test.py"),
     ("cosim/bindings/python/fledge_node.py", set(), {"cosim/bindings/python/fledge_node_test.py"},
@@ -93,8 +93,8 @@ def test_a_file_that_nothing_uses_chooses_only_what_holds_for_every_file():
 
 
 @pytest.mark.parametrize("path, least, never", [
-    ("python/fledge/report/run.py", "python/fledge/ground/server/api_test.py", "python/fledge/mission/feed_test.py"),
-    ("cosim/router/router.cpp", "python/fledge/verify/verify_test.py", "python/fledge/mission/feed_test.py"),
+    ("python/fledge/report/run.py", "ground/python/server/api_test.py", "python/fledge/mission/feed_test.py"),
+    ("cosim/router/router.cpp", "studies/verify/verify_test.py", "python/fledge/mission/feed_test.py"),
     ("missions/flyby/world.py", "tests/cosim_missions_test.py", "missions/flatsat/flatsat_test.py"),
     ("flight/math/trig.c", "python/fledge/units_test.py", "introspect/units_test.py"),
     ("docs/guide.md", "tests/links_test.py", "python/fledge/units_test.py"),

@@ -129,7 +129,7 @@ def seconds(report: Path) -> dict[str, Seconds]:
 # --- rooms -----------------------------------------------------------------------------------------
 
 def room_of(name: str) -> str:
-    """The folder of the house of a dotted name, or of a path: flight, or python/fledge/ground."""
+    """The folder of the house of a dotted name, or of a path: flight, or python/fledge/mission."""
     parts = re.split("[./]", name)
     inside = parts[:2] == ["python", "fledge"] and (ROOT / "/".join(parts[:3])).is_dir()
     return "/".join(parts[:3 if inside else 2]) if parts[0] == "python" else parts[0]
@@ -154,7 +154,8 @@ def kept() -> dict[str, list[float]]:
         here = json.loads(KEPT.read_text(encoding="utf-8"))
     except (OSError, ValueError):       # there is none, or it was not written to its end
         here = {}
-    return {room: times for room, times in {**rooms, **here}.items() if (ROOT / room).is_dir()}
+    return {room: times for room, times in {**rooms, **here}.items()
+            if (ROOT / room).is_dir() and not (ROOT / room).is_symlink()}
 
 
 def keep(rooms: dict[str, list[float]]) -> None:

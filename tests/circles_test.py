@@ -71,17 +71,18 @@ def test_the_reports_have_the_set_ups_of_cases_and_rooms_have_their_sums(tmp_pat
 
 
 @pytest.mark.parametrize("name, room", [
-    ("flight.math.vec_test", "flight"), ("python.fledge.ground.server.api_test", "python/fledge/ground"),
+    ("flight.math.vec_test", "flight"), ("ground.python.server.api_test", "ground"),
+    ("python.fledge.mission.log_test", "python/fledge/mission"),
     ("python.fledge.units_test", "python/fledge"), ("tests.docs_test::test_it[a.b]", "tests")])
 def test_a_case_belongs_to_a_room(name, room):
     assert circles.room_of(name.partition("::")[0]) == room
 
 
 def test_the_others_are_named_with_their_seconds():
-    rooms = {"flight": [40.0, 2.0], "world": [60.0, 6.0], "python/fledge/ground": [0.0, 90.0]}
+    rooms = {"flight": [40.0, 2.0], "world": [60.0, 6.0], "python/fledge/mission": [0.0, 90.0]}
     line = circles.others(["flight"], rooms)
-    assert "python/fledge/ground 90 s, world 66 s" in line and "flight " not in line.replace("fledge: ", "")
-    assert "ground" not in circles.others(["flight", "python"], rooms)
+    assert "python/fledge/mission 90 s, world 66 s" in line and "flight " not in line.replace("fledge: ", "")
+    assert "mission" not in circles.others(["flight", "python"], rooms)
     assert "is not known here yet: ./fledge test" in circles.others(["flight"], {"flight": [1.0, 1.0]})
 
 

@@ -26,12 +26,12 @@ from tests.tree import ROOT, files
 
 SUFFIXES = {".h", ".c", ".cpp", ".py"}
 PRODUCT = {"ccsds", "cosim", "emulator", "flight", "fmi", "ground", "introspect", "options", "python", "record",
-           "registers", "sim", "targets", "world"}
+           "registers", "sim", "studies", "targets", "world"}
 # Folders that are no entrance, and why.
 WITHOUT = {
     "emulator/tools": "is one program",
     "ground/database/xtce": "is behind ground/database/xtce.h",
-    "python/fledge/ground/server/handlers": "is behind the server",
+    "ground/python/server/handlers": "is behind the server",
     "flight/math/tools": "finds the coefficients of flight/math by hand",
     "targets/bare/examples": "are examples",
     "targets/cfs/inc": "is the interface of NASA's cFE",
@@ -40,9 +40,10 @@ WITHOUT = {
 # Examples in Python of which only the imports run, and why.
 NOT_RUN = {
     "cosim/bindings/python": "a node waits for a controller",
-    "python/fledge/cosim": "so does this one",
-    "python/fledge/emulator": "it builds flight for another processor",
-    "python/fledge/falsify": "it flies a thousand runs",
+    "cosim/python": "so does this one",
+    "emulator/python": "it builds flight for another processor",
+    "studies/falsify": "it flies a thousand runs",
+    "studies/flips": "so does this one",
 }
 
 

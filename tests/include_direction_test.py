@@ -15,7 +15,7 @@ from typing import Iterable, Iterator
 import pytest
 
 from tests import layers
-from tests.tree import ROOT, files
+from tests.tree import ROOT, files, library, module_of
 
 TOPS = {folder.split("/")[0] for folder in layers.RULES}
 
@@ -26,10 +26,10 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 # The parts that may use an extension; all others use the public functions of these.
 EXTENSIONS = {
     "_core": {"errors", "disk", "files", "archive", "objects", "flight", "flight_math", "world", "prototype", "mission",
-              "requirements", "montecarlo", "cosim"},
+              "requirements", "montecarlo", "cosim", "fmi"},
     "_cosim": {"cosim"},
     "_emulator": {"emulator"},
-    "_ground": {"ground"},
+    "_ground": {"ground", "commands"},
 }
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
@@ -163,9 +163,7 @@ def test_every_quoted_include_is_found_from_the_root():
     assert not missing, "\n" + "\n".join(missing)
 
 
-# --- the parts of python/fledge --------------------------------------------------------------------
-
-PACKAGE, TARGETS = Path("python/fledge"), Path("targets")       # the latter has parts of fledge.targets
+# --- the parts of the package fledge ---------------------------------------------------------------
 
 
 def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
@@ -187,9 +185,8 @@ def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]
 @cache
 def library_imports() -> dict[str, list[tuple[int, str]]]:
     """The imports of each module of the package fledge, tests apart."""
-    paths = {".".join(path.with_suffix("").parts).removeprefix("python.fledge.").removesuffix(".__init__"): path
-             for path in files() if path.suffix == ".py" and {PACKAGE, TARGETS} & {*path.parents}
-             and not is_test(path) and "templates" not in path.parts and path != PACKAGE / "__init__.py"}
+    paths = {name.removeprefix("fledge."): path for path in files() if path.suffix == ".py" and not is_test(path)
+             and "templates" not in path.parts and (name := module_of(path)) not in ("", "fledge")}
     return {module: imports_of(path, (ROOT / path).read_text(encoding="utf-8"), set(paths))
             for module, path in paths.items()}
 
@@ -220,7 +217,7 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
                     complaints.append(f"fledge.{module}:{line}: {part} may not use {other}; it may use the public "
                                       "functions of the library")
             elif other == "":
-                if part not in ("cli", "launcher"):
+                if part.split(".")[0] not in ("cli", "launcher"):
                     complaints.append(f"fledge.{module}:{line}: {part} may not import fledge as a whole; name the "
                                       "module")
             elif there != part and layers.LEVEL.get(there, len(layers.PARTS)) >= layers.LEVEL[part]:
@@ -256,10 +253,21 @@ def test_no_modules_of_the_library_import_one_another_in_a_circle():
     assert circle(library_imports()) == []
 
 
+def test_no_folder_stands_on_two_floors():
+    """A part with a dot, on a floor of its own, is a folder that a link names."""
+    apart = {package.removeprefix("fledge.") for package in library().values()}
+    assert {part for part in layers.LEVEL if "." in part} <= apart
+    inside = {module for module in library_imports()
+              if not any(f"{module}.".startswith(f"{part}.") for part in apart)}
+    for folder in {module.rpartition(".")[0] for module in inside} - {""}:
+        assert len({layers.part_of(module) for module in inside if module.startswith(f"{folder}.")}) == 1, folder
+
+
 @pytest.mark.parametrize("module, other, complaint", [
     ("mission.simulation", "cli.console", "mission may not import fledge.cli.console"),
     ("objects.hooks", "mission.process", "objects may not import fledge.mission.process"),
     ("montecarlo", "cosim", "montecarlo may not import fledge.cosim"),
+    ("cli.check", "ground.server", "cli may not import fledge.ground.server"),
     ("report", "_core", "report may not use _core"),
     ("targets.job", "", "targets may not import fledge as a whole"),
     ("targets.job", "targets.leon3.board", "what targets share may not import fledge.targets.leon3.board"),

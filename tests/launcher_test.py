@@ -76,6 +76,7 @@ def copied(tmp_path_factory):
     (tree / "a_test.py").write_text("def test_one():\n    pass\n")
     (tree / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
     for path in [*ROOT.glob("python/fledge/*.py"), *ROOT.glob("python/fledge/cli/*.*"),
+                 *ROOT.glob("python/fledge/cli/*/*.py"), *ROOT.glob("python/fledge/*/packages.txt"),
                  *ROOT.glob("python/fledge/launcher/*.*"), *ROOT.glob("bench/*.py"),
                  *ROOT.glob("python/fledge/targets/*.py"), *ROOT.glob("targets/*/__init__.py"),
                  *ROOT.glob("targets/*/packages.txt")]:

@@ -81,9 +81,21 @@ RULES = {
     "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
                    "values of telemetry with limits; files of packets, and captures",
                    ["ccsds", "record"]),
-    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
-                   ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator",
-                    "fmi", "ground", "targets"]),
+    "ground/python": Rule("Python, C++, JavaScript", "`fledge.ground`, with the server of the control room and its "
+                          "console", ["fledge", "ccsds", "record", "registers", "ground"]),
+    "ground/cli": Rule("Python", "the commands of the ground", ["fledge"]),
+    "cosim/python": Rule("Python, C++", "`fledge.cosim`; `up`: all programs of a simulation, started together",
+                         ["fledge", "flight", "registers", "cosim", "fmi"]),
+    "cosim/cli": Rule("Python", "the commands of co-simulation", ["fledge"]),
+    "emulator/python": Rule("Python, C++", "`fledge.emulator`", ["fledge", "flight", "registers", "emulator"]),
+    "fmi/python": Rule("Python", "`fledge.fmi`: others' FMUs, unpacked, described, and what a model of the "
+                       "world has of them", ["fledge", "introspect", "fmi"]),
+    "fmi/export": Rule("Python", "`fledge.export.fmu`", ["fledge", "fmi"]),
+    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension `_core`, the command line; a "
+                   "link names each package that a room holds",
+                   ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "fmi", "targets"]),
+    "studies": Rule("Python", "many runs, and what is shown of flight: campaigns, faults, falsification, proofs, "
+                    "verification, profiles; each folder is a package of `fledge`", ["fledge", "flight", "introspect"]),
     "missions": Rule("Python", "worked missions", ["fledge"]),
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
@@ -95,8 +107,9 @@ RULES = {
                    "introspect", "fledge", "missions"]),
 }
 
-# The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
-# these are. A part may import itself and the rows below it; the launcher is on top of all.
+# The parts of the package fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and
+# what these are. A part may import itself and the rows below it, also inside its functions; the launcher is on top of
+# all. A part with a dot has a folder of its own in a room. So the core, up to its commands, imports no room but fmi.
 PARTS = [
     ("basilisk", "what its words are here, for errors"),
     ("units elements errors disk columns display interruption loopback programs", "what all others need"),
@@ -105,37 +118,38 @@ PARTS = [
      "boards; builds that follow contents, not times; results for a CI"),
     ("attitude", "representations of attitudes"),
     ("files", "files of orbits and attitudes that others write and read: two-line elements, CCSDS, SPICE, STK"),
-    ("records", "recorded fields by name, of a run in memory or of a file"),
-    ("objects archive commands", "C structs as Python objects; MCAP files: read, compare, convert; "
-     "conversions; packets of commands and telemetry"),
-    ("fmi", "FMUs of others: the archive, unpacked with care, and the description of the model"),
-    ("records.activity", "modes, events, commands and resets of a run, from its record"),
+    ("objects commands", "C structs as Python objects; packets of commands and telemetry"),
+    ("records", "recorded fields by name, of a run in memory or of a file; modes, events, commands and resets"),
+    ("archive", "MCAP files: read, compare, convert; conversions"),
+    ("fmi", "FMUs of others: the archive, unpacked with care, the description, and what a model has of it"),
     ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
     ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
     ("world", "the world's models by name, bodies, orbits, the sky"),
     ("motion", "where a spacecraft was by a run, written in the forms of others and compared with their files"),
     ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins"),
     ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),
-    ("mission.learning", "reset and step of reinforcement learning, which requirements may end"),
-    ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),
-    ("prove", "no run-time errors in flight C, and bounds of its loops, by Frama-C"),
-    ("rules", "the rules of MISRA C:2012 that flight C keeps, and the reasons of deviations, by cppcheck"),
     ("pool", "flights in many processes, of this machine or of a cluster"),
-    ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
-     "3-D"),
-    ("prove.export", "no run-time errors in the executive of an exported mission"),
-    ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
+    ("export scene", "a mission as C, with boards; a run in 3-D"),
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),
-    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
     ("export.fmu", "FMUs of a mission, its world or its flight"),
+    ("cli", "the commands of `./fledge` that fly, export and show, and how those of rooms are found"),
+    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation"),
+    ("mission.learning", "reset and step of reinforcement learning, which requirements may end"),
+    ("montecarlo", "campaigns"),
+    ("emulator.flips", "campaigns of bit flips"),
+    ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
+    ("prove", "no run-time errors in flight C, and bounds of its loops, by Frama-C"),
+    ("rules", "the rules of MISRA C:2012 that flight C keeps, and the reasons of deviations, by cppcheck"),
     ("profile", "what flight costs on a target"),
     ("verify", "all requirements of a mission over scenarios and targets, with a report"),
     ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
-    ("ground.server ground.console", "the server of the control room, and its pages"),
-    ("cli", "the commands of `./fledge`"),
+    ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures; the server of "
+     "the control room, and its pages"),
+    ("cosim", "a mission in several programs, which `fledge up` starts together"),
+    ("cli.ground cli.cosim cli.studies", "the commands of rooms"),
     ("launcher", "what `./fledge` does before a command: packages and the build; and tests"),
 ]
 
@@ -148,10 +162,13 @@ THIRD_PARTIES = {
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
     "fledge":     {"IPython", "PIL", "_core", "_core_build", "_cosim", "_emulator", "_fledge_protocol", "_fledge_world",
-                   "_ground", "_project_world", "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py",
-                   "jinja2", "jsonschema", "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial",
-                   "yaml", "zmq"},
-    "cosim":      {"zmq"},
+                   "_ground", "_project_world", "cloudpickle", "distributed", "h5py", "jinja2", "markupsafe",
+                   "matplotlib", "numpy", "pandas", "scipy", "serial"},
+    "cosim":      {"_cosim", "numpy", "zmq"},
+    "emulator":   {"_emulator", "numpy"},
+    "fmi":        {"numpy"},
+    "ground":     {"_ground", "aiohttp", "fledge_node", "jsonschema", "numpy", "psycopg", "scipy", "serial", "yaml"},
+    "studies":    {"h5py", "markupsafe", "matplotlib", "numpy", "scipy"},
     "missions":   {"PIL", "fledge_node", "numpy", "scipy"},     # a node in Python imports fledge_node alone of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy", "pytest"},

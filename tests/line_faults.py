@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fledge import cli
-from fledge.cli import node as cli_node
+from fledge.cli.cosim import node as cli_node
 from fledge.targets import Job, build
 from tests.board_process import Process
 from tests.waiting import PATIENCE

@@ -348,7 +348,7 @@ def decoded(path: Path) -> None:
 
 
 def capture(folder: Path, form: str) -> Path:
-    from fledge.cli import packets_test as made
+    from fledge.cli.ground import packets_test as made
 
     path = folder / f"a.{form}"
     datagrams = [made.datagram(packet) for packet in made.ALL]

@@ -41,7 +41,8 @@ def wanted():
 
 def in_lists():
     """All packages, also alternatives."""
-    return {name for file in (ROOT / "cmake/packages.txt", *ROOT.glob("targets/*/packages.txt"))
+    return {name for file in (ROOT / "cmake/packages.txt", *ROOT.glob("targets/*/packages.txt"),
+                                     *ROOT.glob("python/fledge/*/packages.txt"))
             for line in re.findall(r"^[^#\s\[].*?(?=\s*(?:#|$))", file.read_text(encoding="utf-8"), re.M)
             for name in line.split(" | ")}
 

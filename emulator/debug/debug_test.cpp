@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What needs no compiler for the machine; python/fledge/emulator has the tests with gdb and with programs.
+// What needs no compiler for the machine; emulator/python has the tests with gdb and with programs.
 #include "emulator/board.h"
 #include "emulator/cpu/instruction.h"
 #include "emulator/debug/history.h"

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]      # flight/, targets/ and python/ lie there, in this tree or installed
 
 
+def sources() -> list[Path]:
+    """All files of the package fledge, also of rooms, whose folders links in it name, by their paths."""
+    return sorted(Path(place, name) for place, _, names in os.walk(Path(__file__).parent, followlinks=True)
+                  for name in names)
+
+
 class Part:
     """A file that takes its name once it is whole: until then it is NAME.part.
 

@@ -25,6 +25,10 @@ class Failure(Exception):
         self.code = code
 
 
+class Mistakes(Exception):
+    """All mistakes in a file, one a line."""
+
+
 class Stopped(Failure):
     """A run has ended at the first violation of a requirement, as the user chose. outcomes: of the violated
     requirements; the simulation keeps its state."""

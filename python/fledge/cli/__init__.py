@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: every command of usage.txt but those that fledge.launcher has, which install, build and test.
-Each is in a module here, whose add() has its arguments and names the function that carries it out.
+Each is in a module whose add() has its arguments and names the function that carries it out: here, or in a room
+(rooms.py).
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -59,11 +60,10 @@ def summaries() -> dict[str, str]:
 
 
 def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
-    """That of the commands here, and of those that other functions add, by the function that adds one. `needs` says
-    what the launcher provides first, besides what all need (fledge.launcher.packages); None: it builds nothing."""
-    from fledge.cli import (bench, check, compare, control_room, export, falsify, faults, flips, fly, ground, keys,
-                            load, montecarlo, new, node, packets, profile, prompt, prove, records, replay, rewind,
-                            rules, run, show, up, verify, versions)
+    """That of the commands here and of the rooms, and of those that other functions add, by the function that adds one.
+    `needs` says what the launcher provides first, besides what all need (fledge.launcher.packages); None: it builds
+    nothing."""
+    from fledge.cli import bench, check, compare, export, fly, load, new, prompt, records, rooms, run, show
 
     texts = summaries()
     top = Parser(prog="fledge", description="Fly flight software in closed loop.",
@@ -81,12 +81,13 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
         sub.set_defaults(function=function, needs=lambda _: [], by_itself=False)
         return sub
 
-    for module in (run, check, node, montecarlo, falsify, faults, versions, export, fly, load, flips, profile, verify,
-                   prompt, prove, rules, compare, replay, packets, keys, up, rewind, ground, control_room, show, new,
-                   records, bench):
+    for module in (run, check, export, fly, load, prompt, compare, show, new, records, bench, *rooms.modules()):
         module.add(command)
     for add in more:
         add(command)
+    for name in texts:      # errors name the choices in the order of the usage
+        if name in commands.choices:
+            commands.choices[name] = commands.choices.pop(name)
     return top
 
 

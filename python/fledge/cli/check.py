@@ -32,8 +32,7 @@ def add(command: Callable) -> None:
 def check(options: argparse.Namespace) -> int:
     """Check a mission; returns the exit code."""
     import fledge
-    from fledge.cosim.up.description import SimError
-    from fledge.errors import SetupError
+    from fledge.errors import Mistakes, SetupError
 
     sim = fledge.load(options.mission, **given_parameters(options))
     assert sim.mission
@@ -48,7 +47,7 @@ def check(options: argparse.Namespace) -> int:
             parts += filter(None, [read()])
         except (SetupError, Failure) as error:
             wrong.append(str(error))
-        except SimError as error:
+        except Mistakes as error:
             wrong += str(error).splitlines()
     if wrong:
         head = f"{sim.name} {'can' if can_fly else 'cannot'} fly; {counted(len(wrong), 'error')}"
@@ -112,19 +111,21 @@ def _summary(process: Any) -> str:
             + (f" in {' and '.join(places)}" if places else ""))
 
 
-# --- its files, by what reads them in other commands -----------------------------------------------
+# --- its files, by what reads them in other commands; those of rooms, by their READERS ---------------
 
 def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
     """The reader of each of its files, which returns a summary. whole: those about flight's messages, too."""
     from functools import partial
 
+    from fledge.cli import rooms
+
     assert sim.mission
     folder = sim.mission.folder
+    readers = rooms.readers()
     yield partial(_requirements, sim)
-    if (folder / "dispersions.py").exists():
-        yield partial(_campaigns, folder)
-    if (folder / "faults.py").exists():
-        yield partial(_faults, folder)
+    for name in sorted(readers):
+        if name.endswith(".py") and (folder / name).exists():
+            yield partial(readers[name], folder / name)
     keys = {path: _keys(path) for path in sorted(folder.glob("*.toml"))}
     boards = [[path] for path, entries in keys.items() if "snorkel" in entries]
     if any(folder.glob("boards/*.toml")):
@@ -134,14 +135,11 @@ def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
     if whole and (folder / "ground.toml").exists():
         yield partial(_ground, sim)
     for path, entries in keys.items():
-        if "craft" in entries:
-            yield partial(_control_room, path)
-        elif not entries or {"node", "asynchronous"} & entries:
-            yield partial(_programs, path)
+        yield from [partial(read, path) for kind, read in readers.items() if kind in (entries or {""})][:1]
 
 
 def _keys(path: Path) -> set[str]:
-    """The keys of a TOML file; none if it cannot be read, which its reader reports."""
+    """The keys of a TOML file; none if it cannot be read, which the reader of "" reports."""
     import tomllib
 
     try:
@@ -155,22 +153,6 @@ def _requirements(sim: Any) -> str:
 
     requirements = Requirements(sim)
     return counted(len(requirements.all), "requirement") if requirements else ""
-
-
-def _campaigns(folder: Path) -> str:
-    from fledge.montecarlo import Campaign
-
-    known = list(Campaign(folder).known)
-    for name in known[1:]:
-        Campaign(folder, name)
-    return counted(len(known), "campaign")
-
-
-def _faults(folder: Path) -> str:
-    from fledge.analysis.matrix import FILE, Matrix
-
-    Matrix(folder)
-    return FILE
 
 
 def _boards(sim: Any, paths: Sequence[Any]) -> str:
@@ -188,18 +170,3 @@ def _ground(sim: Any) -> str:
 
     ground.read(sim.mission.folder, [packets.database(process) for process in read_all(sim)])
     return ground.FILE
-
-
-def _control_room(path: Path) -> str:
-    from fledge.ground.server.settings import read
-
-    read(path)
-    return path.name
-
-
-def _programs(path: Path) -> str:
-    from fledge.cosim.up.description import read
-    from fledge.targets import TARGETS
-
-    read(path, TARGETS)
-    return path.name

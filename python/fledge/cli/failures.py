@@ -50,5 +50,5 @@ def _package_of(module: str) -> str:
     from fledge.disk import ROOT
 
     package = f"python3-{module.partition('.')[0].lower()}"
-    listed = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").split()
-    return package if package in listed else ""
+    files = [ROOT / "cmake/packages.txt", *_PACKAGE.glob("*/packages.txt")]
+    return package if any(package in file.read_text(encoding="utf-8").split() for file in files) else ""

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from fledge.archive import Archive
-    from fledge.cosim.up.description import Plan
     from fledge.mission.simulation import Simulation
     from fledge.targets import Job
 
@@ -108,30 +107,6 @@ def _reported(options: argparse.Namespace, sim: Simulation, scenario: str, where
         plots.whole(), command_line(options)))
     say(f"  report   {page}")
     return problem, code, outcomes
-
-
-def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
-    """(the mission, the name of its scenario) of a finished run of `fledge up --report`: what its flight computers put
-    out comes from their records; the world runs. Of a program that was lost, the record is what is left of it."""
-    import fledge
-    from fledge.archive import Archive
-    from fledge.cosim.up.missions import whole_mission
-    from fledge.mission.scenario import chosen
-    from fledge.targets.playback import stand_in
-
-    first = whole_mission(plan)
-    sim = fledge.load(str(first.mission), plan.seed, **first.parameters)
-    records = {}
-    for p in plan.nodes:
-        if p.flies:
-            place = folder / p.name / str(p.process) / str(p.target) if p.target else folder / p.name
-            files = [file for file in (place.with_name(f"{place.name}.mcap{end}") for end in ("", ".part"))
-                     if file.exists()]
-            if not files:
-                raise Failure(f"{place}.mcap, the record of {p.name}, is missing")
-            records[str(p.process)] = Archive(files[0])
-    stand_in(sim, records, Archive(folder / "exchange.mcap"))
-    return sim, chosen(sim, first.scenario)[0]
 
 
 def show_required(outcomes: Sequence[Outcome], where: str = "") -> None:

@@ -2,8 +2,10 @@
 """Packets and their times in files: what `--script` of a board's program reads."""
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
+
+from fledge.frames import OPTIONS, Frames
 
 
 class Timed(NamedTuple):
@@ -20,3 +22,13 @@ def script(packets: Iterable[Timed]) -> str:
 def read_script(text: str) -> list[Timed]:
     """The packets of such a file."""
     return [Timed(int(t), bytes.fromhex(digits)) for t, digits in (line.split() for line in text.splitlines())]
+
+
+def unframed(frames: Frames, units: Iterable[Timed]) -> Iterator[Timed]:
+    """The packets in units of telemetry (ccsds/space_link.h)."""
+    from fledge import _ground
+
+    end = _ground.SpaceLink({name: getattr(frames, name) for name in OPTIONS}, 1, 1)
+    for unit in units:
+        for packet in end.take(unit.packet):
+            yield Timed(unit.t, packet)

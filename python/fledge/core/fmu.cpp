@@ -50,7 +50,7 @@ std::vector<FmuPort> ports_from(const py::handle &ports)
     return all;
 }
 
-/// From a Plan of fledge.world.fmu_interface.
+/// From a Plan of fledge.fmi.interface.
 void set_fmu(const AnyInstance &object, const Typed<py::object, "Any"> &given)
 {
     auto *model = dynamic_cast<importer::FmuModel *>(instance_of(object)->model());

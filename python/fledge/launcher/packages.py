@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Debian's packages: which a command needs, and those that are missing, installed.
 
-A purpose is a section of cmake/packages.txt, with those of COMPOSED, or the folder of a target, whose packages.txt has
-its packages. What a command needs besides what all need (`needs` of its parser) is a list of
+A purpose is a section of cmake/packages.txt, with those of COMPOSED, or a part of the package or the folder of a
+target, whose packages.txt has its packages. What a command needs besides what all need, `needs` of its parser, is a
+list of
 
-    a section, or the name of a target      its packages; of a target, those too of the targets that it uses
+    a section, a part, or a target's name   its packages; of a target, those too of the targets that it uses
     "build PART"                            this part of Fledge's build
     "view", "try view"                      the 3-D view is built; "try": if there is Node
 
@@ -25,6 +26,7 @@ from fledge.disk import ROOT, keep, may_write
 from fledge.launcher.context import Context
 from fledge.launcher.tools import alone, failure, pass_on, run, say
 
+PACKAGE = ROOT / "python/fledge"
 STATUS = Path("/var/lib/dpkg/status")
 OS_RELEASE = Path("/etc/os-release")
 SYSTEMS = {"bookworm": "Debian 12", "trixie": "Debian 13", "noble": "Ubuntu 24.04"}    # by VERSION_CODENAME
@@ -35,8 +37,9 @@ BUILDING = ("project", "unit", "pytest", "docs")      # purposes for which an in
 
 def listed(purpose: str) -> list[str]:
     """The packages of a purpose; of alternatives, "a | b"."""
-    if "/" in purpose:
-        text = Path(purpose, "packages.txt").read_text(encoding="utf-8")
+    own_file = PACKAGE / purpose / "packages.txt"       # of the folder of a target: that is whole
+    if own_file.is_file():
+        text = own_file.read_text(encoding="utf-8")
     else:
         text = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").partition(f"\n[{purpose}]\n")[2]
         text = text.partition("\n[")[0]
@@ -213,7 +216,7 @@ def provide(context: Context, needs: Iterable[str], without: bool = False) -> li
             try:
                 need(context, purpose)
             except Failure as error:
-                if not without or "/" not in purpose:
+                if not without or not Path(purpose).is_absolute():
                     raise
                 say(str(error))
                 say(f"going on without {Path(purpose).name}")

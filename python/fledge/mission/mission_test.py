@@ -271,7 +271,7 @@ def test_a_late_run_says_so(here, tmp_path):
         (["run", "looker", "--for", "soon"], "--for: expected a duration such as 90s, 10min or 2h; found 'soon'"),
         (["run", "looker", "--for", "1e400"], "--for: expected at most 1e9 s, which are 31 years; found '1e400'"),
         (["plot", "nothing"], "fledge: there is no record 'nothing'; none has been made yet: ./fledge run MISSION"),
-        (["flie"], "invalid choice: 'flie' (choose from run, "),
+        (["flie"], "invalid choice: 'flie' (choose from list, run, "),
         (["bench", "nothing"], "there is no bench 'nothing'; there are"),
         (["run", "looker", "--seed", "-1"], "fledge: seed: expected a whole number from 0 to 2^64 - 1; found -1"),
         (["run", "looker", "--pace", "-1"], "argument --pace: expected a number >= 0; found '-1'"),

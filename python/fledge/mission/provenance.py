@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import __version__, objects
+from fledge.disk import sources
 from fledge.errors import SetupError
 from fledge.objects import project
 
@@ -184,6 +185,6 @@ def identity(mission: Path) -> dict[str, str]:
 def digest(name: str, mission: Path) -> str:
     """Twelve digits, of the Python files of "mission", or of those of "fledge" and the extension `_core`."""
     own = name == "fledge"
-    files = [*(Path(__file__).resolve().parents[1] if own else mission).rglob("*.py"), *([extension()] if own else ())]
+    files = [file for file in sources() if file.suffix == ".py"] + [extension()] if own else [*mission.rglob("*.py")]
     parts = sorted(file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files)
     return hashlib.sha256(b"".join(parts)).hexdigest()[:12]

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import export
 from fledge.commands import Kind, Report, Timed, decoded, read_script, script, sequence_of
+from fledge.commands.scripts import unframed
 from fledge.errors import Failure
 from fledge.frames import FILE
-from fledge.ground.scripts.framed import unframed
 from fledge.mission.folder import without_preset
 from fledge.objects import project
 from fledge.targets import build

@@ -31,7 +31,7 @@ def Fmu(path: str | PathLike[str], parameters: Mapping[str, Any] | None = None, 
     """
     # Here, because they would delay each mission by their imports.
     from fledge.fmi.archive import opened
-    from fledge.world.fmu_interface import Interface
+    from fledge.fmi.interface import Interface
 
     for name, message in (messages or {}).items():
         if not isinstance(message, tuple) or len(message) != 2 or not isinstance(message[1], Mapping):
