@@ -7,13 +7,12 @@ hold, a command was refused, or it did not fly; 2 the command line, the mission 
 from __future__ import annotations
 
 import argparse
-import functools
 import os
-import re
 
 from fledge import serial_line
 from fledge.cli.arguments import add_mission, add_parameters, add_seed, given_parameters, number
-from fledge.cli.console import complain
+from fledge.cli.console import complain, say
+from fledge.errors import Failure
 from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
@@ -24,13 +23,11 @@ if TYPE_CHECKING:
     from typing import Any
 
     from fledge.archive import Archive
-    from fledge.archive.compare import Difference
     from fledge.requirements import Outcome
+    from fledge.targets.comparison import Bound, Comparison
     from fledge.targets.flown import Flown
     from fledge.targets.job import Job, Part
     from fledge.targets.target import Target
-
-    Bound = tuple[str, float, float, str]   # a field, how much, [s] from when on, where it stands
 
 
 def add(command: Callable) -> None:
@@ -144,8 +141,6 @@ def _is_part(options: argparse.Namespace) -> bool:
 def _targets(options: argparse.Namespace, chosen: list[str], lines: dict[str, Any]
              ) -> tuple[dict[str, Any], dict[str, str]]:
     """(the targets by name, as the options want them; why some of them cannot fly). lines: of _at_lines()"""
-    from fledge.errors import Failure
-
     if options.rtems:
         from fledge.targets.leon3_rtems import NAMED_BY
 
@@ -163,7 +158,6 @@ def _times(options: argparse.Namespace, lacking: dict[str, str]) -> tuple[float 
     """([s] to fly, None: to the end of the scenario; [s] from which --within holds). Raises Failure where no flight of
     any length is possible."""
     from fledge.cli.arguments import flight_time, parse_duration
-    from fledge.errors import Failure
 
     duration = flight_time(options)
     settled = parse_duration(options.settled, "--settled") if options.settled else 0.0
@@ -180,7 +174,6 @@ def _times(options: argparse.Namespace, lacking: dict[str, str]) -> tuple[float 
 def _job(options: argparse.Namespace, duration: float | None, settled: float, check: Callable[[Job], None],
          chosen: list[str]) -> Job:
     """The flight of the desktop, with which the chosen targets are compared. Prints the verdict if its checks fail."""
-    from fledge.errors import Failure
     from fledge.targets import Job
 
     try:
@@ -204,7 +197,7 @@ def _refuse(prepare: Callable[[Target, Part], object], others: list[tuple[Part, 
             lacking: dict[str, str]) -> None:
     """Call prepare(target, part) of all that fly, before anything does. Print why a target refuses, and add it to
     `lacking`; its other parts are left out."""
-    from fledge.errors import Failure, SetupError
+    from fledge.errors import SetupError
 
     for part, target in others:
         if target.name not in lacking:
@@ -218,8 +211,6 @@ def _refuse(prepare: Callable[[Target, Part], object], others: list[tuple[Part, 
 def _checked(options: argparse.Namespace, job: Job, others: list[tuple[Part, Target]], settled: float) -> list[Bound]:
     """The bounds by which the flight is judged: (field, how much, [s] from when on, where it stands) of each. Raises
     Failure if options do not fit the mission."""
-    from fledge.errors import Failure
-
     if options.clock and len(others) != 1:
         raise Failure(f"--clock: name one target of one flight process with --on; found {len(others)}")
     if options.join is not None and len(others) != 1:
@@ -242,8 +233,6 @@ def _checked(options: argparse.Namespace, job: Job, others: list[tuple[Part, Tar
 
 def _ready(names: Sequence[str]) -> tuple[dict[str, Any], dict[str, str]]:
     """(the targets by name, why some of them cannot fly). Raises Failure if there is no such target."""
-    from fledge.errors import Failure
-
     TARGETS.expect(names, "fly")
     known, lacking = {name: TARGETS[name] for name in names}, {}
     for name in known:
@@ -256,7 +245,6 @@ def _ready(names: Sequence[str]) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, str]) -> dict[str, Any]:
     """The boards at serial lines and computers that --on names, by their names."""
-    from fledge.errors import Failure
     from fledge.targets.serial import Serial
     from fledge.targets.ssh import Ssh
 
@@ -285,8 +273,6 @@ def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, st
 
 def _with_tools(options: argparse.Namespace, chosen: Iterable[str]) -> dict[str, Any]:
     """The one target on a LEON3, or for --gdb on another emulated board, with what a developer wants of it."""
-    from fledge.errors import Failure
-
     words = [word for name in ("trace", "coverage", "profile") if getattr(options, name)
              for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
     words += ["--gdb", options.gdb] if options.gdb else []
@@ -304,7 +290,6 @@ def _with_tools(options: argparse.Namespace, chosen: Iterable[str]) -> dict[str,
 
 def _in_tree(tree: str, targets: dict[str, Any]) -> dict[str, Any]:
     """Those of the targets that fly in a tree of cFS, by name."""
-    from fledge.errors import Failure
     from fledge.targets.cfs.real import RealCfs
     from fledge.targets.leon3_rtems.real import RtemsCfs
 
@@ -317,8 +302,6 @@ def _in_tree(tree: str, targets: dict[str, Any]) -> dict[str, Any]:
 
 def _chosen(text: str) -> tuple[list[str], dict[str, str]]:
     """(names of targets, a run each; process -> name of its target, in one more run) of --on."""
-    from fledge.errors import Failure
-
     names: list[str] = []
     apart: dict[str, str] = {}
     for word in filter(None, map(str.strip, text.split(","))):
@@ -345,168 +328,63 @@ def _by_process(words: Iterable[str]) -> dict[str, list[str]]:
     return files
 
 
-class _Comparison:
-    """A job on several targets, each compared with the desktop.
-
-    runs: name -> the target of each process; lacking: why a target, by its name, cannot fly
-    """
-
-    def __init__(self, options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
-                 lacking: dict[str, str]) -> None:
-        self.options, self.job, self.bounds, self.lacking = options, job, bounds, lacking
-        self.runs: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
-        self.code = 1                                   # the exit code where something is wrong
-        self.wrong: dict[str, list[str]] = {name: [] for name in self.runs}
-        self._rows: list[tuple[str, Flown | None, str, str]] = []
-        self._notes: list[str] = []
-        self._archives: dict[Path, Archive] = {}
-        self._records: dict[str, dict[str, Archive]] = {}       # run -> process -> its record
-        self._first: dict[str, tuple[str, Archive]] = {}        # process -> the first run through boards, its record
-        self._bits: dict[tuple[str, Part], str] = {}            # (run, process) -> a hash of its outputs
-        boards = [path.name for path in job.boards]
-        self.title = f"{job.title}, {job.scenario}, {job.duration:g} s"
-        self.through = f", through {', '.join(boards)}" if boards else ""
-
-    def fly(self) -> None:
-        """All runs, one after the other, until Ctrl-C."""
-        from fledge.archive import ArchiveError
-        from fledge.errors import Failure, RunError, SetupError
-
-        for name, on in self.runs.items():
-            if any(target.name in self.lacking for target in on.values()):     # whose reason was printed
-                self._absent(name)
-                continue
-            try:
-                flown = self._flown(name, on)
-            except (Failure, SetupError, RunError, ArchiveError, OSError) as error:
-                complain(f"{name}: {error}", "  ")
-                self._absent(name)
-                continue
-            except KeyboardInterrupt:
-                complain(f"{name}: interrupted", "  ")
-                self._absent(name)
-                self.code = 130
-                for later in list(self.wrong)[list(self.wrong).index(name) + 1:]:
-                    self.wrong[later].append("did not fly")
-                break
-            for part in self.job.parts:
-                self._compare(name, part, flown[part.process])
-
-    def _absent(self, name: str) -> None:
-        self._rows.append((name, None, "", "did not fly"))
-        self.wrong[name].append("did not fly")
-
-    def _flown(self, name: str, on: dict[str, Target]) -> dict[str, Flown]:
-        """Fly a run, and open its records."""
-        from fledge.archive import Archive
-        from fledge.errors import Failure
-        from fledge.targets import fly
-
-        if on and "desktop" not in self._records:
-            raise Failure("there is no flight of the desktop to compare with")
-        desktop: Any = TARGETS["desktop"]
-        flown: dict[str, Flown] = fly(self.job, on, name, PATIENCE if self.options.gdb else 60.0, self.options.pace
-                                      ) if on else desktop.fly(self.job)
-        records = self._records[name] = {}
-        for part in self.job.parts:
-            path = flown[part.process].record
-            if path not in self._archives:
-                self._archives[path] = Archive(path)
-            records[part.process] = self._archives[path]
-        return flown
-
-    def _compare(self, name: str, part: Part, flight: Flown) -> None:
-        """Compare one process of a run with the desktop's, and add its row."""
-        from fledge.archive.compare import digest
-
-        on, several = self.runs[name], len(self.job.parts) > 1
-        place = on[part.process].name if on else "desktop"
-        title = f"{part.process} on {place}" if several else place
-        text, problem = self._differences(name, part, flight) if on else ("", "")
-        bits = self._bits[name, part] = digest(self._records[name][part.process], part.outputs, part.is_instant)
-        if on and bits == self._bits["desktop", part] and (other := part.unequal_telemetry(place)):
-            text, problem = f"{text}; {other}", problem or "telemetry differs from the desktop's"
-        refusals = part.refusals(flight.reports or (part.reports(place) if on else ()))
-        self._notes += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
-        if on:
-            self._notes += [f"script   {place}: {failure}" for failure in part.failures(place)]
-        if not all(expected for _, expected in refusals):
-            problem = problem or "a command was refused"
-        if problem:
-            self.wrong[name].append(f"{part.process} {problem}" if several else problem)
-        self._rows.append((title, flight, bits, text))
-
-    def _differences(self, name: str, part: Part, flight: Flown) -> tuple[str, str]:
-        """(how a process differs from the desktop's, for the table; what is wrong or "")"""
-        from fledge.archive.compare import compare
-
-        desktop, archive = (self._records[run][part.process] for run in ("desktop", name))
-        if not self.job.rounds:
-            found = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
-            return (str(found[0]), "differs from the desktop") if found else ("none", "")
-        text, problem = _rounded(desktop, archive, part, flight, self.bounds)
-        first, its = self._first.setdefault(part.process, (name, archive))
-        if first != name:
-            others = compare(its, archive, part.outputs)
-            problem = problem or (f"differs from {first}" if others else "")
-            text = f"from {first}: {others[0]}" if others else f"none from {first}; {text}"
-        return text, problem
-
-    def show(self) -> None:
-        """Print the table of all, and what else there is to know of a flight."""
-        from fledge.cli.console import say
-        from fledge.targets import table
-
-        for line in [*table.lines(self._rows), *table.scripts(self._rows), *table.serial_lines(self._rows)]:
-            say("  " + line)
-        if self._archives:
-            say(f"  records  {', '.join(map(str, self._archives))}")
-        for name, flight, *_ in self._rows if self.options.pace else ():
-            if flight and flight.line:
-                say(f"  plot     {_plot_late(flight, f'{self.title}, by the clock, on {name}')}")
-        for note in self._notes:
-            say(f"  {note}")
-
-    def judge(self) -> None:
-        """Judge what each target put out by the scenario's checks and the requirements that it shows."""
-        from fledge.cli.console import say
-        from fledge.cli.judge import show_required
-        from fledge.requirements.judge import VIOLATED, problem_of
-
-        job = self.job
-        if not job.whole:
-            if job.scenario != "free":
-                say(f"  checks   none: the flight ends before the scenario {job.scenario}")
-            return
-        if not job.checked:
-            say("  checks   none: the scenario has no check, and the mission no requirement for it")
-        same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
-        for name, record in self._records.items():
-            raised, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
-                self.options, job, name, record)
-            violated = [outcome.requirement.id for outcome in outcomes if outcome.verdict == VIOLATED]
-            if violated:
-                self.wrong[name].append(f"violates {', '.join(violated)}")
-            if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
-                self.wrong[name].append("the scenario's checks "
-                                        + ("do not hold" if failed == 1 else "cannot be judged by its record"))
-                complain(f"{job.title}, {job.scenario} on {name}: {raised}")
-            same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, self.runs))
-        for names, outcomes in same.values():
-            show_required(outcomes, ", ".join(names))
-
-
 def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
          lacking: dict[str, str]) -> int:
-    """Fly all, compare and judge; the arguments are those of _Comparison."""
-    from fledge.cli.console import say
+    """Fly all, compare and judge; the arguments are those of Comparison."""
+    from fledge.targets.comparison import Comparison
 
-    flights = _Comparison(options, job, runs, bounds, lacking)
-    say(flights.title + flights.through)
-    flights.fly()
-    flights.show()
-    flights.judge()
-    return _verdict({_title(name, runs): problems for name, problems in flights.wrong.items()}, flights.code)
+    boards = [path.name for path in job.boards]
+    title = f"{job.title}, {job.scenario}, {job.duration:g} s"
+    say(title + (f", through {', '.join(boards)}" if boards else ""))
+    flights = Comparison(job, runs, bounds, lacking, PATIENCE if options.gdb else 60.0, options.pace)
+    flights.fly(lambda text: complain(text, "  "))
+    _show(flights, title, bool(options.pace))
+    _judge(options, flights)
+    return _verdict({flights.title(name): problems for name, problems in flights.wrong.items()},
+                    130 if flights.interrupted else 1)
+
+
+def _show(flights: Comparison, title: str, paced: bool) -> None:
+    """Print the table of all, and what else there is to know of a flight."""
+    from fledge.targets import table
+
+    for line in [*table.lines(flights.rows), *table.scripts(flights.rows), *table.serial_lines(flights.rows)]:
+        say("  " + line)
+    if flights.archives:
+        say(f"  records  {', '.join(map(str, flights.archives))}")
+    for name, flight, *_ in flights.rows if paced else ():
+        if flight and flight.line:
+            say(f"  plot     {_plot_late(flight, f'{title}, by the clock, on {name}')}")
+    for note in flights.notes:
+        say(f"  {note}")
+
+
+def _judge(options: argparse.Namespace, flights: Comparison) -> None:
+    """Judge what each target put out by the scenario's checks and the requirements that it shows."""
+    from fledge.cli.judge import show_required
+    from fledge.requirements.judge import VIOLATED, problem_of
+
+    job = flights.job
+    if not job.whole:
+        if job.scenario != "free":
+            say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+        return
+    if not job.checked:
+        say("  checks   none: the scenario has no check, and the mission no requirement for it")
+    same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
+    for name, record in flights.records.items():
+        raised, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
+            options, job, name, record)
+        violated = [outcome.requirement.id for outcome in outcomes if outcome.verdict == VIOLATED]
+        if violated:
+            flights.wrong[name].append(f"violates {', '.join(violated)}")
+        if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
+            flights.wrong[name].append("the scenario's checks "
+                                       + ("do not hold" if failed == 1 else "cannot be judged by its record"))
+            complain(f"{job.title}, {job.scenario} on {name}: {raised}")
+        same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(flights.title(name))
+    for names, outcomes in same.values():
+        show_required(outcomes, ", ".join(names))
 
 
 def _plot_late(flown: Flown, title: str) -> Path:
@@ -516,16 +394,8 @@ def _plot_late(flown: Flown, title: str) -> Path:
     return save(serial.plot(flown.line or {}, title), flown.record.parent, f"{flown.record.stem}_late")
 
 
-def _title(name: str, runs: dict[str, dict[str, Target]]) -> str:
-    """The name of a run; of one with targets for some of several processes, these, as --on has them."""
-    return name if name != "apart" else ",".join(f"{process}={target.name}" for process, target in runs[name].items()
-                                                 if target.name != "desktop") or "apart"
-
-
 def _verdict(wrong: dict[str, list[str]], code: int = 1) -> int:
     """Print the last line, which has every target; returns the exit code. wrong: what is, by target."""
-    from fledge.cli.console import say
-
     passed = [name for name, problems in wrong.items() if not problems]
     failed = [f"{name}: {', '.join(problems)}" for name, problems in wrong.items() if problems]
     say(f"  failed   {'; '.join(failed)}" + (f" (passed: {', '.join(passed)})" if passed else "") if failed else
@@ -538,7 +408,7 @@ def _judged(options: argparse.Namespace, job: Job, name: str,
     """The same as of attempt(), of what a target put out."""
     from fledge.archive import Archive, ArchiveError
     from fledge.cli.judge import judge
-    from fledge.errors import Failure, SetupError
+    from fledge.errors import SetupError
 
     try:
         return judge(options, job, name, flown, Archive(job.exchange(name)) if job.boards else None)
@@ -547,7 +417,6 @@ def _judged(options: argparse.Namespace, job: Job, name: str,
 
 
 def _build(job: Job, others: list[tuple[Part, Target]]) -> int:
-    from fledge.cli.console import say
     from fledge.targets import table
 
     for part, target in others:
@@ -562,7 +431,6 @@ def _clock(job: Job, others: list[tuple[Part, Target]]) -> int:
     import dataclasses
     import json
 
-    from fledge.cli.console import say
     from fledge.columns import columns
     from fledge.disk import write_files
     from fledge.plot import save
@@ -585,7 +453,6 @@ def _clock(job: Job, others: list[tuple[Part, Target]]) -> int:
 
 
 def _join(job: Job, part: Part, target: Target, address: str, keys: str | None) -> int:
-    from fledge.cli.console import say
     from fledge.targets import table
 
     address = address or os.environ.get("FLEDGE_ADDRESS") or "tcp://127.0.0.1:7000"
@@ -598,48 +465,6 @@ def _join(job: Job, part: Part, target: Target, address: str, keys: str | None) 
     for line in table.serial_lines([(target.name, flown, "", "")]):
         say(f"  {line}")
     return 0
-
-
-def _rounded(desktop: Archive, archive: Archive, part: Part, flown: Flown, bounds: list[Bound]) -> tuple[str, str]:
-    """(the text for the table, what is wrong or "") of a flight through words that round.
-
-    bounds: (field, bound, [s] from when on, place) of each."""
-    from fledge.archive.compare import compare
-
-    @functools.cache
-    def differences(after: float) -> list[Difference]:
-        return compare(desktop, archive, part.outputs, ignore=["sequence"],
-                       times=lambda t: part.is_instant(t) & (t >= after * 1e9))
-
-    largest = differences(0.0)
-    structure = next((difference for difference in largest if difference.what), None)
-    if structure:
-        return str(structure), "differs from the desktop"
-    problem, texts = "", []
-    for field, bound, after, _ in bounds:
-        if not part.puts_out(field):
-            continue    # of another process
-        if after > part.job.duration:
-            texts.append(f"{field} not judged, which has its bound from {after:g} s on")
-            continue
-        near = [difference for difference in differences(after)
-                if f".{difference.topic}.{_plain(difference.name)}".endswith("." + field)]
-        worst = max((difference.worst for difference in near), default=0.0)
-        problem = problem if worst <= bound else f"{field} is beyond its bound"
-        texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")
-    if not texts:
-        numbers = [difference for difference in largest if difference.worst]
-        texts = [f"rounded; {max(numbers, key=lambda difference: difference.worst).topic} up to "
-                 f"{max(difference.worst for difference in numbers):.3g}" if numbers else "none"]
-    if flown.saturated:
-        texts.append(f"{flown.saturated} numbers beyond the range of their words")
-    if flown.lost:
-        texts.append(f"{flown.lost} packets lost in queues, or skipped")
-    return "; ".join(texts), problem
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"\[\d+\]", "", name)
 
 
 def _bound(text: str) -> tuple[str, float]:

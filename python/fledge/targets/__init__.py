@@ -10,6 +10,7 @@ the package fledge.targets.leon3, whose __init__.py has its class. Here is what 
     build.py      builds C by ninja, and measures the size of programs
     loop.py       the programs of one flight: controller, world, and the node of the target's board
     flight.py     a flight of a job on its targets; flown.py: its results
+    comparison.py a job on several targets, each compared with the desktop
     playback.py   a target's flight in the place of flight
     table.py      the table that `fledge fly` prints
     serial.py     a board at a serial line
