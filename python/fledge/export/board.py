@@ -27,7 +27,7 @@ from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
     from fledge import _core
-    from registers.description import Board, Number
+    from registers.description import Board, Lane as LaneOfBoard, Number
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 PACKETS = {"commands": "packets to flight, flight/command/command.h",
@@ -205,7 +205,7 @@ class _Finder:
     def refuse(self, board: Board, line: int, text: str) -> None:
         self.wrong.append(f"{board.path}:{line}: {text}")
 
-    def snorkel(self, board: Board, i: int, snorkel: Any, lane: Any, place: int) -> None:
+    def snorkel(self, board: Board, i: int, snorkel: Any, lane: LaneOfBoard, place: int) -> None:
         if snorkel.carries in PACKETS:
             self.packets(board, snorkel, lane)
         elif lane.carries:
@@ -226,7 +226,7 @@ class _Finder:
             if field.carries:
                 self.field(board, i, lane, place, k, field)
 
-    def packets(self, board: Board, snorkel: Any, lane: Any) -> None:
+    def packets(self, board: Board, snorkel: Any, lane: LaneOfBoard) -> None:
         """A snorkel of commands or telemetry."""
         what = snorkel.carries
         commands = dictionary(self.mission)
@@ -242,7 +242,7 @@ class _Finder:
         else:
             self.taken[what] = f"{board.path}:{snorkel.line}"
 
-    def message(self, board: Board, line: int, path: str, lane: Any) -> tuple[int, Message] | None:
+    def message(self, board: Board, line: int, path: str, lane: LaneOfBoard) -> tuple[int, Message] | None:
         """(id, message) of a path, if it passes in that direction."""
         if path not in self.messages:
             self.refuse(board, line, f"there is no message {path} in {self.mission.title}; choose of "
@@ -255,7 +255,7 @@ class _Finder:
             return None
         return id, message
 
-    def field(self, board: Board, i: int, lane: Any, place: int, k: int, field: Any) -> None:
+    def field(self, board: Board, i: int, lane: LaneOfBoard, place: int, k: int, field: Any) -> None:
         parts = field.carries.split(".")
         if len(parts) < 4:
             self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "

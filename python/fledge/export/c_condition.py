@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, broken, wrap
@@ -12,19 +12,19 @@ from fledge.export.c_values import indices, integer, literal
 
 if TYPE_CHECKING:
     from fledge import _core
-    from fledge.export.read import Module
+    from fledge.export.read import Module, Steps
 
 LIMITS = {"i64": (-2**63, 2**63), "u64": (0, 2**64)}
 
 
-def condition(name: str, steps: list[Any], modules: Mapping[str, Module], first: str = "") -> list[str]:
+def condition(name: str, steps: Steps, modules: Mapping[str, Module], first: str = "") -> list[str]:
     """Statements that end with an int of that name, which is 1 where the condition holds.
 
     steps: those of objects.Condition; modules: by path; first: an expression that must hold besides.
     """
     lines, compared = [], []
-    for i, step in enumerate(step for step in steps if not isinstance(step, str)):
-        before, expression = comparison(step, modules, f"{name}_{i + 1}")
+    for i, compares in enumerate(step for step in steps if not isinstance(step, str)):
+        before, expression = comparison(compares, modules, f"{name}_{i + 1}")
         lines += before
         compared.append(expression)
     if len(compared) > 1:
@@ -60,13 +60,14 @@ def enclosed(expression: str, made_with: str, operator: str) -> str:
     return expression if made_with in ("", operator) else f"({expression})"
 
 
-def comparison(step: tuple[Any, str, Any], modules: Mapping[str, Module], stem: str) -> tuple[list[str], str]:
+def comparison(step: tuple[_core.Operand, str, _core.Operand], modules: Mapping[str, Module], stem: str
+               ) -> tuple[list[str], str]:
     """(statements before it, the expression) of a comparison. stem: what the names of tables begin with."""
     left, relation, right = step
     before: list[str] = []
     a, b = (value(operand, modules, before, f"{stem}_{end}") for operand, end in ((left, "a"), (right, "b")))
     wide = {operand.type for operand in (a, b)} & LIMITS.keys()
-    if a.type == "enum" and b.constant is not None:
+    if a.field and a.type == "enum" and b.constant is not None:
         return before, f"{a.expression} {relation} {literal_of(a.field, b.constant)}"
     if not wide:
         return before, f"{a.real()} {relation} {b.real()}"
@@ -84,10 +85,12 @@ def comparison(step: tuple[Any, str, Any], modules: Mapping[str, Module], stem: 
 class Value:
     """An operand in C."""
 
-    def __init__(self, expression: str, type: str, field: Any = None, constant: float | int | None = None) -> None:
+    def __init__(self, expression: str, type: str, field: _core.Field | None = None, constant: float | None = None
+                 ) -> None:
         self.expression, self.type, self.field, self.constant = expression, type, field, constant
 
     def real(self) -> str:
+        """As a double, as all comparisons are made."""
         return self.expression if self.type == "f64" else f"(double){self.expression}"
 
     def exact(self) -> str:
@@ -96,13 +99,14 @@ class Value:
         return f"exec_real({self.real()})"
 
 
-def value(operand: Any, modules: Mapping[str, Module], before: list[str], table: str) -> Value:
+def value(operand: _core.Operand, modules: Mapping[str, Module], before: list[str], table: str) -> Value:
     """An operand; where it needs a table, statements are added to `before`."""
     constant = operand.constant
     if isinstance(constant, int):
         return Value(integer(constant), "i64" if constant < 2**63 else "u64", None, constant)
     if constant is not None:
         return Value(repr(constant), "f64", None, constant)
+    assert operand.path
     module = modules[operand.path]
     start, field, first = locate(module.struct, operand.offset, f"m->{module.name}")
     elements = [start + index for index in indices_of(field)]
@@ -114,7 +118,8 @@ def value(operand: Any, modules: Mapping[str, Module], before: list[str], table:
         table, n = start, len(elements)
     else:
         n = len(elements)
-        before += [f"    const double {table}[] = {{", *(f"        {number(field, e)}," for e in elements), "    };"]
+        reals = [f"        {Value(element, field.type).real()}," for element in elements]
+        before += [f"    const double {table}[] = {{", *reals, "    };"]
     return Value(f"exec_{operand.measure}({table}, {n})", "f64")
 
 
@@ -126,12 +131,12 @@ def assignments(module: Module, offset: int, raw: bytes) -> Iterator[str]:
         yield broken(f"{start}{index} = {literal(field, raw[i * size:(i + 1) * size])};")
 
 
-def literal_of(field: Any, value: float) -> str:
+def literal_of(field: _core.Field, value: float) -> str:
     """A number as an element of that field."""
     return literal(field, int(value).to_bytes(4, sys.byteorder, signed=True))
 
 
-def indices_of(field: Any) -> list[str]:
+def indices_of(field: _core.Field) -> list[str]:
     """The C behind a field's name that picks each element, in the order of memory."""
     if field.ctype == "Vec3":
         return [outer + ".v" + inner for outer in indices(field.shape[:-1]) for inner in indices(field.shape[-1:])]
@@ -140,12 +145,7 @@ def indices_of(field: Any) -> list[str]:
     return indices(field.shape)
 
 
-def number(field: Any, expression: str) -> str:
-    """As a double, as all comparisons are made."""
-    return expression if field.type == "f64" else f"(double){expression}"
-
-
-def locate(struct: _core.Struct, offset: int, start: str) -> tuple[str, Any, int]:
+def locate(struct: _core.Struct, offset: int, start: str) -> tuple[str, _core.Field, int]:
     """(expression, field, number of the element) of what lies at an offset in a struct."""
     field = next(f for f in struct.fields if f.offset <= offset < f.offset + f.size)
     path = f"{start}.{field.group}.{field.name}" if field.group else f"{start}.{field.name}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct as packing
 from collections.abc import Container, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, declaration, string
@@ -22,7 +22,7 @@ TABLE = 6       # from so many elements on, a plain array is set from a table
 class Setting:
     """Lines of C that set one field, and the note of the header on it."""
 
-    def __init__(self, field: Any, lines: list[str]) -> None:
+    def __init__(self, field: _core.Field, lines: list[str]) -> None:
         self.name = field.name
         self.lines = lines
         self.note = " ".join(([f"[{field.unit}]"] if field.unit else []) + ([field.doc] if field.doc else []))
@@ -65,7 +65,7 @@ def indices(shape: Sequence[int]) -> list[str]:
 
 # --- a field each ----------------------------------------------------------------------------------
 
-def texts(field: Any, raw: bytes, target: str) -> Iterator[str]:
+def texts(field: _core.Field, raw: bytes, target: str) -> Iterator[str]:
     """memcpy, not strcpy: a text may fill its field, and then has no end."""
     length = field.shape[-1] if field.shape else 1
     for i, index in enumerate(indices(field.shape[:-1])):
@@ -74,7 +74,7 @@ def texts(field: Any, raw: bytes, target: str) -> Iterator[str]:
             yield f"memcpy({target}{index}, {string(text)}, {len(text)});"
 
 
-def vectors(field: Any, raw: bytes, target: str) -> Iterator[str]:
+def vectors(field: _core.Field, raw: bytes, target: str) -> Iterator[str]:
     """Vec3 and Mat3: whole where several elements are given."""
     n, member, dims = (3, "v", 1) if field.ctype == "Vec3" else (9, "m", 2)
     for i, index in enumerate(indices(field.shape[:-dims])):
@@ -95,7 +95,7 @@ def vectors(field: Any, raw: bytes, target: str) -> Iterator[str]:
             yield from (f"{target}{index}.{member}{elements[j]} = {values[j]};" for j in given)
 
 
-def numbers(field: Any, raw: bytes, target: str, table: str) -> Iterator[str]:
+def numbers(field: _core.Field, raw: bytes, target: str, table: str) -> Iterator[str]:
     """Scalars and plain arrays, the longer of them from a table."""
     size = len(raw) // max(1, len(indices(field.shape)))
     elements = [raw[i:i + size] for i in range(0, len(raw), size)]
@@ -112,7 +112,7 @@ def numbers(field: Any, raw: bytes, target: str, table: str) -> Iterator[str]:
 
 # --- a number each ---------------------------------------------------------------------------------
 
-def literal(field: Any, raw: bytes) -> str:
+def literal(field: _core.Field, raw: bytes) -> str:
     """One element as C writes it."""
     if field.type == "f64":
         return double(packing.unpack("=d", raw)[0])

@@ -3,7 +3,7 @@
 definitions of its messages, and its rates."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge import flight, objects
 from fledge.export.c_source import memory, row, written
@@ -12,6 +12,7 @@ from fledge.export.commands import dictionary
 from fledge.records.series import ACTIVITY, MODE
 
 if TYPE_CHECKING:
+    from fledge import _core
     from fledge.export.read import Mission
 
 
@@ -75,7 +76,7 @@ def functions(mission: Mission) -> list[str]:
     return lines
 
 
-def message_types() -> list[Any]:
+def message_types() -> list[_core.Struct]:
     """The messages of executives."""
     return [objects.struct(getattr(flight, name)) for name in (MODE, ACTIVITY)]
 
@@ -116,7 +117,7 @@ def cut(text: str) -> bytes:
     return text.encode()[:87]
 
 
-def definitions(mission: Mission, types: list[Any]) -> str:
+def definitions(mission: Mission, types: list[_core.Struct]) -> str:
     """What the messages look like, for records and the exchange."""
     name = f"{mission.name}_definitions"
     lines = [*written(mission), '#include "targets/mission_host.h"', "", f"extern const MissionDefinition {name}[];",

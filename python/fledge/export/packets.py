@@ -20,8 +20,10 @@ from fledge.export.read import ExportError
 from introspect.comment import SEVERITIES
 
 if TYPE_CHECKING:
+    from enum import IntEnum
+
     from fledge.commands import Dictionary
-    from fledge.export.read import Mission
+    from fledge.export.read import Mission, Module
 
 
 @dataclass(frozen=True)
@@ -233,7 +235,7 @@ def numbered(names: Sequence[str]) -> dict[str, int]:
     return {name: i for i, name in enumerate(names)}
 
 
-def lower(kind: Any) -> dict[str, int]:
+def lower(kind: type[IntEnum]) -> dict[str, int]:
     return {member.name.lower(): int(member) for member in kind}
 
 
@@ -347,7 +349,7 @@ UNWRITTEN = {"StoredCommands": ["commands["], "Housekeeping": [".choices["], "Fa
         "low", "high", "hold", "count", "kind", "output", "offset", "type", "n", "measure", "list", "bits"))]}
 
 
-def writes(module: Any, parent: str, place: int) -> Iterator[Command]:
+def writes(module: Module, parent: str, place: int) -> Iterator[Command]:
     """Commands that write the parameters of a module: one for each, or for each struct of an array, or more where it is
     longer than a command."""
     process, _, name = module.path.partition(".")

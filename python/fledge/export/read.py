@@ -26,7 +26,10 @@ from fledge.objects.script import function_text, prototype, script
 
 if TYPE_CHECKING:
     from fledge import _core
+    from fledge.mission.process import Flight
+    from fledge.mission.simulation import Simulation
 
+    Steps = list[tuple[_core.Operand, str, _core.Operand] | str]   # of a condition, as _core.Condition.steps has them
 
 # The files of ccsds/ of a SpaceLink.
 FRAMES = ("farm", "fop", "packet_zone", "space_link", "space_packet", "sync", "tc_frame", "tm_frame")
@@ -48,7 +51,7 @@ class ExportError(SetupError):
 class Module:
     name: str                        # in C
     path: str                        # flight.control
-    struct: Any                      # objects.struct() of it
+    struct: _core.Struct
     memory: bytes                    # as flight.py left it, before any reset
     script: str = ""                 # why it cannot be C, with file and line: its update is Python
 
@@ -60,7 +63,7 @@ class Module:
     def function(self) -> str:
         return names.snake(self.type)
 
-    def fields(self, group: str) -> list[Any]:
+    def fields(self, group: str) -> list[_core.Field]:
         return [f for f in self.struct.fields if f.group == group]
 
     def field(self, name: str) -> _core.Field:
@@ -81,15 +84,15 @@ class Task:
     title: str                       # as in flight.py
     period: int                      # [ns]
     offset: int                      # [ns]
-    run: list                        # of Module
-    modes: list | None               # names of those in which it runs; None: always
+    run: list[Module]
+    modes: list[str] | None          # names of those in which it runs; None: always
 
 
 @dataclass
 class Guard:
     text: str                        # when a mode may be entered, in words
-    condition: list                  # steps of an objects.Condition; none: it has none
-    after: list                      # C names of the modes in which alone it is entered; none: in all
+    condition: Steps                 # none: it has none
+    after: list[str]                 # C names of the modes in which alone it is entered; none: in all
 
 
 @dataclass
@@ -98,27 +101,27 @@ class Event:
     title: str
     text: str                        # all of it, in words
     when: str                        # its condition in words
-    condition: list                  # steps of an objects.Condition
-    until: list                      # the same, of what arms it again; none: that the condition no longer holds
+    condition: Steps
+    until: Steps                     # of what arms it again; none: that the condition no longer holds
     hold: int                        # [ns]
     count: int                       # [instants]
     once: bool
     armed: bool                      # from the start
-    modes: list                      # C names of those in which it holds; none: in all
+    modes: list[str]                 # C names of those in which it holds; none: in all
     mode: str                        # C name of the mode to enter; "": none
-    arms: list                       # (C name of an event, whether to arm or disarm it)
-    settings: list                   # (Module, offset in its memory, bytes) of what it sets
-    publishes: list                  # of Module: the configuration that it sets
+    arms: list[tuple[str, bool]]     # (C name of an event, whether to arm or disarm it)
+    settings: list[tuple[Module, int, bytes]]   # (module, offset in its memory, bytes) of what it sets
+    publishes: list[Module]          # the configuration that it sets
 
 
 @dataclass
 class Message:
     name: str                        # nav_attitude, motor_command
     path: str                        # world.nav.attitude
-    struct: Any
+    struct: _core.Struct
     member: str                      # in.nav_attitude, motor.out.command
     direction: str                   # in, out, inside
-    ends: list                       # paths at its other ends
+    ends: list[str]                  # paths at its other ends
     latency: str = "same_instant"    # of an input, as the host must see to: mission/crossing.py
     optional: bool = False           # of an input: flight does without
     fed: str = ""                    # of an input that no wire feeds: what does on the desktop
@@ -131,22 +134,22 @@ class Mission:
     process: str                     # its flight process
     several: bool                    # whether the mission has other flight processes, too
     about: str                       # the first line of flight.py
-    modules: list
-    configuration: list              # modules that only publish their parameters
-    tasks: list                      # in the order of equal times
-    modes: list                      # C names; the titles in mode_titles
-    mode_titles: dict
+    modules: list[Module]
+    configuration: list[Module]      # those that only publish their parameters
+    tasks: list[Task]                # in the order of equal times
+    modes: list[str]                 # C names; the titles in mode_titles
+    mode_titles: dict[str, str]
     initial_mode: str | None
-    events: list
-    inputs: list                     # Message, from outside
-    outputs: list                    # Message, all of the modules' outputs
-    wires: dict                      # module name -> wires carried before its update
-    published: dict                  # configuration module name -> wires carried when it is published
-    left_out: list                   # titles of tasks and events that are not exported
+    events: list[Event]
+    inputs: list[Message]            # from outside
+    outputs: list[Message]           # all of the modules' outputs
+    wires: dict[str, list[Wire]]     # module name -> wires carried before its update
+    published: dict[str, list[Wire]]  # configuration module name -> wires carried when it is published
+    left_out: list[str]              # titles of tasks and events that are not exported
     reset: int | None = None         # the index in `inputs` of the message by which the computer is reset
     down: int = 0                    # [ns] how long it is down then
     form: str = "c"                  # c: with its functions; rtems: a thread for each task, too; micropython: composed
-    changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
+    changed: list[Module] = field(default_factory=list)     # micropython: those that are not as the script leaves them
     begins: str | None = None        # micropython: the initial mode, if it is not the script's
     place: Path | None = None        # the mission's folder; None: a program composed it
     guards: dict[str, Guard] = field(default_factory=dict)  # C name of a mode -> when it may be entered, if not always
@@ -192,8 +195,7 @@ def included(modules: Sequence[str], roots: Sequence[Path]) -> set[str]:
     todo = list(modules)
     for stem in todo:           # it grows
         for name in (f"{stem}.h", f"{stem}.c"):
-            path = file(name)
-            if path is None:
+            if (path := file(name)) is None:
                 continue
             if name.endswith(".c"):
                 sources.add(name)
@@ -205,7 +207,7 @@ def included(modules: Sequence[str], roots: Sequence[Path]) -> set[str]:
     return sources
 
 
-def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:
+def read(sim: Simulation, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:
     """The Mission of a flight process, by its name, in a simulation which has not run, or of it the named tasks.
 
     process: None if there is only one. What it reads of other processes is an input, of the world as of flight. A
@@ -222,18 +224,19 @@ def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = Non
     return _Reader(sim, flight, _memory(flight), tasks).mission()
 
 
-def read_all(sim: Any) -> list[Mission]:
+def read_all(sim: Simulation) -> list[Mission]:
     """The Missions of all flight processes of a simulation which has not run."""
     memory = [_memory(flight) for flight in sim.flights]    # before the first is read, which resets them all
     return [_Reader(sim, *flight).mission() for flight in zip(sim.flights, memory)]
 
 
-def _memory(flight: Any) -> dict[str, bytes]:
+def _memory(flight: Flight) -> dict[str, bytes]:
     return {name: objects.memory(module) for name, module in flight.instances.items()}
 
 
 class _Reader:
-    def __init__(self, sim: Any, flight: Any, memory: dict[str, bytes], tasks: Sequence[str] | None = None) -> None:
+    def __init__(self, sim: Simulation, flight: Flight, memory: dict[str, bytes],
+                 tasks: Sequence[str] | None = None) -> None:
         self.sim, self.flight = sim, flight
         if sim.time_ns >= 0:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
@@ -258,16 +261,13 @@ class _Reader:
     def read_modules(self, memory: dict[str, bytes]) -> dict[str, Module]:
         live = self.flight.instances
         in_task = {name for t in self.flight.tasks for name in t[4]}
-        running = {name for t in self.chosen for name in t[4]}
-        wanted = set(running)
+        self.running = running = {name for t in self.chosen for name in t[4]}
+        wanted = set(running if self.partial else live)
         for source, target, *_ in self.sim.wires:
             process, name, _ = source.split(".")
             to_process, to_name, _ = target.split(".")
             if process == to_process == self.flight.name and name not in in_task and to_name in running:
                 wanted.add(name)
-        if not self.partial:
-            wanted = set(live)
-        self.running = running
         self.refuse_prototypes({name: module for name, module in live.items() if name in wanted})
         c = names.distinct(live, ("in", "task", "mode", "event"), names.NO_MEMBERS)    # what its struct holds besides
         return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(module), memory[name],
@@ -358,7 +358,7 @@ class _Reader:
 
     def mission(self) -> Mission:
         sim = self.sim
-        self.ends: dict[str, list] = {}     # paths that read an output here
+        self.ends: dict[str, list[str]] = {}     # paths that read an output here
         name = self.name()
         mode_titles = [m[0] for m in self.flight.modes]
         mode_names = names.distinct(mode_titles)
@@ -375,9 +375,8 @@ class _Reader:
         self.read_tasks(mission, mode_names)
         self.read_guards(mission, mode_names)
         self.read_events(mission, mode_names)
-        taken = [m.name for m in mission.inputs]
         ports = {f"{m.path}.{f.name}": (m, f) for m in modules for f in m.fields("out")}
-        c = names.distinct([p.partition(".")[2] for p in ports], taken)
+        c = names.distinct([p.partition(".")[2] for p in ports], [m.name for m in mission.inputs])
         for path, (module, port) in ports.items():
             ends = self.ends.get(path, [])
             mission.outputs.append(Message(c[path.partition(".")[2]], path, port.struct,
@@ -416,21 +415,20 @@ class _Reader:
         modules = {m.path: m for m in mission.modules}
         for mode, guard in self.flight.guards.items():
             steps = guard.condition.steps if guard.condition is not None else []
-            paths = self.watched(f"mode {self.flight.name}.{mode}", steps, self.flight.declared_at(mode))
+            paths = self.watched(f"mode {self.flight.name}.{mode}", steps, self.flight.declared_at(mode) or ("", 0))
             if paths <= modules.keys():
                 mission.guards[mode_names[mode]] = Guard(guard.text, steps, [mode_names[mode] for mode in guard.after])
             else:
                 mission.left_out.append(f"the condition of the mode {mode}")
 
-    def watched(self, what: str, steps: Sequence[Any], declared_at: tuple[str, int]) -> set[str]:
+    def watched(self, what: str, steps: Steps, declared_at: tuple[str, int]) -> set[str]:
         """The paths of the modules that a condition looks at, which must be flight's own."""
         operands = [operand for step in steps if not isinstance(step, str) for operand in (step[0], step[2])]
         paths = {operand.path for operand in operands if operand.path}
         for path in sorted(paths):
             if path.split(".")[0] != self.flight.name:
-                file, line = declared_at
-                raise ExportError(f"{file}, line {line}: {what} looks at {path}: flight cannot see into other "
-                                  "processes; watch an input of flight, as in watch(f.tracking.attitude)")
+                raise ExportError("{}, line {}: ".format(*declared_at) + f"{what} looks at {path}: flight cannot see "
+                                  "into other processes; watch an input of flight, as in watch(f.tracking.attitude)")
         return paths
 
     def read_events(self, mission: Mission, mode_names: dict[str, str]) -> None:
@@ -468,12 +466,10 @@ class _Reader:
         the first instance that the text names."""
         if not self.sim.mission:
             return ExportError(text)
-        folder, process = self.sim.mission.folder, self.flight
-        known = {process.name: process for process in self.sim.processes}
-        for p, n in [] if name else re.findall(r"\b(\w+)\.(\w+)", text):
-            if p in known and n in known[p].instances:
-                process, name = known[p], n
-                break
+        folder, known = self.sim.mission.folder, {process.name: process for process in self.sim.processes}
+        words = [] if name else re.findall(r"\b(\w+)\.(\w+)", text)
+        named = ((known[p], n) for p, n in words if p in known and n in known[p].instances)
+        process, name = next(named, (self.flight, name or ""))
         event = process.events.get(name)
         file, line = (event.declared_at if event else process.declared_at(name)) or ("", 0)
         if Path(file).is_relative_to(folder):
@@ -483,7 +479,7 @@ class _Reader:
         return ExportError(f"{path}: {text}")
 
 
-def floats(struct: Any, memory: bytes) -> Iterator[tuple[str, float]]:
+def floats(struct: _core.Struct, memory: bytes) -> Iterator[tuple[str, float]]:
     """(path, value) of every floating-point number in an object of that struct."""
     for port in struct.fields:
         for path, f, at in leaves([port], prefix=f"{port.group}." if port.group else ""):

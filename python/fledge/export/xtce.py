@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 from xml.etree import ElementTree
 
 from fledge.commands import DATA_MAX, Reason
@@ -269,7 +268,7 @@ class _Writer:
                 ElementTree.SubElement(verifier, "ReturnParmRef", {
                     "parameterRef": self.parameters[f"{database.process}.reports.reason"]})
 
-    def condition(self, conditions: Element, database: Database, item: str, operator: str, value: Any) -> None:
+    def condition(self, conditions: Element, database: Database, item: str, operator: str, value: int | str) -> None:
         condition = ElementTree.SubElement(conditions, "Condition")
         raw = {"useCalibratedValue": "false"}
         ElementTree.SubElement(condition, "ParameterInstanceRef", {
