@@ -464,7 +464,7 @@ struct Sender {
     {
         EXPECT_EQ(size, type == TC_BC ? 2u : 4u);
         const std::uint32_t tag = type == TC_BC ? 0 : ccsds_get32(data);
-        EXPECT_TRUE(type == TC_BC || open.count(tag) == 1) << "nobody waits for it any more";
+        EXPECT_TRUE(type == TC_BC || open.count(tag) == 1) << "no request is open any more";
         EXPECT_TRUE(type != TC_AD || number.try_emplace(tag, n).first->second == n); // the same each time
         return random() % 16 == 0 ? -1 : static_cast<int>(random() % 3 != 0);
     }

@@ -245,7 +245,7 @@ class Campaign:
         if not names:
             return f"WRONG: {'other bits' if flown.code == 0 else 'it ended'}, and no fault was named"
         if not faults.record and RECORD_CUT in flown.text:
-            return "WRONG: it misses a record that nobody takes"
+            return "WRONG: it misses a record that no program takes"
         if not faults.resets and not faults.cut_for_good:
             return "WRONG: it did not get over faults that pass"
         if "begins flight there" in flown.text and "  flown    " in flown.text:

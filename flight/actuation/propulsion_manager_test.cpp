@@ -150,7 +150,7 @@ TEST(PropulsionManager, a_thruster_that_is_stuck_shut_is_not_available_until_it_
     }
     EXPECT_EQ(available(0b001, 0), 0b110u) << "and again 1 s later";
     for (int k = 0; k < 8; k++) {
-        EXPECT_EQ(available(0, 0), 0b110u) << "nobody opens it now";
+        EXPECT_EQ(available(0, 0), 0b110u) << "no command opens it now";
     }
     EXPECT_EQ(loop.m.out.health.stuck_shut, 0b001u);
     for (int k = 1; k <= 4; k++) {

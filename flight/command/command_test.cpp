@@ -688,7 +688,7 @@ TEST_F(Command, AnInitialValueBehindWhatIsWrittenDoesNotMatter)
 TEST_F(Command, AModeIsRefusedAtTheInstantAtWhichItsConditionDoesNotHold)
 {
     const CommandContext context = {&state, &table, &mission, 100, 0};
-    EXPECT_EQ(accept(packet(2, version + Bytes{0, 1})), COMMAND_OK) << "nobody knows yet";
+    EXPECT_EQ(accept(packet(2, version + Bytes{0, 1})), COMMAND_OK) << "the condition is evaluated later";
     mission.closed = 1;
     execute();
     EXPECT_EQ(reports.back().report.reason, COMMAND_GUARDED);

@@ -143,7 +143,7 @@ def test_the_command_line_decodes_a_file_of_the_archive(flown, tmp_path, capsys)
 
 def test_what_went_lost_before_it_came_is_a_gap(craft, tmp_path):
     archive = _ground.PacketArchive(str(tmp_path), "imager", craft)
-    archive.missing(3 * S, 7 * S, "nobody listened")
+    archive.missing(3 * S, 7 * S, "no receiver listened")
     archive.save()      # there is no file yet
     for t in (1, 2, 3, 7, 8):
         archive.put(t * S, 0, packet(t))
@@ -152,7 +152,7 @@ def test_what_went_lost_before_it_came_is_a_gap(craft, tmp_path):
     archive.close()
     session, = _ground.History(str(tmp_path), "imager", craft).sessions()
     assert session["packets"] == 5
-    assert sorted(session["gaps"]) == [(3 * S, 7 * S, "nobody listened"), (8 * S, 9 * S, "it was late")]
+    assert sorted(session["gaps"]) == [(3 * S, 7 * S, "no receiver listened"), (8 * S, 9 * S, "it was late")]
 
 
 def test_a_writer_is_refused_beside_another(craft, tmp_path):

@@ -40,7 +40,7 @@ def contact(sim):
     craft = ground.connect(sim, radio=w.radio)
     early = craft.command("telemetry", "housekeeping")
     sim.run(16 * minute)
-    assert not early.reports, "a command has come to a spacecraft that nobody sees"
+    assert not early.reports, "a command has come to a spacecraft that no station sees"
     while not w.radio.up.lock:
         sim.run(5 * s)
     craft.command("telemetry", "flight.tracking.error").completed(within=5 * s)

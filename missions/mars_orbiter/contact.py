@@ -31,7 +31,7 @@ def run(craft, script):
     with script.step("before the pass"):
         lost = craft.command("noop")
         script.hold(RISE)
-        script.check(not lost.reports, "nobody answers")
+        script.check(not lost.reports, "no answer comes")
     with script.step("in the blind"):
         turn_to_earth(craft, script.hold)
     with script.step("contact"):

@@ -37,7 +37,7 @@ def system(r):
               eventually(always((mode == "mars") & (_to_mars(r) < INSTRUMENT), 0 * s, 2 * minute)),
               rationale="Thesis 5.4.1: an observation lasts so long.", shown_by=TURNS)
     r.require("SYS-4", "The orbiter shall end at Mars or on the Sun, or say why not, after any two faults.",
-              rationale="Nobody repairs it.", method="analysis", evidence="docs/orbiter.md#two-faults-at-random")
+              rationale="It cannot be repaired.", method="analysis", evidence="docs/orbiter.md#two-faults-at-random")
     r.require("SYS-5", "The orbiter shall do and say the same on each computer that its flight software runs on.",
               rationale="Thesis 5.4 and 7.1: what is shown on one target counts for all.", method="inspection",
               evidence="missions/mars_orbiter/mars_orbiter_test.py")

@@ -49,7 +49,7 @@ def run(craft, script):
     with script.step("before the pass"):
         early = craft.command("noop")
         script.hold(60 * s)
-        script.check(not early.reports, "nobody answers")
+        script.check(not early.reports, "no answer comes")
     with script.step("pass"):
         script.hold(260.3 * s)
         craft.command("telemetry", "flight.hill.reference", every=3)

@@ -213,13 +213,13 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
             if "get" not in item:
                 continue
             query = {"/api/crafts/{c}/history": "?names=flight.tracking.error.sigma_BR[0]"}.get(path, "")
-            for craft in ("imager", "nobody"):
+            for craft in ("imager", "ghost"):
                 response = await c.client.get(path.format(**{**words, "c": craft}) + query)
                 if response.content_type == "application/json":
                     content = json.loads(await response.text(), parse_constant=lambda word: pytest.fail(word))
                 else:
                     content = await response.text(errors="replace")
-                if "{c}" in path and craft == "nobody":
+                if "{c}" in path and craft == "ghost":
                     assert response.status == 404, path
                 responses.add((path, response.status))
                 if response.content_type != "application/octet-stream" or "content" not in whole(

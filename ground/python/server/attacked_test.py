@@ -96,7 +96,7 @@ async def test_a_route_without_a_row_does_not_start(folder):
 
 def people(word):
     """Who asks, and the server's tables of them: roles None: no user; crafts None: all; csrf: with the word."""
-    tables, users = [], {"nobody": SimpleNamespace(roles=None, crafts=None, headers={}, csrf=True)}
+    tables, users = [], {"no user": SimpleNamespace(roles=None, crafts=None, headers={}, csrf=True)}
     for name, roles, crafts in (("viewer", ROLES[:1], None), ("commander", ROLES[:2], None), ("all", ROLES, None),
                                 ("blind", ROLES[1:], None), ("own", ROLES, ["a"]), ("stranger", ROLES, ["b", "ghost"])):
         token_word, digest = token()
@@ -154,7 +154,7 @@ async def test_every_row_checks_the_user_and_the_role(folder):
             body = {"from_ns": "9" * 18} if row.path.endswith("/replay") else {}
             for craft in ("a", "b", "zz", "a@replay7") if "{c}" in row.path else ("",):
                 for name, user in users.items():
-                    for method in (row.method, "HEAD")[:1 + (row.method == "GET" and name in ("nobody", "stranger"))]:
+                    for method in (row.method, "HEAD")[:1 + (row.method == "GET" and name in ("no user", "stranger"))]:
                         answer = await page.client.request(method, filled(row.path, craft), headers=user.headers,
                                                            json=None if row.method == "GET" else body)
                         reply = (await answer.content.read(500)).decode(errors="replace")

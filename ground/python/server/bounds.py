@@ -36,7 +36,7 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("connection without a login", 60, "s", "a connection without a login ends after {most} s"),
     ("time of a body", 60, "s", "the request took longer than {most} s"),
     ("time of an answer", 600, "s", "an answer is made and read within {most} s"),
-    ("unread", 30, "s", "who takes no byte of what was sent for {most} s is cut off"),
+    ("unread", 30, "s", "a connection that takes no byte of what was sent for {most} s is cut off"),
     ("body", 256 << 10, "bytes", "a request to here has at most {most} bytes"),
     ("body of a file", 16 * MIB, "bytes", "a file that goes up has at most {most} bytes"),
     ("bodies at once", 64 * MIB, "bytes", "the server takes {most} bytes of requests at once; try again"),

@@ -74,10 +74,10 @@ class Base:
 
     def __init__(self, folder):
         self.folder = folder
-        self.user = ["setpriv", "--reuid=nobody", "--clear-groups", "--"] if os.getuid() == 0 else []
+        self.user = ["setpriv", "--reuid=65534", "--clear-groups", "--"] if os.getuid() == 0 else []
         self.url = f"host={folder} dbname=postgres user=fledge"
         if self.user:
-            shutil.chown(folder, "nobody")
+            shutil.chown(folder, 65534)
         self.run("initdb", "-D", folder / "data", "-U", "fledge", "-A", "trust", "-N", "--no-locale", "-E", "UTF8")
 
     def run(self, program, *arguments):

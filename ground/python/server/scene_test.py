@@ -260,7 +260,7 @@ def test_the_samples_that_are_kept_have_a_bound(monkeypatch):
     old = np.diff(time[time < 200])
     assert old.max() < 3 * 250 / 32
     number, news = feed.since(0)
-    assert len(news) == 0, "nobody has looked yet"
+    assert len(news) == 0, "no browser has looked yet"
     feed.pack()
     assert len(feed.since(0)[1]) == scene.RECENT
 

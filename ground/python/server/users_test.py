@@ -218,7 +218,7 @@ def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
             if i % 3 == 2:
                 await server.login("ada", "wrong", 401)
                 await server.login("ada", "correct horse")
-            await server.login("bob" if i % 2 else "nobody", "wrong", 401)
+            await server.login("bob" if i % 2 else "carol", "wrong", 401)
         error = await server.ask("POST", "/api/login", 429, json={"user": "bob", "password": "battery staple"})
         assert error == {"error": "10 attempts have failed; try again in 601 s"}
         await server.ask("GET", "/api/crafts", 401, headers={"Authorization": f"Bearer {TOKEN}x"})

@@ -14,7 +14,7 @@ export async function open(context) {
         below: ({craft, action, text}) => [craft, action, text].filter(Boolean).join(" "),
         table: {
             label: "operators' log",
-            empty: "Nobody has done anything",
+            empty: "No action yet",
             columns: [
                 {title: "Time (UTC)", width: "12rem", class: "tab", narrow: "5.6rem"},
                 {title: "User", width: "8rem", narrow: "4rem"}, {title: "Spacecraft", width: "8rem", narrow: ""},
@@ -24,7 +24,7 @@ export async function open(context) {
             ],
             fill: (cells, entry) => {
                 stamp(cells[0], clock(entry.time_ns, true));
-                [entry.user ?? "nobody", entry.craft ?? "", entry.action, entry.text,
+                [entry.user ?? "no user", entry.craft ?? "", entry.action, entry.text,
                     entry.good === false ? "\u25a0 refused" : ""].forEach((text, k) => put(cells[k + 1], text));
                 dress(cells[5], `td shape ${entry.good === false ? "c4" : ""}`);
             },
