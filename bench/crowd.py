@@ -32,8 +32,8 @@ def month(folder: Path) -> None:
     monitor.sink(archive)
     first, body = time.time_ns() - (MONTH + 3600) * 10**9, struct.pack(f">{NUMBERS}I", *range(NUMBERS))
     for i in range(0, MONTH // EVERY, 1000):
-        monitor.take([(at, at, packet(n % CONTAINERS, n, body)) for n in range(i, i + 1000)
-                      for at in (first + n * EVERY * 10**9,)])
+        monitor.take([(at := first + n * EVERY * 10**9, at, packet(n % CONTAINERS, n, body))
+                      for n in range(i, i + 1000)])
     monitor.sink(None)
     archive.close()
 

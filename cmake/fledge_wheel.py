@@ -22,23 +22,22 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "python"))
-from fledge.disk import Part  # noqa: E402
+from fledge import __version__ as VERSION, disk  # noqa: E402
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-VERSION = re.search(r'^__version__ = "(.*)"', (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8"), re.M)[1]
 
 # Every system with Python has them; two in one process would not work together.
 OF_THE_SYSTEM = re.compile(r"(linux-vdso|ld-linux.*|lib(c|m|dl|rt|pthread|resolv|stdc\+\+|gcc_s))\.so\.\d+")
 
 
-def build_wheel(folder, config_settings=None, metadata_directory=None):
+def build_wheel(folder: str, config_settings: object = None, metadata_directory: object = None) -> str:
     """Write the wheel into a folder; returns its name."""
     with tempfile.TemporaryDirectory() as prefix:
         install(prefix)
         return pack(Path(prefix), folder)
 
 
-def pack(prefix, folder):
+def pack(prefix: Path, folder: str | Path) -> str:
     """Write the wheel of what is installed below a prefix into a folder; returns its name."""
     home = prefix / "lib/fledge"
     if not (home / f"python/_core{sysconfig.get_config_var('EXT_SUFFIX')}").exists():
@@ -52,19 +51,19 @@ def pack(prefix, folder):
                 f"Summary: {PROJECT['description']}", f"Requires-Python: {PROJECT['requires-python']}",
                 *(f"Requires-Dist: {package}" for package in requirements(home)), ""]
 
-    with Part(Path(folder, f"{name}-{tag}.whl")) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as wheel:
-        record = []
+    target = Path(folder, f"{name}-{tag}.whl")
+    with disk.Part(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as wheel:
+        record: list[str] = []
 
-        def add(path, content, mode=0o644):
+        def add(path: str, content: bytes, mode: int = 0o644) -> None:
             entry = zipfile.ZipInfo(path)
             entry.external_attr, entry.compress_type = (0o100000 | mode) << 16, zipfile.ZIP_DEFLATED
             wheel.writestr(entry, content)
             digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
             record.append(f"{path},sha256={digest},{len(content)}\n")
 
-        for part in (home, prefix / "share"):
-            for file in sorted(path for path in part.rglob("*") if path.is_file()):
-                add(f"{name}.data/data/{file.relative_to(prefix)}", file.read_bytes(), file.stat().st_mode & 0o777)
+        for file in sorted(path for top in (home, prefix / "share") for path in top.rglob("*") if path.is_file()):
+            add(f"{name}.data/data/{file.relative_to(prefix)}", file.read_bytes(), file.stat().st_mode & 0o777)
         for soname, file in sorted(libraries(home).items()):
             if not OF_THE_SYSTEM.fullmatch(soname):
                 add(f"{name}.data/data/lib/fledge/lib/{soname}", file.read_bytes())
@@ -73,42 +72,42 @@ def pack(prefix, folder):
         add(f"{info}/METADATA", "\n".join(metadata).encode())
         add(f"{info}/WHEEL", f"Wheel-Version: 1.0\nGenerator: fledge\nRoot-Is-Purelib: false\nTag: {tag}\n".encode())
         wheel.writestr(f"{info}/RECORD", "".join(record) + f"{info}/RECORD,,\n")
-    return f"{name}-{tag}.whl"
+    return target.name
 
 
-def requirements(home):
+def requirements(home: Path) -> list[str]:
     """What pip must find. An extension that numpy 1 has compiled is not loaded by numpy 2."""
-    numpy = re.search(r"^NUMPY = '(\d+)", (home / "python/_core_build.py").read_text(encoding="utf-8"), re.M)[1]
+    numpy, = re.findall(r"^NUMPY = '(\d+)", (home / "python/_core_build.py").read_text(encoding="utf-8"), re.M)
     return [f"{dependency}<2" if dependency == "numpy" and numpy == "1" else dependency
             for dependency in PROJECT["dependencies"]]
 
 
-def programs(home):
+def programs(home: Path) -> list[Path]:
     """The extensions, programs and shared libraries of an installed Fledge."""
     return [path for place in ("lib/*.so", "python/_*.so", "cosim/*", "emulator/tools/*")
             for path in sorted(home.glob(place)) if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"]
 
 
-def libraries(home, direct=False):
+def libraries(home: Path, direct: bool = False) -> dict[str, Path]:
     """Name -> file of each shared library that they load; direct: without those that others load."""
-    def output(*command):
+    def output(*command: str) -> str:
         return subprocess.run([*command, *programs(home)], check=True, capture_output=True, text=True).stdout
 
     paths = {name: Path(file) for name, file in re.findall(r"(\S+) => (/\S+)", output("ldd"))}
-    wanted = set(re.findall(r"\(NEEDED\).*\[(.*)\]", output("readelf", "--dynamic"))) if direct else paths
+    wanted = set(re.findall(r"\(NEEDED\).*\[(.*)\]", output("readelf", "--dynamic"))) if direct else set(paths)
     return {name: file for name, file in paths.items() if name in wanted}
 
 
-def compile_python(home):
+def compile_python(home: Path) -> None:
     """Without it, users without write access would compile at each start. What is edited later is compiled anew."""
     for part in ("python", "targets"):
         compileall.compile_dir(home / part, quiet=2, force=True, stripdir=home, rx=re.compile("/templates/"),
                                invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
 
 
-def install(prefix):
+def install(prefix: str) -> None:
     """Build the preset `release` and install it below a prefix. CMake's own messages go to pip."""
-    def cmake(*arguments):
+    def cmake(*arguments: str) -> None:
         subprocess.run(["cmake", *arguments], cwd=ROOT, check=True)
 
     cache = ROOT / "build/release/CMakeCache.txt"

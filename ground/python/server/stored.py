@@ -43,7 +43,7 @@ class StoredLists:
     def poll(self) -> None:
         """Forget the starts of sequences that have ended: the next start may be that of others."""
         if self._begun:
-            running, t = self._newest_number("running") or 0, self._newest_number("head.t") or 0
+            running, t = (self._newest(name)[1] or 0 for name in ("running", "head.t"))
             for number in [number for number, begun in self._begun.items() if not running & 1 << number and t > begun]:
                 del self._begun[number]
                 self._save(number)
@@ -52,7 +52,7 @@ class StoredLists:
         """All lists."""
         if not self.path:
             return {"lists": [], "text": f"the flight software of {self._reporter.name} has no StoredCommands"}
-        running, held, inhibited = (self._newest_number(name) or 0 for name in ("running", "held", "inhibited"))
+        running, held, inhibited = (self._newest(name)[1] or 0 for name in ("running", "held", "inhibited"))
         ahead = self._ahead()
         now = self._clock.now - ahead        # of flight
         lists = []
@@ -69,10 +69,10 @@ class StoredLists:
                 else "idle",
                 "commands": [self._row(command) | {"due_ns": None if due is None else str(due + ahead + command.time)}
                              for command in commands]})
-        due = self._newest_number("next")
+        due = self._newest("next")[1]
         return {"lists": lists, "text": "", "flight_ns": str(now),
                 "next_ns": None if due is None or due < 0 else str(due + ahead),
-                **{name: self._newest_number(name) for name in ("stored", "released", "skipped")}}
+                **{name: self._newest(name)[1] for name in ("stored", "released", "skipped")}}
 
     def act(self, user: str, request: dict[str, Any]) -> Command:
         """Carry out a browser's request for a list; returns the row of the command. Raises SetupError."""
@@ -138,16 +138,14 @@ class StoredLists:
                    begun=self._begun.get(number), held=self._held.get(number))
         self._reporter.keep("stored", row, shown=lambda row: {"list": row["list"]})
 
-    def _newest(self, name: str) -> Any:
+    def _newest(self, name: str) -> tuple[int, int | None]:
+        """([ns] of the spacecraft's clock, a number that telemetry has of all lists); None before it has come."""
         slot = self._telemetry.slot_numbers.get(f"{self.path}.state.{name}")
-        return self._telemetry.monitor.newest(slot) if slot is not None else None
-
-    def _newest_number(self, name: str) -> int | None:
-        """A number that telemetry has of all lists."""
-        newest = self._newest(name)
-        return int(newest[3]) if newest else None
+        newest = self._telemetry.monitor.newest(slot) if slot is not None else None
+        t, _, _, value, *_ = newest or (0, 0, None, None)
+        return t, int(value) if isinstance(value, (int, float)) else None
 
     def _ahead(self) -> int:
         """[ns] of the spacecraft's clock here over flight's time."""
-        newest = self._newest("head.t")
-        return 0 if self._clock.simulated or not newest else int(newest[0] - newest[3])
+        here, flight = self._newest("head.t")
+        return 0 if self._clock.simulated or flight is None else here - flight
