@@ -21,7 +21,6 @@ from fledge.files import kvn
 RECORD = 1024               # bytes
 COMMENT = 1000              # characters of a record of comments
 TRANSFER = b"FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP"      # which a transfer as text damages
-INTEGERS = {"DAF/SPK ": 6, "DAF/CK  ": 6}                       # of a summary
 FRAMES = dict(enumerate((                                       # that do not turn, of states and attitudes
     "J2000 B1950 FK4 DE-118 DE-96 DE-102 DE-108 DE-111 DE-114 DE-122 DE-125 DE-130 GALACTIC DE-200 DE-202 MARSIAU "
     "ECLIPJ2000 ECLIPB1950 DE-140 DE-142 DE-143").split(), 1))
@@ -66,9 +65,8 @@ def read(path: str | os.PathLike[str], kind: str) -> Daf:
         found.refuse("is cut short, or its byte order is marked neither LTL-IEEE nor BIG-IEEE")
     doubles, integers = struct.unpack_from(order + "2i", data, 8)
     record, = struct.unpack_from(order + "i", data, 76)
-    if (doubles, integers) != (2, INTEGERS[kind]):
-        found.refuse(f"is damaged: expected summaries of 2 doubles and {INTEGERS[kind]} integers; found {doubles} and "
-                     f"{integers}")
+    if (doubles, integers) != (2, 6):       # of SPK and CK alike
+        found.refuse(f"is damaged: expected summaries of 2 doubles and 6 integers; found {doubles} and {integers}")
     comments = range(RECORD, min((record - 1) * RECORD, len(data)), RECORD)
     text = b"".join(data[at:at + COMMENT] for at in comments)
     found.comments = text.split(b"\x04")[0].decode("latin-1").split("\0")[:-1]
@@ -128,7 +126,7 @@ def write(path: str | os.PathLike[str], file: Daf) -> None:
                   .ljust(RECORD, b"\0"), b"".join(names[j].ljust(40) for j in group).ljust(RECORD),
                   data.ljust(-(-len(data) // RECORD) * RECORD, b"\0")]
         previous = record
-    head = (file.kind.encode() + struct.pack("<2i", 2, INTEGERS[file.kind]) + b"Fledge".ljust(60)
+    head = (file.kind.encode() + struct.pack("<2i", 2, 6) + b"Fledge".ljust(60)
             + struct.pack("<3i", first, previous, free) + b"LTL-IEEE").ljust(699, b"\0") + TRANSFER
     with Part(path) as part:
         part.write_bytes(head.ljust(RECORD, b"\0") + b"".join(parts))
