@@ -110,7 +110,8 @@ def _with(address: str, options: str) -> str:
 
 
 def dictionary_of(source: Dictionary | Path | str, process: str | None = None) -> Dictionary:
-    """That of a file MISSION_packets.json, or of a mission's flight process. Raises SetupError."""
+    """The Dictionary of a file MISSION_packets.json, or of a flight process of a mission, given by its name or folder;
+    process: which, if there are several. Raises SetupError if there is none."""
     if isinstance(source, Dictionary):
         return source
     if str(source).endswith(".json"):

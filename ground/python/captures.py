@@ -158,7 +158,8 @@ def encapsulated(packet: bytes) -> str | None:
 
 
 def pieces(data: bytes, format: Format = Format()) -> Iterator[Piece]:
-    """All packets of a file, in its order."""
+    """All packets of a file, in its order, and its problems. data: pcap, pcapng, packets one behind the other, or
+    frames as the format says. Raises Failure for a format that cannot be."""
     skip = format.skip
     if format.frames:
         from fledge import _ground

@@ -86,17 +86,18 @@ class Database:
         return cls([(os.fspath(file), given.get(os.fspath(file), "")) for file in files], lenient)
 
     def decode(self, packet: bytes, root: str | None = None) -> Any:
-        """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that
-        fits none has a reason and no values; one that ends early has those in front of its end. Booleans are bool,
-        times int [ns] since 1970 UTC (ground/database/times.h), durations int [ns], and enumerators their label, or a
-        number if they have none."""
+        """The _ground.Packet of a packet: `raw` and `values` by parameter, `rows` in its order, `container`, `reason`.
+        Its container extends `root`; without it, any that extends nothing. A packet that fits none has a reason and no
+        values; one that ends early has those in front of its end. Booleans are bool, times int [ns] since 1970 UTC
+        (ground/database/times.h), durations int [ns], and enumerators their label, or a number if they have none.
+        Raises SetupError on an unknown root."""
         return self._read.decode(packet, root)
 
     def encode(self, name: str, /, **arguments: Any) -> bytes:
         """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
         lists and dicts; times are numbers [ns] since 1970 UTC or dates, as "2026-03-01T12:00:00.5Z", durations numbers
         [ns] or texts, as "1.5 s" and "PT1.5S". The control room checks a command's constraints; encode() does not.
-        Raises SetupError."""
+        Raises SetupError on an unknown command or argument, and for a value that it cannot have."""
         return self._read.encode(name, arguments)
 
     def decode_command(self, packet: bytes, header: str = "none") -> _ground.CommandPacket:
@@ -106,11 +107,12 @@ class Database:
         return self._read.decode_command(packet, header)
 
     def forms(self) -> list[Form]:
-        """Of each command that can be sent."""
+        """A Form, a dict, of each command that can be sent."""
         return cast(list[Form], self._read.forms())
 
     def places(self, name: str, /, **arguments: Any) -> list[tuple[str, bool, int, int]]:
-        """(name, whether it is an argument, first bit, bits) of each entry in the packet of encode()."""
+        """(name, whether it is an argument, first bit, bits) of each entry in the packet of encode(). Raises as
+        encode() does."""
         return list(self._read.places(name, arguments))
 
     def container_names(self) -> dict[str, str]:
@@ -128,9 +130,9 @@ class Database:
         return _ground.PacketArchive(os.fspath(folder), craft, self._read)
 
     def history(self, folder: str | os.PathLike[str], craft: str, root: str | None = None) -> History:
-        """What reads them, also while they are written."""
+        """What reads the packets of an archive(), also while they are written."""
         return _ground.History(os.fspath(folder), craft, self._read, root)
 
     def units(self, parameter: str) -> list[str]:
-        """The units of a parameter."""
+        """The units of a parameter. Raises SetupError on an unknown one."""
         return self._read.units(parameter)

@@ -77,7 +77,7 @@ class Campaign:
     def simulation(self, index: int, seed: int = 0) -> Simulation:
         """The simulation of one run, its parameters and seed set, not yet run.
 
-        Fly it for `campaign.dispersions.duration`.
+        Fly it for `campaign.dispersions.duration`. Raises SetupError for an index < 0, or as Campaign() does.
         """
         if index < 0:
             raise SetupError(f"a run's index must be >= 0, found {index}")
@@ -144,7 +144,7 @@ class Campaign:
 
     def drawn(self, simulation: Simulation) -> dict[str, float]:
         """The dispersed numbers of a simulation that simulation() gave, or of another one of this mission, which has
-        the nominal orbit: path -> number."""
+        the nominal orbit: path -> number in SI."""
         elements = self.dispersions.composed
         drawn = dict(zip(elements, self._orbits.get(simulation, elements.values())))
         return {path: drawn[path] if path in drawn else FieldPath(simulation, path).value()
@@ -167,7 +167,8 @@ class Campaign:
         return Watch(self.dispersions, simulation)
 
     def judge(self, log: Log, watch: Watch, seed: int = 0) -> Result:
-        """The Result of one run that was flown by hand, from its records every `every`, and from what watched it."""
+        """The Result of one run that was flown by hand, from its records every `every`, and from what watched it. log:
+        has all retained fields, at their samples; else SetupError."""
         import numpy as np
 
         d = self.dispersions
@@ -234,6 +235,7 @@ class Chosen(Campaign):
         self.values = {path: [float(x) for x in numbers] for path, numbers in values.items()}
 
     def take(self, values: dict[str, list[float]]) -> None:
+        """Fly runs with these chosen numbers next: choose(), unless they are chosen already."""
         if values != self.values:
             self.choose(values)
 

@@ -175,7 +175,7 @@ class Dispersions:
 
     @property
     def duration(self) -> Any:
-        """The duration of each run, a time."""
+        """The duration of each run: set as a time, read in s; None before. Setting it raises SetupError unless > 0."""
         return None if self._duration is None else self._duration / 1e9
 
     @duration.setter
@@ -184,8 +184,8 @@ class Dispersions:
 
     @property
     def every(self) -> Any:
-        """The time between two samples of the retained variables; default: a 200th of the duration. The least
-        `r.every` of the requirements that are asked for is shorter, if it is."""
+        """The time between two samples of the retained variables: set as a time, read in s; default: a 200th of the
+        duration. The least `r.every` of the requirements that are asked for counts, if it is shorter."""
         return None if self._duration is None and self._every is None else self._sampling() / 1e9
 
     @every.setter
@@ -406,7 +406,7 @@ class Dispersions:
     @property
     def packets(self) -> Packets:
         """The commands of the flight software, for command(). Of several processes ask
-        `d.simulation.NAME.commands.packets`."""
+        `d.simulation.NAME.commands.packets`, because this raises SetupError."""
         flights = self.simulation.flights
         if len(flights) != 1:
             raise SetupError(f"d.packets: there are {listed([f.name for f in flights])}; name one, as in "
@@ -485,7 +485,7 @@ class Dispersions:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.
 
         Returns a Variable for each, for check(). Where a message was never written, its fields are NaN; raw: the zeros
-        that its memory holds.
+        that its memory holds. Raises SetupError for what is no field of an input or output.
         """
         if not paths:
             raise SetupError('d.retain: name at least one field, as in d.retain("flight.tracking.error.sigma_BR")')
@@ -510,11 +510,13 @@ class Dispersions:
         return variable
 
     def signal(self, path: str) -> Signal:
-        """A field as a signal of formulas (fledge.requirements), looked at at the retained samples; a mode too."""
+        """A field as a signal of formulas (fledge.requirements), looked at at the retained samples; a mode too. Raises
+        SetupError on an unknown path."""
         return signal(self.simulation, path)
 
     def require(self, *ids: str) -> None:
-        """A run that does not fulfil these requirements of the mission's requirements.py has failed."""
+        """A run that does not fulfil these requirements of the mission's requirements.py has failed. Raises SetupError
+        on an unknown one, and on one without a formula."""
         own = Requirements(self.simulation)
         for id in ids:
             requirement = own.of(id)
@@ -541,7 +543,7 @@ class Dispersions:
         formula: `d.check(always(d.signal("world.wheels.speeds.Omega").max_abs() < 600))`.
 
         It has also failed if the message was not good at any sample of that time, unless the variable is raw; a formula
-        also where it is unknown.
+        also where it is unknown. Raises SetupError for what is neither.
         """
         if isinstance(requirement, Formula):
             return self._check_formula(Declared(str(requirement), message, requirement), message)

@@ -31,7 +31,7 @@ def drivers(result: Result, values: np.ndarray) -> list[Driver]:
 
     Kruskal's and Wallis' test (1952): the runs are sorted into up to 16 equal groups by the draw, and the mean ranks of
     the measure are compared. It sees dependences of any shape, also |x|, whose rank correlation is 0. All the draws
-    together are mistaken for drivers with the probability SIGNIFICANCE.
+    together are mistaken for drivers with the probability SIGNIFICANCE. Of fewer than RUNS_MIN runs it gives [].
     """
     import numpy as np
 

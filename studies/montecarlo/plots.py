@@ -38,7 +38,7 @@ def percentiles(n: int) -> tuple[int, ...]:
 
 
 def figures(result: Result) -> list[Figure]:
-    """All figures of a campaign."""
+    """All figures of a campaign; [] if no run is complete."""
     import matplotlib.style
 
     if not result.complete.any():

@@ -49,11 +49,11 @@ class Variable(Measured):
     # --- times ---
 
     def after(self, t: Any) -> Variable:
-        """From a time on."""
+        """From a time on. Raises SetupError for one that is not within the run."""
         return self._with(_start=self._within(t, "after"))
 
     def before(self, t: Any) -> Variable:
-        """Until a time."""
+        """Until a time. Raises SetupError for one that is not within the run."""
         return self._with(_end=self._within(t, "before"))
 
     @property
@@ -85,6 +85,7 @@ class Variable(Measured):
 
     @property
     def unit(self) -> str:
+        """As in the header; "-" if dimensionless."""
         return self.field_path.unit
 
     def port(self, simulation: Simulation) -> Any:

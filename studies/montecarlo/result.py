@@ -28,6 +28,7 @@ class Result:
     failures: index -> text of each run that failed; errors: of each that did not come to its end
     draws: path of each dispersed element -> (runs,), NaN where not flown
     ns: (samples,) times of the samples [ns]; time: the same [s]
+    interrupted: whether Ctrl-C stopped it; len(): how many runs it was to have
     """
 
     def __init__(self, campaign: Campaign, seed: int, store: Store, interrupted: bool = False) -> None:
@@ -63,17 +64,20 @@ class Result:
     # --- numbers of each run ---
 
     def reached(self, requirement: Requirement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(values, times [s], whether they hold): of each run, the sample closest to the limit or furthest beyond."""
+        """(values, times [s], whether they hold): of each run, the sample closest to the limit or furthest beyond.
+        Each is (runs,); NaN, and not held, where not flown. Raises ValueError for a requirement of another campaign."""
         at = self.campaign.dispersions.requirements.index(requirement)
         values = self.store.column(f"worst {at}")
         return values, self.store.column(f"time {at}"), requirement.holds(values)
 
     def final(self, measure: Variable) -> np.ndarray:
-        """(runs,) a measure at the end of each run."""
+        """(runs,) a measure at the end of each run, in SI; NaN where not flown. measure: of dispersions.measures();
+        ValueError for others."""
         return self.store.column(repr(measure.final))
 
     def entered(self, mode: str) -> np.ndarray:
-        """(runs,) [s] when a mode, "flight.mode.SAFE", first began; NaN where it did not."""
+        """(runs,) [s] when a mode, "flight.mode.SAFE", first began; NaN where it did not. Raises ValueError on an
+        unknown mode."""
         return self.store.column(mode)
 
     # --- over time ---
@@ -104,7 +108,7 @@ class Result:
             return np.nanpercentile(values, percentiles, axis=0)
 
     def least_positive(self, variable: Variable) -> float:
-        """The least number above 0 at any time in the complete runs."""
+        """The least number above 0 at any time in the complete runs; infinite or NaN if there is none."""
         import numpy as np
 
         if not self.exact:

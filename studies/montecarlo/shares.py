@@ -139,6 +139,7 @@ class Runs(Work[Range, Share]):
 
     @property
     def recipe(self) -> tuple[Callable[..., Runs], tuple[Any, ...]]:
+        """(function, arguments) that make it in another program."""
         kind, arguments = self.campaign.recipe
         return Runs.made, (self.seed, kind, *arguments)
 
@@ -165,6 +166,7 @@ class Runs(Work[Range, Share]):
         return self.campaign.complete(Share.of(index, flown))
 
     def split(self, item: Range) -> list[Range]:
+        """Its two halves; [] of a single run."""
         middle = (item.first + item.end) // 2
         return [item._replace(end=middle), item._replace(first=middle)] if item.end - item.first > 1 else []
 

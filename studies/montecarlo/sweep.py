@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 
 def lin(first: Any, last: Any, n: int) -> list[Any]:
-    """n values at equal distances, the ends included."""
+    """n values at equal distances, the ends included, with their unit. Raises SetupError for n < 2."""
     _check_n(n)
     return [first + (last - first) * (i / (n - 1)) for i in range(n - 1)] + [last]
 
 
 def log(first: Any, last: Any, n: int) -> list[Any]:
-    """n values with equal ratios, the ends included, which must be > 0."""
+    """n values with equal ratios, the ends included, with their unit. Raises SetupError for n < 2 or an end <= 0."""
     _check_n(n)
     if not (first > 0 * first and last > 0 * last):
         raise SetupError(f"log: the ends must be > 0, found {first!r} and {last!r}")
@@ -86,10 +86,12 @@ class Sweep(Campaign):
 
     @property
     def has_callables(self) -> bool:
+        """As of Campaign; also with parameters of the mission, which each run loads anew."""
         return bool(self.parameters) or super().has_callables
 
     @property
     def recipe(self) -> tuple[Any, tuple]:
+        """As of Campaign."""
         kind, (mission, function) = super().recipe
         return kind, (mission, self.axes, function, self.dispersed)
 
@@ -102,7 +104,8 @@ class Sweep(Campaign):
         return point
 
     def fly(self, runs: int = 1, *arguments: Any, **options: Any) -> Result:
-        """Fly all points; runs: how many at each; else as Campaign.fly."""
+        """Fly all points; runs: how many at each, 1 without dispersions, else SetupError. The rest as Campaign.fly; its
+        run i is at the point `at(i % points)`, which on_grid() sorts."""
         if runs < 1 or runs > 1 and not self.dispersed:
             raise SetupError("runs at a point must be " + (">= 1" if self.dispersed else "1 without dispersions")
                              + f", found {runs}")
@@ -125,12 +128,13 @@ class Sweep(Campaign):
         return share
 
     def drawn(self, simulation: Simulation) -> dict[str, float]:
+        """As of Campaign, with the mission's parameters of the point."""
         assert simulation.mission
         given = simulation.mission.parameters
         return {**{path: number(self.axes[path], given[path]) for path in self.parameters}, **super().drawn(simulation)}
 
     def unit(self, path: str) -> str:
-        """The unit of an axis."""
+        """The unit of an axis by its path, "" if it has none."""
         return next((unit for name, unit in self.dispersions.columns.items() if name.startswith(path)), "")
 
     def on_grid(self, values: np.ndarray) -> np.ndarray:

@@ -46,24 +46,26 @@ class Newest:
         self.events: list[Event] = []   #: of modules, in the order of their arrival; each once
 
     def put(self, packet: Telemetry) -> None:
+        """Take a packet that has come."""
         self._contents[packet.path] = packet.content
         if isinstance(packet.content, Selected):
             self._contents[f"selected {packet.content.report}"] = packet.content
 
     @property
     def housekeeping(self) -> dict[str, Any]:
-        """The counters of commands, the time and the number of the mode."""
+        """The counters of commands, the time and the number of the mode, by name. Raises NotSeen."""
         return dict(self._content("housekeeping"))
 
     @property
     def mode(self) -> str:
-        """The name of the mode in force, of housekeeping."""
+        """The name of the mode in force, of housekeeping. Raises NotSeen, and SetupError where flight has no modes."""
         if not self._dictionary.modes:
             raise SetupError(f"{self._dictionary.name} has no modes")
         return self._dictionary.modes[self.housekeeping["mode"]]
 
     def selected(self, place: int) -> dict[str, Any]:
-        """The numbers of a report of housekeeping by their paths. Raises SetupError if what it has is not known."""
+        """The numbers of a report of housekeeping by their paths. Raises NotSeen, and SetupError if what it
+        has is not known."""
         report: Selected = self._content(f"selected {place}")
         if report.values is None:
             raise SetupError(f"another ground has defined the report {place} of {self._dictionary.name}: let "
@@ -264,7 +266,7 @@ class Craft:
             self.link.confirmed = self.link.unchecked = False
 
     def packets(self, name: str, /, *arguments: Any, **values: Any) -> list[bytes]:
-        """The packets of such a command, for send()."""
+        """The packets of such a command, for send(). Raises SetupError for what the mission does not have."""
         return packets(self._packets, name, *arguments, **values)
 
     def numbered(self, packet: bytes) -> bytes:
@@ -272,7 +274,7 @@ class Craft:
         return self._packets.numbered(packet)
 
     def send(self, packets: Sequence[bytes]) -> Sent:
-        """Send packets as they are, one change."""
+        """Send packets as they are, one change. Raises OSError if the link is broken."""
         sent = Sent(self, packets)
         self.sent.append(sent)
         self._before_send(sent)
@@ -315,12 +317,14 @@ class Craft:
 
     def fetch(self, name: str, to: str | os.PathLike[str] | None = None, *, within: Any = None, class1: bool = False,
               progress: Callable[[Transfer], Any] | None = None) -> Transfer:
-        """Ask for a file on board. to: where it shall be, whole; None: under its name here. The others: as of put()."""
+        """Ask for a file on board. to: where it shall be, whole; None: under its name here. The others: as of put().
+        Raises SetupError, and NoAnswer if it does not come."""
         transfer = self.files.fetch(name, to, class1, progress)
         return transfer if within is None else transfer.completed(within)
 
     def directory(self, name: str = "", within: Any = 6 * WITHIN) -> list[str]:
-        """The names in a directory on board; those of directories end with /. Raises NoAnswer."""
+        """The names in a directory on board; those of directories end with /. within: a duration on the
+        link's clock. Raises NoAnswer."""
         return self.files.directory(name, within)
 
     # --- time ---
@@ -328,7 +332,7 @@ class Craft:
     def wait(self, condition: Callable[[Newest], Any], within: Any, otherwise: Callable[[], str] | None = None
              ) -> Newest:
         """Wait until a condition on the newest telemetry is true; it is evaluated after each packet. within: a
-        duration on the link's clock. otherwise: the text of the error. Raises NoAnswer."""
+        duration on the link's clock. otherwise: the text of the error. Returns the telemetry. Raises NoAnswer."""
         begin = self.link.t
         end = begin + time_ns(within, "within")
         absent = self._holds(condition)
@@ -350,7 +354,7 @@ class Craft:
         return self.telemetry
 
     def listen(self, duration: Any) -> Newest:
-        """Take what comes for a duration on the link's clock."""
+        """Take what comes for a duration on the link's clock. Returns the newest telemetry."""
         end = self.link.t + time_ns(duration, "listen")
         while self.link.t < end:
             for _, packet in self.receive(end):
@@ -365,7 +369,8 @@ class Craft:
         return packets
 
     def take(self, packet: bytes) -> Telemetry | None:
-        """A packet has come. None: the dictionary does not know it, and it is counted."""
+        """Take a packet that has come; returns its telemetry. None: the dictionary does not know it, and it is
+        counted."""
         try:
             telemetry = decoded(self.dictionary, packet)
         except SetupError:

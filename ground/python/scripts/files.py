@@ -154,6 +154,7 @@ class Files:
 
     def put(self, local: str | os.PathLike[str], to: str | None, class1: bool,
             progress: Callable[[Transfer], Any] | None) -> Transfer:
+        """Begin to send a file, as Craft.put() does. Raises SetupError if it cannot begin."""
         path, to = Path(local), to or Path(local).name
         if not path.is_file():
             raise SetupError(f"{path}: there is no such file")
@@ -167,6 +168,7 @@ class Files:
 
     def fetch(self, name: str, to: str | os.PathLike[str] | None, class1: bool,
               progress: Callable[[Transfer], Any] | None) -> Transfer:
+        """Ask for a file on board, as Craft.fetch() does. Raises SetupError if it cannot begin."""
         local = Path(to if to is not None else Path(name).name)
         if not local.absolute().parent.is_dir():
             raise SetupError(f"{local}: there is no folder {local.absolute().parent}")
@@ -180,7 +182,7 @@ class Files:
         return self._begin(transfer, "", "", self._request(transfer, Message.LIST, (0, 0), name))
 
     def names(self, transfer: Transfer) -> list[str]:
-        """What a listing has brought."""
+        """The names that a listing has brought, sorted. Raises NoAnswer."""
         try:
             with open(self.folder / transfer.place, encoding="utf-8", errors="surrogateescape") as file:
                 text = file.read(LISTING + 1)
@@ -193,6 +195,7 @@ class Files:
         return sorted(name for name in text.split("\n") if name)
 
     def directory(self, name: str, within: Any) -> list[str]:
+        """As of Craft."""
         return self.names(self.listing(name).completed(within))
 
     def request(self, options: bytes) -> tuple[int, int]:
@@ -212,10 +215,12 @@ class Files:
         return options
 
     def ask(self, message: Message, about: tuple[int, int]) -> None:
+        """Send a message about a transaction, (0, 0) for none yet."""
         if about != (0, 0):
             self.request(self.entity.message(message, about))
 
     def close(self) -> None:
+        """Delete the temporary folder."""
         if self._temporary:
             self._temporary.cleanup()
 
@@ -235,6 +240,7 @@ class Files:
         return now + TICK if self.entity.busy else 1 << 62
 
     def take(self, pdu: bytes) -> None:
+        """Take a PDU that has come."""
         self.entity.time(self.craft.link.t)
         self.entity.take(pdu)
         self._poll()

@@ -63,6 +63,7 @@ class Difference:
 
 
 def seconds(ns: int) -> str:
+    """A time [ns] in words: "0.5 s"."""
     return f"{ns / 1e9:.9g} s"
 
 
@@ -74,7 +75,8 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
     ignore: endings of field names that do not count, as "head.sequence"
     tolerance: differences of numbers up to this do not count
     times: a function that selects from an array of times [ns]; None: all
-    A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, unless there is a tolerance.
+    A NaN equals a NaN of the same bits; -0.0 and 0.0 differ, unless there is a tolerance. Raises ArchiveError on an
+    unknown topic.
     """
     differences = [difference for topic in chosen(a, b, topics)
                    for difference in _topic(a, b, topic, ignore, tolerance, times)]
@@ -127,7 +129,7 @@ def _at(text: str, element: str) -> str:
 
 def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[str]:
     """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all whose
-    messages are plain structs in both."""
+    messages are plain structs in both. Raises ArchiveError on a name that is none's, or of several topics."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
         return [name for name in names if not any(name in c.topics and c.topics[name].problem for c in (a, b))]
@@ -256,7 +258,7 @@ def _ulps(p: Any, q: Any) -> int | None:
 
 def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) -> str:
     """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits. The messages of
-    executives, modes and activity, are left out."""
+    executives, modes and activity, are left out. times: as of compare(). Raises ArchiveError on an unknown topic."""
     import hashlib
 
     import numpy as np

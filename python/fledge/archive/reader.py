@@ -106,7 +106,7 @@ class Channel:
 
     @property
     def parts(self) -> dict[str, Parts]:
-        """The names and shapes of the parts of each field's name."""
+        """The names and shapes of the parts of each field's name. Raises ArchiveError as `fields` does."""
         return {f.name: f.parts for f in self._struct().fields()}
 
     def __repr__(self) -> str:
@@ -115,6 +115,9 @@ class Channel:
 
 class Archive(Records[Channel]):
     """A run, read from the file at `path`. Raises ArchiveError if it is no MCAP file at all.
+
+    archive["tracking.error.sigma_BR"]: a field, read-only (n, ...) in its unit; of a topic, a structured array (n,).
+    Raises ArchiveError on unknown names, and for messages that cannot be decoded, as the methods do.
 
     topics: topic -> Channel, in the order of their declaration
     metadata: name -> {key: value}, all text; records of one name are merged: "run" has the mission, scenario, seed and
@@ -162,7 +165,8 @@ class Archive(Records[Channel]):
     def parameters(self) -> dict[str, Any]:
         """The parameters with which the run began: "flight.control.K" -> a number, a list or a text, in SI.
 
-        `metadata["parameters"]` has them as texts with units. {} if the file has none.
+        `metadata["parameters"]` has them as texts with units. {} if the file has none. Raises ArchiveError if they are
+        damaged.
         """
         decode = json.JSONDecoder().raw_decode
         parameters = {}
@@ -239,13 +243,15 @@ class Archive(Records[Channel]):
                  head_columns(c.fields) if head and c in whole else {}) for c in self.topics.values() if c in wanted]
 
     def short_name(self, topic: str) -> str:
-        """The shortest ending of a topic's name that no other topic has: "error"."""
+        """The shortest ending of a topic's name that no other topic has: "error". Raises ArchiveError on an unknown
+        one."""
         return self._short_name(self._channel(topic))
 
     # ---- data ----
 
     def time_ns(self, topic: str) -> NDArray[np.int64]:
-        """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]."""
+        """The simulated times of a topic's (or field's) messages: (n,) int64 [ns]. Raises ArchiveError on an unknown
+        name, and for times beyond int64."""
         channel = self._channel(topic)
         times = self._gather(channel, mcap.TIME_AT, "<i8").astype("=i8")
         if (times < 0).any():       # MCAP's have no sign
@@ -255,14 +261,15 @@ class Archive(Records[Channel]):
         return times
 
     def contents(self, topic: str) -> Iterator[bytes]:
-        """The messages of a topic, of any schema, as CDR behind its 4 bytes that state the order."""
+        """The messages of a topic, of any schema, as CDR behind its 4 bytes that state the order. Raises
+        ArchiveError on an unknown one."""
         for at in self._channel(topic).offsets:
             length, = packing.unpack_from("<Q", self._data, at + 1)
             yield self._data[at + mcap.PAYLOAD_AT:at + mcap.CONTENT_AT + length]
 
     def messages(self, topic: str, first: int = 0) -> Iterator[np.void]:
         """The messages of a topic from a number on, one after another: a["/topic"][first:], of which only one is in
-        memory."""
+        memory. Raises ArchiveError on an unknown topic, and if the definition cannot be decoded."""
         import numpy as np
         channel = self._channel(topic)
         struct = channel._struct()
@@ -272,7 +279,7 @@ class Archive(Records[Channel]):
                                 struct.dtype("<" if little else ">"))[0]
 
     def time(self, topic: str) -> NDArray[np.float64]:
-        """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
+        """The simulated times of a topic's (or field's) messages: (n,) float64 [s]. Raises as time_ns()."""
         return self.time_ns(topic) / 1e9
 
     def _gather(self, channel: Channel, at: int, dtype: Any) -> NDArray[Any]:
@@ -324,6 +331,7 @@ class Archive(Records[Channel]):
         quaternions: with four columns, "error.beta_BR[0]", scalar first, behind those of each "error.sigma_BR"
         Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
         `attrs["units"]` and `attrs["meanings"]` map them to text.
+        Raises ArchiveError on an unknown name, and for a topic that cannot be decoded.
         """
         tables: list[tuple[NDArray[np.int64], dict[str, Any]]] = []
         units: dict[str, str] = {}
@@ -371,7 +379,8 @@ class Archive(Records[Channel]):
         pandas, with float_precision="round_trip");
         headings carry the units: "sigma_BR[0] [-]". Cells of a message that was never written are
         empty. topics, head, quaternions: as for `frame`; the last columns are "valid_at [s]"
-        and "quality", by its names. Metadata are left out.
+        and "quality", by its names. Metadata are left out. Raises ArchiveError as `frame` does, and if a .csv would
+        have several topics; OSError if it cannot be written.
         """
         path = Path(path)
         selected = self._select(topics, head)
@@ -420,7 +429,8 @@ class Archive(Records[Channel]):
         Datasets have the attributes `unit`, `meaning` and, for an enumeration, `values`; `_time`
         [s] and `_time_ns` hold the times. The run's metadata are attributes of
         `/_metadata/<name>`.
-        topics, head: as for `frame`; `valid_at` [s] and `quality`, an enumeration, are datasets too.
+        topics, head: as for `frame`; `valid_at` [s] and `quality`, an enumeration, are datasets too. Raises
+        ArchiveError as `frame` does, OSError if it cannot be written.
         """
         import h5py
         # In memory first: where a disk is full, HDF5 ends the process.

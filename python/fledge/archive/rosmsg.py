@@ -104,6 +104,7 @@ class Member:
 
     @property
     def size(self) -> int:
+        """[bytes] of all elements."""
         return self.item * prod(self.shape)
 
 

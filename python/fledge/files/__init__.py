@@ -84,8 +84,8 @@ def read_all(source: str | os.PathLike[str]) -> list[Any]:
 
 
 def write(message: Message, path: str | os.PathLike[str], form: str = "kvn") -> None:
-    """Write a message of CCSDS. form: "kvn", "xml" or, of an OEM and AEM, "stk". Raises SetupError where it would not
-    read back."""
+    """Write a message of CCSDS into a file. form: "kvn", "xml" or, of an OEM and AEM, "stk". Raises SetupError where it
+    would not read back, OSError where it cannot be written."""
     from fledge.files import ndm, stk
 
     if form == "stk":

@@ -30,6 +30,7 @@ class Tabulated(Segment):
 
     @property
     def table(self) -> Section:
+        """The section with the columns over time."""
         return self.sections[1]
 
     @property
@@ -101,13 +102,13 @@ class OemSegment(Tabulated):
     @classmethod
     def of(cls, meta: dict[str, Any], times: ArrayLike, r: ArrayLike, v: ArrayLike) -> OemSegment:
         """A segment of times [ns] (n,), positions [m] (n, 3) and velocities [m/s] (n, 3). meta: its keywords, of which
-        START_TIME and STOP_TIME follow."""
+        START_TIME and STOP_TIME follow. Raises SetupError unless the times are whole and increase, and shapes agree."""
         return cls._of_columns("STATE", meta, {"EPOCH": times, **dict(zip(R, np.asarray(r, float).T)),
                                                **dict(zip(V, np.asarray(v, float).T))})
 
     @classmethod
     def from_pandas(cls, frame: Any, meta: dict[str, Any]) -> OemSegment:
-        """A segment of a frame as to_pandas() gives it."""
+        """A segment of a frame as to_pandas() gives it. meta, and what is raised: as of of()."""
         return cls._of_columns("STATE", meta, {key: frame[key].to_numpy() for key in frame.columns})
 
     def _stack(self, names: tuple[str, ...]) -> np.ndarray:
@@ -157,7 +158,8 @@ class OemSegment(Tabulated):
         return r, interpolate(self.times, self.v, found, degree, None, self.meta)[0]
 
     def curve(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """The positions of at() and their rates, which are not quite the velocities that LAGRANGE interpolates."""
+        """The positions [m] (m, 3) of at() and their rates [m/s] (m, 3), which are not quite the velocities that
+        LAGRANGE interpolates. Raises SetupError as at() does."""
         return self._curve(self._at(t))
 
     def _curve(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,6 +177,7 @@ class AemSegment(Tabulated):
         """A segment of times [ns] (n,) and quaternions of B relative to A, scalar first (n, 4). meta: its keywords.
 
         omega_BA_B: [rad/s] (n, 3) the rate of B relative to A in axes of B, which AEMs have since version 2.0.
+        Raises SetupError unless the times are whole and increase, and shapes agree.
         """
         kind, columns = "QUATERNION", {"EPOCH": times,
                                        **dict(zip(("QC", "Q1", "Q2", "Q3"), np.asarray(beta_BA, float).T))}
@@ -185,7 +188,7 @@ class AemSegment(Tabulated):
 
     @classmethod
     def from_pandas(cls, frame: Any, meta: dict[str, Any]) -> AemSegment:
-        """A segment of a frame as to_pandas() gives it."""
+        """A segment of a frame as to_pandas() gives it. meta, and what is raised: as of of()."""
         return cls._of_columns("DATA", meta, {key: frame[key].to_numpy() for key in frame.columns})
 
     @property
@@ -235,7 +238,7 @@ class AemSegment(Tabulated):
         return ("LINEAR", 1) if self.rates(self.beta_BA) is None else ("HERMITE", min(3, 2 * len(self.times) - 1))
 
     def curve(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """The quaternions of at(), and their rates [1/s] (m, 4)."""
+        """The quaternions of at(), and their rates [1/s] (m, 4). Raises SetupError as at() does."""
         when, beta, (method, degree) = self._at(t), self.beta_BA, self.interpolation
         if method == "LINEAR":
             return slerp(self.times, beta, when)

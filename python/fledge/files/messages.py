@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 
 class Field(NamedTuple):
+    """A keyword of a block."""
     name: str
     type: str           # a unit, "time", "int", "date" or "text"
     required: bool

@@ -22,6 +22,7 @@ class Section:
 
     name: that in messages.py, "META"; values: by keyword, texts, numbers [SI, rad] and times [ns], as values.Clock
     has them; columns: of its table, each of its shape (n,), by name; where, line: its place in the file.
+    section["X"] is a value; it raises SetupError where there is none.
     """
     name: str
     values: dict[str, Value] = field(default_factory=dict)
@@ -36,6 +37,7 @@ class Section:
         return self.values[key]
 
     def get(self, key: str, default: Any = None) -> Any:
+        """A value by its keyword, or the default."""
         return self.values.get(key, default)
 
     def refuse(self, text: str) -> NoReturn:
@@ -76,10 +78,11 @@ class Segment:
 
     @property
     def meta(self) -> Section:
+        """Its block META."""
         return self.sections[0]
 
     def all(self, name: str) -> list[Section]:
-        """The sections of a name."""
+        """The sections of a name; [] if there is none."""
         return [section for section in self.sections if section.name == name]
 
     def __getitem__(self, name: str) -> Section:
@@ -107,6 +110,7 @@ class Message:
 
     @property
     def header(self) -> Section:
+        """Its block HEADER."""
         return self.front[0]
 
     @property
@@ -117,6 +121,7 @@ class Message:
         return self.segments[0]
 
     def __getitem__(self, name: str) -> Section:
-        """The first section of a name, of the front or of the only segment."""
+        """The first section of a name, of the front or of the only segment. Raises SetupError without, and where
+        there are several segments."""
         found = [section for section in self.front if section.name == name]
         return found[0] if found else self.segment[name]

@@ -58,7 +58,8 @@ class SpkSegment:
         return self._states(when)
 
     def curve(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """The positions of at() and their rates: types 8 and 9 have velocities by polynomials of their own."""
+        """The positions [m] (m, 3) of at() and their rates [m/s] (m, 3): types 8 and 9 have velocities by polynomials
+        of their own. Raises SetupError as at() does."""
         r, v = self.at(times)
         if self.type not in LAGRANGE:
             return r, v

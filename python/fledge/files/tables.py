@@ -27,6 +27,7 @@ ORDERINGS = ("LTM", "UTM", "FULL", "LTMWCC", "UTMWCC")
 
 
 class Column(NamedTuple):
+    """A column of a table, as the file has it."""
     name: str
     unit: int | Decimal | str       # "time", "text", or as values.UNITS
 

@@ -25,6 +25,7 @@ MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", 
 
 
 class Value(NamedTuple):
+    """A value as it stands in the file."""
     text: str
     line: int
     kind: str       # "word", a number or a time, or "quoted"
@@ -32,6 +33,7 @@ class Value(NamedTuple):
 
 @dataclass
 class TextKernel:
+    """A kernel. where: its path; values: by name, in the order of the file."""
     where: str
     values: dict[str, list[Value]] = field(default_factory=dict)
 

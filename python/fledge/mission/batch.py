@@ -111,7 +111,7 @@ class Batch:
         A clone then stands in the first instant in which an action can count: with tasks without an offset, at 0. From
         a snapshot of a simulation whose instant is over, it flies on to there, less than a period of flight; a snapshot
         of one of these clones is in one. Parameters are those of the simulation when the batch was made, and what is
-        dispersed.
+        dispersed. Raises SetupError for other clones, numbers or bytes.
         """
         import numpy as np
 
@@ -141,14 +141,15 @@ class Batch:
         A clone that fails stands still, and its observations are NaN: `failed`, `failures`. Its actions do not count
         until it is reset. After Ctrl-C, the next step() takes up this one: clones that had ended it wait, those that
         had begun it keep the actions that they had.
-        Raises SetupError before any clone moves if a number is not finite, or if the shape is another.
+        Raises SetupError before any clone moves if a number is not finite, if the shape is another, or if a clone has
+        not begun.
         """
         if actions is None and not self.actions:
             return self._core.step(self._nothing)
         return self._core.step(self._rows({} if actions is None else actions))
 
     def observe(self) -> NDArray[np.float64]:
-        """The observations as they stand."""
+        """The observations as they stand: (n, ...) in SI, a column for each of observation_names."""
         return self._core.observe()
 
     def by_name(self, observed: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
@@ -193,12 +194,13 @@ class Batch:
 
     def simulation(self, clone: int) -> Simulation:
         """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of. Where it
-        runs on, it first ends its instant."""
+        runs on, it first ends its instant. Raises SetupError if there is no such clone."""
         self._check_clone(clone)
         return self._around(self._core.copy(clone))
 
     def watched(self, clone: int) -> Simulation:
-        """The clone itself, not a copy: to judge requirements while it flies. Only the batch may run or change it."""
+        """The clone itself, not a copy: to judge requirements while it flies. Only the batch may run or change it.
+        Raises SetupError if there is no such clone."""
         self._check_clone(clone)
         return self._clones[clone] if self._clones else self._simulation._around(self._core.clone(clone))
 

@@ -108,6 +108,7 @@ class Margins(NamedTuple):
 
     @property
     def stable(self) -> Stable:
+        """Whether no mode of the closed loop grows, as Linear.stable."""
         return Stable(self.modes)
 
     def __str__(self) -> str:
@@ -185,7 +186,7 @@ class Linear(tuple[Any, ...]):
     # --- what it does ---
 
     def poles(self) -> Complex:
-        """The eigenvalues of A, by magnitude: [1/s], or of the step of a discrete system."""
+        """The eigenvalues of A, complex (n,), by magnitude: [1/s], or of the step of a discrete system."""
         found = np.linalg.eigvals(self.A)
         return found[np.lexsort((found.imag, abs(found)))]
 
@@ -199,7 +200,7 @@ class Linear(tuple[Any, ...]):
         return Stable(self.modes())
 
     def frequency(self, omega: ArrayLike) -> Complex:
-        """The response (k, p, m) at frequencies (k,) [rad/s], of a discrete system up to pi / dt."""
+        """The complex response (k, p, m) at frequencies (k,) [rad/s], of a discrete system up to pi / dt."""
         at = np.atleast_1d(np.asarray(omega, float))
         points = 1j * at if self.dt is None else np.exp(1j * at * self.dt)
         n = len(self.states)
@@ -216,7 +217,8 @@ class Linear(tuple[Any, ...]):
     def step(self, duration: Time, n: int = 500) -> tuple[Real, Real]:
         """(times [s], outputs (times, p, m)) after a step of 1 of each input by itself. duration: a time.
 
-        Of a continuous system, n + 1 times; of a discrete one, its own. The values are exact at these times.
+        Of a continuous system, n + 1 times; of a discrete one, its own. The values are exact at these times. Raises
+        SetupError if the duration is not > 0, or shorter than the step of a discrete system.
         """
         from scipy.linalg import expm
 
@@ -242,7 +244,7 @@ class Linear(tuple[Any, ...]):
         """The margins of the loop that this input and output leave open.
 
         feedback: 1 if the loop is closed by u = y, -1 by u = -y; not given: 1 where both have the same path, which is
-        how a loop is cut, else -1. Raises SetupError on unknown paths.
+        how a loop is cut, else -1. Raises SetupError on unknown paths, and on another feedback.
         """
         lin = self.channel(output, input)
         sign = feedback or (1 if lin.inputs == lin.outputs else -1)
@@ -257,7 +259,8 @@ class Linear(tuple[Any, ...]):
     def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Figure:
         """A Bode plot of one channel as a matplotlib Figure: magnitude and phase by frequency.
 
-        margins: show those of the loop; not given: where the loop was cut, the same path at both ends.
+        margins: show those of the loop; not given: where the loop was cut, the same path at both ends. Raises
+        SetupError on unknown paths.
         """
         import matplotlib.pyplot as plt
 

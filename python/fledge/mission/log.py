@@ -91,7 +91,10 @@ class _Samples:
 
 @suggesting()
 class Log(Records[_Samples]):
-    """The records of some ports. Fills while the simulation runs; reset() empties it."""
+    """The records of some ports. Fills while the simulation runs; reset() empties it.
+
+    log["tracking.error.sigma_BR"]: the samples of a field, (n, ...) in SI; of a message, a structured array (n,).
+    """
 
     def __init__(self, simulation: Simulation, logs: Iterable[_core.Log]) -> None:
         self._simulation = simulation
@@ -126,19 +129,20 @@ class Log(Records[_Samples]):
         return self._simulation.plots
 
     def time_of(self, key: str) -> NDArray[np.float64]:
-        """The times of a field's or message's samples [s]."""
+        """The times of a field's or message's samples: (n,) [s]. Raises SetupError on an unknown name."""
         return self._time(self._find(key)[0])
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """The times of the samples [s]; for records at one rate."""
+        """The times of the samples: (n,) [s]. Raises SetupError if the records have different ones."""
         times = [self._time(s) for s in self._ports()]
         if any(len(t) != len(times[0]) or (t != times[0]).any() for t in times[1:]):
             raise SetupError("the records have different times; ask for time_of(name)")
         return times[0]
 
     def last(self, key: str) -> Any:
-        """The last value of a field: a number, or an array that also has norm(); NaN of what was never written."""
+        """The last value of a field: a number, or an array that also has norm(); NaN of what was never written. Raises
+        SetupError on an unknown name, and before the first sample."""
         values = self[key]
         if not len(values):
             raise SetupError(f"nothing was recorded of '{key}' yet: run the simulation first")
@@ -156,7 +160,7 @@ class Log(Records[_Samples]):
         "error.valid_at", the time for which it holds [s], and "error.quality", of the ordered categories none, stale,
         degraded and good. quaternions: with four columns, "error.beta_BR[0]", scalar first, behind "error.sigma_BR[2]".
         `attrs["units"]` and `attrs["meanings"]` map columns to text. Records of different times share
-        the index, with NaN where one has no value, as where it was never written.
+        the index, with NaN where one has no value, as where it was never written. Raises SetupError on unknown names.
         """
         import numpy as np
 
@@ -186,7 +190,8 @@ class Log(Records[_Samples]):
     def plot(self, *panels: str | Series | Sequence[str | Series], **options: Any) -> Figure | None:
         """Plot fields against time, one panel each; see fledge.plot.plot for the options.
 
-        Returns the matplotlib Figure. In `fledge run` it is saved beside the record.
+        Returns the matplotlib Figure, or None if the simulation draws nothing. In `fledge run` it is saved beside the
+        record. Raises SetupError on an unknown name.
         """
         from fledge.plot import deliver, plot, silent
 

@@ -56,7 +56,7 @@ def report_crashes(extension: Any, command: Sequence[str] = ()) -> None:
 
 def limit_updates(limit: Any) -> None:
     """From now on an update that takes longer than this wall time ends the program by SIGXCPU, which names its module:
-    `limit_updates(2 * s)`. 0: none does, as at the beginning."""
+    `limit_updates(2 * s)`. 0: none does, as at the beginning. Raises SetupError for what is no time."""
     global _limit
     _limit = time_ns(limit, "limit_updates")
     for name in ("_core", "_cosim"):
@@ -127,12 +127,12 @@ class Simulation:
 
     @property
     def flight(self) -> Flight:
-        """The flight process: its modules, tasks, modes and events."""
+        """The flight process: its modules, tasks, modes and events. Raises SetupError if there are several, or none."""
         return self._only(Flight, "flight")
 
     @property
     def world(self) -> World:
-        """The world: its models, tasks and events."""
+        """The world: its models, tasks and events. Raises SetupError if there are several, or none."""
         return self._only(World, "world")
 
     @property
@@ -146,7 +146,7 @@ class Simulation:
         return tuple(p for p in self.processes if isinstance(p, Flight))
 
     def process(self, name: str) -> Process:
-        """The process of that name."""
+        """The process of that name. Raises SetupError, with the names that there are."""
         if name in self._processes:
             return self._processes[name]
         if name in self._gone:
@@ -154,11 +154,12 @@ class Simulation:
         raise SetupError(f"{self.name} has no process '{name}'; it has {', '.join(self._processes) or 'none'}")
 
     def add_world(self, name: str) -> World:
-        """A further World, a process; it runs after the present ones."""
+        """A further World, a process; it runs after the present ones. Raises SetupError for a name that is taken or no
+        identifier, and once the simulation has run."""
         return self._add(World, name)
 
     def add_flight(self, name: str) -> Flight:
-        """A further Flight, a process; it runs after the present ones."""
+        """A further Flight, as add_world() adds a World."""
         return self._add(Flight, name)
 
     def _add(self, kind: type[P], name: str) -> P:
@@ -192,7 +193,8 @@ class Simulation:
 
     @property
     def seed(self) -> int:
-        """The seed of all random streams; setting it is possible before the first run or after reset()."""
+        """The seed of all random streams, from 0 to 2^64 - 1. Setting it raises SetupError for another number, and
+        between the first run and reset()."""
         return self._core.seed
 
     @seed.setter
@@ -295,8 +297,9 @@ class Simulation:
 
         Ctrl-C ends the run after the current instant: all is consistent, and run() can go on from there. A
         second Ctrl-C also interrupts a Python event.
-        Raises CompositionError if something is missing, RunError if the state is no longer finite; an
-        exception in a Python event ends the run at that instant.
+        Raises CompositionError if something is missing, RunError if the state is no longer finite, SetupError for an
+        end before the present or a negative pace, Stopped where a requirement ends it; an exception in a Python event
+        ends the run at that instant.
         """
         start = max(self._core.time, 0)
         if duration is not None and until is None:
@@ -346,7 +349,7 @@ class Simulation:
         self._core.prepare()
 
     def step(self, n: int = 1) -> None:
-        """Run the next instant, or the next n."""
+        """Run the next instant, or the next n. Raises CompositionError and RunError as run() does."""
         self._begin()
         self._core.prepare()
         self.open_archive()
@@ -431,7 +434,8 @@ class Simulation:
     # --- states ---
 
     def snapshot(self) -> bytes:
-        """The whole dynamic state as bytes, for restore() here or in a clone."""
+        """The whole dynamic state as bytes, for restore() here or in a clone. Raises CompositionError if it cannot
+        fly."""
         self._core.prepare()
         return self._core.snapshot()
 
@@ -504,7 +508,8 @@ class Simulation:
         than the instants are apart, records each instant, which is the largest rate. modes: of a process, or names of
         flight's, in which alone samples are taken. Returns a Log, which fills as the simulation runs.
 
-        A port that is recorded twice has one record, with the shorter period and the modes of both.
+        A port that is recorded twice has one record, with the shorter period and the modes of both. Raises SetupError
+        for what is no port, time or mode of this simulation.
         """
         from fledge.mission.field_path import ModePort
         from fledge.mission.log import Log
@@ -556,7 +561,8 @@ class Simulation:
         """Write all records to an MCAP file too, from the next run on; close_archive() finishes it.
 
         metadata: texts kept in the file. Until it is finished its name ends in .part. The file also has the seed, the
-        parameters with which the first run begins, and the revisions of Fledge and of the mission as of now.
+        parameters with which the first run begins, and the revisions of Fledge and of the mission as of now. Raises
+        SetupError while another one is being written.
         """
         if self._core.archiving:
             raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")

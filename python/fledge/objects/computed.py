@@ -13,6 +13,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Computed(NamedTuple):
+    """A result of a function of the world, for flight."""
     file: str       # of the script that called the function
     function: str
     result: Any

@@ -62,5 +62,6 @@ def described_field(f: Any) -> Field:
 
 
 def described_enum(f: Any) -> Enumeration:
+    """The enumeration of a field, without the lines of the header."""
     name, doc, values = f.enumeration
     return Enumeration(name, doc, tuple(Enumerator(*value) for value in values), "")

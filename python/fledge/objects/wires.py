@@ -70,7 +70,8 @@ class Wire:
 
 class Choice:
     """Outputs of which an input takes one: `newest(a.torque, b.torque) >> motor.torque`. See newest(), first(), best()
-    and by_mode()."""
+    and by_mode(), which raise SetupError for fewer than two outputs, for what is no output, and if one stands in it
+    twice."""
 
     def __init__(self, name: str, by: int, outputs: Iterable[tuple[_core.Message, str]]) -> None:
         self.sources = [(output, by, mode) for output, mode in outputs]
@@ -123,7 +124,7 @@ def _path(source: _core.Message | Choice) -> str:
 
 
 def wire(source: _core.Message | Choice, target: Any) -> Wire:
-    """`source >> target`. Raises SetupError if they cannot be connected."""
+    """The Wire of `source >> target`, to one input or a list of them. Raises SetupError if they cannot be connected."""
     if isinstance(target, list):
         wires = [wire(source, part) for part in target]
         return Wire(source, [t for w in wires for t in w.targets])

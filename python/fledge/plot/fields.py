@@ -340,7 +340,7 @@ def file_name(figure: Figure) -> str:
 
 
 def save(figure: Figure, folder: Path | str, name: str | None = None) -> Path:
-    """Save a figure as PNG under a name, by default its own; returns the path."""
+    """Save a figure as PNG in a folder, which is made, under a name, by default its own; returns the path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from fledge.disk import Part

@@ -57,7 +57,8 @@ class Path:
         self.direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
     def angles(self, centre: int = 1) -> np.ndarray:
-        """The two angles from an axis of the base frame, the centre, to the boresight: (n, 2) [rad]."""
+        """The two angles from an axis of the base frame, the centre, to the boresight: (n, 2) [rad]. centre: 1, 2
+        or 3, negative of the opposite direction; else SetupError."""
         import numpy as np
 
         k, sign = _axis(centre)
@@ -72,7 +73,8 @@ class Path:
         return Path(self.time[inside], self.direction[inside], self.frame)
 
     def off(self, other: Path | ArrayLike) -> np.ndarray:
-        """The angle to another path, or to one direction (3,), at each instant (n,) [rad]."""
+        """The angle to another path, or to one direction (3,), at each instant (n,) [rad]. Raises SetupError if
+        the paths have different lengths."""
         import numpy as np
 
         there = other.direction if isinstance(other, Path) else np.broadcast_to(other, self.direction.shape)
@@ -136,7 +138,8 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
           colors: Sequence[str] = (DARK, MAGENTA, LIGHT), numbered: str | None = None,
           marks: dict[str, ArrayLike] | None = None, title: str | None = None, name: str = "scan_plane",
           size: tuple[float, float] | None = None) -> Figure | None:
-    """Draw paths in the plane of two angles, in degrees; returns a matplotlib Figure.
+    """Draw paths in the plane of two angles, in degrees; returns a matplotlib Figure, or None if the simulation draws
+    nothing. Raises SetupError without a path that has samples.
 
     source: the Log of the paths, whose simulation collects plots, or an Archive
     paths: label -> Path, or a list of Paths; drawn in this order
