@@ -5,6 +5,8 @@ import argparse
 import pytest
 
 from fledge import cli
+from fledge.cli import rooms
+from fledge.errors import Failure
 
 
 @pytest.mark.parametrize("words, message, usage", [
@@ -34,3 +36,16 @@ def test_the_same_thing_has_one_name_in_all_commands():
         assert {"--campaign", "--jobs"} <= set(commands.choices[name]._option_string_actions)
     for name in ("faults", "verify", "flips", "profile"):
         assert "--jobs" in commands.choices[name]._option_string_actions
+
+
+def test_a_clone_without_links_says_how_to_make_them(tmp_path, monkeypatch):
+    """As git writes them where core.symlinks is off."""
+    (tmp_path / "ground").write_text("../../../ground/cli")
+    monkeypatch.setattr(rooms, "__file__", str(tmp_path / "rooms.py"))
+    with pytest.raises(Failure, match="ground is a file, and has to be a symbolic link: git config core.symlinks true;"):
+        rooms.modules()
+
+
+def test_each_room_adds_its_commands_and_readers():
+    assert {"packets", "up", "montecarlo"} <= {module.__name__.rpartition(".")[2] for module in rooms.modules()}
+    assert rooms.readers().keys() == {"", "asynchronous", "craft", "dispersions.py", "faults.py", "node"}

@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
+from fledge.errors import Failure
+
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,9 +17,13 @@ if TYPE_CHECKING:
 
 
 def modules() -> list[ModuleType]:
-    """All of them."""
+    """All of them. Raises Failure where git wrote files in the place of links."""
+    here = Path(__file__).parent
+    if files := [path.name for path in here.iterdir() if path.is_file() and not path.suffix]:
+        raise Failure(f"{here / files[0]} is a file, and has to be a symbolic link: git config core.symlinks true; git "
+                      "checkout -- .")
     return [import_module(f"fledge.cli.{file.parent.name}.{file.stem}")
-            for file in sorted(Path(__file__).parent.glob("*/[!_]*.py")) if not file.stem.endswith("_test")]
+            for file in sorted(here.glob("*/[!_]*.py")) if not file.stem.endswith("_test")]
 
 
 def readers() -> dict[str, Callable[[Path], str]]:
