@@ -96,7 +96,7 @@ def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.C
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
-    """A link in the package names the folder of a room, which has these tests."""
+    """A link in the package leads to a folder that has the tests itself."""
     return collection_path.is_symlink() or None
 
 

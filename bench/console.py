@@ -18,7 +18,7 @@ from bench.rows import Rows, options, report
 from fledge.errors import SetupError
 from fledge.scene import bundle
 
-NEEDS = ["control_room", "view"]
+NEEDS = ["ground", "view"]
 PERIOD = 60         # [s] between samples
 MISSION = '[[craft]]\nname = "imager"\nmission = "earth_imager"\nscenario = "contact"\nspeed = 10\n'
 FIGURES = {"server, memory": ("MB", lambda sample: sample["memory"]),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One page of the console for a long time, which shows each of its pages in turn: node console_soak.mjs ADDRESS FOLDER
 // MODULES CHROMIUM PERIOD. After each PERIOD [s] it prints what the page holds after a garbage collection.
-import {open} from "../ground/python/console/testing/console.mjs";
+import {open} from "../ground/console/testing/console.mjs";
 
 const STAY = 4000;      // [ms] on a page
 const SELECTED = {craft: {plots: "p0_0,p1_0"},

@@ -24,6 +24,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -121,7 +122,8 @@ def files_of(root: Path) -> list[str]:
     """What belongs to the tree: all that git does not ignore, also what is not committed."""
     listed = subprocess.run(["git", "-C", str(root), "ls-files", "-z", "-c", "-o", "--exclude-standard"], check=True,
                             capture_output=True, text=True).stdout
-    return sorted({name for name in listed.split("\0") if name and (root / name).is_file()})
+    return sorted({name for name in filter(None, listed.split("\0"))
+                   if (root / name).is_file() or (root / name).is_symlink()})
 
 
 def mutants_of(root: Path, names: list[str], folders: list[str]) -> list[Mutant]:
@@ -162,7 +164,12 @@ class Tree:
 
     def copy(self, source: Path, names: list[str]) -> None:
         for name in names:
-            put(self.root / name, (source / name).read_bytes(), (source / name).stat().st_mode)
+            if (source / name).is_symlink():
+                (self.root / name).parent.mkdir(parents=True, exist_ok=True)
+                (self.root / name).unlink(missing_ok=True)
+                (self.root / name).symlink_to(os.readlink(source / name))
+            else:
+                put(self.root / name, (source / name).read_bytes(), (source / name).stat().st_mode)
         for path in list(self.root.rglob("*")):
             name = str(path.relative_to(self.root))
             if path.is_file() and not is_inside(name, "build") and name not in names:
@@ -303,7 +310,8 @@ class Sight:
         folder = max((f for f in SEEN_FROM_PYTHON if PurePath(f) in path.parents), key=len, default=None)
         further = [test for package in (SEEN_FROM_PYTHON[folder] if folder else []) for test in self._imports
                    if PurePath(package) == test or PurePath(package) in test.parents]
-        module = ".".join(path.with_suffix("").parts).removeprefix("python.").removesuffix(".__init__")
+        place = re.sub(r"^(ground|cosim|emulator|fmi)/(python/)?|^studies/", r"fledge/\1/", str(path.with_suffix("")))
+        module = place.removeprefix("python/").replace("//", "/").replace("/", ".").removesuffix(".__init__")
         users = [test for test, names in self._imports.items() if path.suffix == ".py" and module in names]
         return list(dict.fromkeys([*near, *users, *further]))
 

@@ -40,7 +40,7 @@ from bench.rows import Rows, report
 from missions.mars_orbiter.contact import RISE, turn_to_earth
 from missions.mars_orbiter.insertion import telemetry
 
-NEEDS = ["build cosim", "leon3", "control_room", "build ground", "view"]
+NEEDS = ["build cosim", "leon3", "ground", "build ground", "view"]
 MISSION = Path(__file__).resolve().parents[1] / "missions/mars_orbiter"
 LATEST = 300            # [s] for programs to start
 SETTLES = 60            # [s] simulated, for a page to open

@@ -61,23 +61,23 @@ foreach(folder ccsds flight record registers sim world targets cosim fmi introsp
         REGEX "/(cosim|fmi)/(cli|export|python)$" EXCLUDE)
 endforeach()
 
-# fledge_install_package(<folder> <destination>): a package of Python, and in it those that rooms hold, in the place of
-# their links: a wheel has no links.
+# fledge_install_package(<folder> <destination>): a package of Python, with what its links lead to in their place: a
+# wheel has no links.
 function(fledge_install_package folder destination)
     file(GLOB_RECURSE links LIST_DIRECTORIES true ${folder}/*)
-    set(named "")
+    set(names "")
     foreach(link IN LISTS links)
         if(IS_SYMLINK ${link})
             file(RELATIVE_PATH name ${folder} ${link})
-            file(REAL_PATH ${link} room)
-            fledge_install_package(${room} ${destination}/${name})
-            string(APPEND named "|/${name}")
+            file(REAL_PATH ${link} inner)
+            fledge_install_package(${inner} ${destination}/${name})
+            string(APPEND names "|${name}")
         endif()
     endforeach()
     install(DIRECTORY ${folder}/ DESTINATION ${destination}
-        REGEX "(_test[.](py|mjs)|[.]cpp|fledge/CMakeLists[.]txt|/__pycache__)$" EXCLUDE
-        REGEX "(fledge/(templates|core)|scene/web${named})$" EXCLUDE
-        REGEX "(scene|server|console)/testing$" EXCLUDE)
+        REGEX "(_test[.](py|mjs)|[.]cpp|python/loaded[.]h|fledge/CMakeLists[.]txt|/__pycache__)$" EXCLUDE
+        REGEX "(fledge/(templates|core)|scene/web|(scene|server|console)/testing)$" EXCLUDE
+        REGEX "^${folder}/(${names})$" EXCLUDE)
 endfunction()
 fledge_install_package(${PROJECT_SOURCE_DIR}/python/fledge ${FLEDGE_HOME}/python/fledge)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)

@@ -144,7 +144,7 @@ def closure(changed: Iterable[str]) -> set[str]:
 def unit(name: str) -> str:
     """The unit that a test imports: a part of the package, a target, introspect/, or a module elsewhere."""
     parts = name.strip(".").split(".")
-    is_room = parts[0] == "fledge" and ".".join(parts[1:3]) in {*ROOMS, *layers.LEVEL}
+    is_room = parts[0] == "fledge" and parts[1:2] != ["cli"] and ".".join(parts[1:3]) in {*ROOMS, *layers.LEVEL}
     return ".".join(parts[:3 if is_room else 1 if parts[0] == "introspect" else 2])
 
 
@@ -282,6 +282,8 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
             modules.add(Path(path).stem.removesuffix("_model").replace("_", ""))
         elif top in APART or top == "targets":
             units.add(f"fledge.{top}" if top in APART else unit_of(path))
+            if top in APART and module_of(Path(path)):      # a part of the extension
+                units |= {f"fledge.{part}" for part in EXTENSIONS[f"_{top}"]}
         elif (extension := f"_{inner.split('/')[1]}" if top == "python" else "") in EXTENSIONS:
             units |= {extension, *(f"fledge.{part}" for part in EXTENSIONS[extension])}
     return near | of_modules(modules, wide) | {test for test, named in tests().items() if named.units & units}
@@ -390,7 +392,7 @@ def print_reach(changed: list[str], everything: bool, turn: tuple[int, int] | No
         programs |= {name for name, source in programs_of(build) if in_turn(name) and (ROOT / source).exists()}
         programs = {"tests"} if "tests" in programs else programs
     if turn:
-        by_name = {path for path in closure(changed) if path in changed or not path.startswith("python/")}
+        by_name = {path for path in closure(changed) if path in changed or not module_of(Path(path))}
         paths = {path for path in tests() if in_turn(path)} | python_tests(changed, by_name)
     else:
         paths = set(tests()) if everything else reach(changed) if changed else set()

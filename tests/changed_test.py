@@ -77,6 +77,8 @@ def test_a_mission_reaches_its_own_tests_and_those_that_name_it():
     ("python/fledge/units.py", set(), {"python/fledge/units_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/elements.py", set(), {"emulator/python/emulator_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/units_test.py", set(), {"python/fledge/units_test.py"}, "python/fledge/errors_test.py"),
+    ("studies/cli/faults.py", set(), {"python/fledge/cli/check_test.py", "studies/analysis/faults_test.py"},
+     "tests/links_test.py"),
     ("targets/leon3/flight.c", set(), {"targets/leon3/leon3_test.py"}, "targets/linux/linux_test.py"),
     ("cosim/bindings/python/fledge_node.py", set(), {"cosim/bindings/python/fledge_node_test.py"},
      "python/fledge/units_test.py"),
@@ -93,7 +95,7 @@ def test_a_file_that_nothing_uses_chooses_only_what_holds_for_every_file():
 
 
 @pytest.mark.parametrize("path, least, never", [
-    ("python/fledge/report/run.py", "ground/python/server/api_test.py", "python/fledge/mission/feed_test.py"),
+    ("python/fledge/report/run.py", "ground/server/api_test.py", "python/fledge/mission/feed_test.py"),
     ("cosim/router/router.cpp", "studies/verify/verify_test.py", "python/fledge/mission/feed_test.py"),
     ("missions/flyby/world.py", "tests/cosim_missions_test.py", "missions/flatsat/flatsat_test.py"),
     ("flight/math/trig.c", "python/fledge/units_test.py", "introspect/units_test.py"),

@@ -31,7 +31,7 @@ PRODUCT = {"ccsds", "cosim", "emulator", "flight", "fmi", "ground", "introspect"
 WITHOUT = {
     "emulator/tools": "is one program",
     "ground/database/xtce": "is behind ground/database/xtce.h",
-    "ground/python/server/handlers": "is behind the server",
+    "ground/server/handlers": "is behind the server",
     "flight/math/tools": "finds the coefficients of flight/math by hand",
     "targets/bare/examples": "are examples",
     "targets/cfs/inc": "is the interface of NASA's cFE",

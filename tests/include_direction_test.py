@@ -200,7 +200,7 @@ def room(module: str) -> str:
 
 
 def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
-    """Complaints about the imports between the parts of python/fledge."""
+    """Complaints about the imports between the parts of the package."""
     complaints = []
     for module, others in imports.items():
         part = layers.part_of(module)

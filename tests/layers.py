@@ -81,8 +81,9 @@ RULES = {
     "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
                    "values of telemetry with limits; files of packets, and captures",
                    ["ccsds", "record"]),
-    "ground/python": Rule("Python, C++, JavaScript", "`fledge.ground`, with the server of the control room and its "
-                          "console", ["fledge", "ccsds", "record", "registers", "ground"]),
+    "ground/python": Rule("Python, C++", "`fledge.ground`", ["fledge", "ccsds", "record", "ground"]),
+    "ground/server": Rule("Python", "`fledge.ground.server`, of the control room", ["fledge", "registers", "ground"]),
+    "ground/console": Rule("JavaScript, Python", "the pages of the control room", ["fledge", "ground"]),
     "ground/cli": Rule("Python", "the commands of the ground", ["fledge"]),
     "cosim/python": Rule("Python, C++", "`fledge.cosim`; `up`: all programs of a simulation, started together",
                          ["fledge", "flight", "registers", "cosim", "fmi"]),
@@ -91,8 +92,8 @@ RULES = {
     "fmi/python": Rule("Python", "`fledge.fmi`: others' FMUs, unpacked, described, and what a model of the "
                        "world has of them", ["fledge", "introspect", "fmi"]),
     "fmi/export": Rule("Python", "`fledge.export.fmu`", ["fledge", "fmi"]),
-    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension `_core`, the command line; a "
-                   "link names each package that a room holds",
+    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension `_core`, the command line; "
+                   "its links lead to the packages of other folders",
                    ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "fmi", "targets"]),
     "studies": Rule("Python", "many runs, and what is shown of flight: campaigns, faults, falsification, proofs, "
                     "verification, profiles; each folder is a package of `fledge`", ["fledge", "flight", "introspect"]),
@@ -108,8 +109,9 @@ RULES = {
 }
 
 # The parts of the package fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and
-# what these are. A part may import itself and the rows below it, also inside its functions; the launcher is on top of
-# all. A part with a dot has a folder of its own in a room. So the core, up to its commands, imports no room but fmi.
+# what these are. A part may import itself and the rows before it here, also inside its functions; the launcher comes
+# last. A part with a dot has a folder of its own, to which a link leads. So the core, up to its commands, imports no
+# capability but FMI.
 PARTS = [
     ("basilisk", "what its words are here, for errors"),
     ("units elements errors disk columns display interruption loopback programs", "what all others need"),
@@ -135,7 +137,7 @@ PARTS = [
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),
     ("export.fmu", "FMUs of a mission, its world or its flight"),
-    ("cli", "the commands of `./fledge` that fly, export and show, and how those of rooms are found"),
+    ("cli", "the commands of `./fledge` that fly, export and show, and how those of capabilities are found"),
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation"),
     ("mission.learning", "reset and step of reinforcement learning, which requirements may end"),
     ("montecarlo", "campaigns"),
@@ -146,10 +148,10 @@ PARTS = [
     ("profile", "what flight costs on a target"),
     ("verify", "all requirements of a mission over scenarios and targets, with a report"),
     ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
-    ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures; the server of "
-     "the control room, and its pages"),
+    ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
+    ("ground.server ground.console", "the server of the control room, and its pages"),
     ("cosim", "a mission in several programs, which `fledge up` starts together"),
-    ("cli.ground cli.cosim cli.studies", "the commands of rooms"),
+    ("cli.ground cli.cosim cli.studies", "the commands of capabilities"),
     ("launcher", "what `./fledge` does before a command: packages and the build; and tests"),
 ]
 
@@ -188,7 +190,7 @@ def rule_of(path: str) -> str:
 
 
 def part_of(module: str) -> str:
-    """The part of python/fledge that has a module: "ground.server" of "ground.server.web"."""
+    """The part of the package that has a module: "ground.server" of "ground.server.web"."""
     names = module.split(".")
     return whole if (whole := ".".join(names[:2])) in LEVEL else names[0]
 
@@ -204,7 +206,7 @@ def may_use(folder: str, other: str) -> bool:
 
 
 def table_of_parts() -> str:
-    """The parts of python/fledge, as Markdown."""
+    """The parts of the package, as Markdown."""
     return "\n".join(["| part | what it does |", "|---|---|",
                       *(f"| `{'`, `'.join(parts.split())}` | {what} |" for parts, what in PARTS)]) + "\n"
 

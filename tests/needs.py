@@ -69,7 +69,7 @@ def lacking(*packages: str) -> list[str]:
 
 
 def section(purpose: str) -> list[str]:
-    """The packages of a section of cmake/packages.txt, or of a target's folder."""
+    """The packages of a section of cmake/packages.txt, of a part of the package, or of a target's folder."""
     return [line.partition(" | ")[0] for line in listed(purpose)]
 
 

@@ -20,8 +20,8 @@ def files(root: Path = ROOT) -> Iterator[Path]:
 
 @cache
 def library() -> dict[str, str]:
-    """Folder -> the package fledge, or a part of it, that it holds: python/fledge and targets, and the folders of
-    rooms, which links in the package name."""
+    """Folder -> the package fledge, or a part of it, that it holds: python/fledge and targets, and the folders to which
+    links in the package lead."""
     found, folders = {"python/fledge": "fledge", "targets": "fledge.targets"}, ["python/fledge"]
     for place in folders:       # which grows
         for folder, names, _ in os.walk(ROOT / place):

@@ -18,7 +18,7 @@ The modules:
 
     board.py      Board: a computer that runs a program, alone or in the loop
     memory.py     the variables of flight in its memory, by their C names
-    flips.py      campaigns of bit flips
+    flips         campaigns of bit flips: studies/flips
 """
 
 from fledge.emulator.board import Board, load

@@ -27,6 +27,11 @@ if sys.flags.optimize:      # then a scenario, a script or a test would pass wha
             "PYTHONOPTIMIZE")
     raise SystemExit(f"fledge: {_why}") if sys.argv[0] == "-m" else ImportError(_why)
 
+if os.path.isfile(os.path.join(os.path.dirname(os.path.abspath(__file__)), "ground")):
+    raise ImportError("this clone has files in the place of symbolic links; on a file system that has links: "
+                      "git config core.symlinks true; git ls-files -s | sed -n 's/^120000.*\\t//p' | "
+                      "xargs git checkout --")
+
 # Where Fledge is installed, its extensions lie beside it: for one Python.
 _BESIDE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _made = [name for name in os.listdir(_BESIDE) if name.startswith("_core.") and name.endswith(".so")]

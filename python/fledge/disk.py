@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]      # flight/, targets/ and python/ 
 
 
 def sources() -> list[Path]:
-    """All files of the package fledge, also of rooms, whose folders links in it name, by their paths."""
-    return sorted(Path(place, name) for place, _, names in os.walk(Path(__file__).parent, followlinks=True)
+    """All files of the package fledge, also of the folders to which its links lead."""
+    return sorted(Path(place, name).resolve() for place, _, names in os.walk(Path(__file__).parent, followlinks=True)
                   for name in names)
 
 

@@ -2,6 +2,8 @@
 """A library of modules of one's own: read, compiled and loaded apart from Fledge, and wired to its modules."""
 
 import ast
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -100,3 +102,13 @@ def test_editors_see_every_name_of_the_package():
     seen = [alias.asname or alias.name for node in block.body if isinstance(node, ast.ImportFrom)
             for alias in node.names]
     assert sorted(seen) == fledge.__all__
+
+
+def test_a_clone_without_links_says_how_to_make_them(tmp_path):
+    """git writes files in their place where core.symlinks is off."""
+    (tmp_path / "fledge").mkdir()
+    shutil.copy(fledge.__file__, tmp_path / "fledge")
+    (tmp_path / "fledge/ground").write_text("../../ground/python")
+    done = subprocess.run([sys.executable, "-c", "import fledge"], capture_output=True, text=True,
+                          env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    assert "files in the place of symbolic links" in done.stderr and "sed -n 's/^120000.*\\t//p'" in done.stderr

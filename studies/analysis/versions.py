@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 RESULTS = ("summary.json", "runs.csv")
 SOURCES = "sources.json"
 REVISION = "revision-"      # begins the name of the folder with its files
+PYTHON = ("python", "ground", "cosim", "emulator", "fmi", "studies")     # folders of the package fledge
 BESIDE = ("docs", "bench", "tests", "runs", "*.md", "*_test.py", "*_test.cpp")  # no flight depends on these
 
 
@@ -313,7 +314,7 @@ def _by_launcher(tree: Path, mission: Path, campaign: str | None, runs: int, see
     launcher = [str(tree / "fledge")] if (tree / "fledge").is_file() else [str(ROOT / "fledge"), "--project", str(tree)]
     revision = tree.name.removeprefix(REVISION)
     if revision != tree.name and (tree / "fledge").is_file() and not _differ(str(ROOT), revision, [
-            f":(exclude){path}" for path in ("missions", "python/fledge/**.py", *BESIDE)]):
+            f":(exclude){path}" for path in ("missions", *(f"{folder}/**.py" for folder in PYTHON), *BESIDE)]):
         # Nothing that is compiled differs: its Python takes the extension of this build.
         launcher = [sys.executable, "-P", str(tree / "python/fledge/cli/__main__.py")]
         environment["PYTHONPATH"] = os.pathsep.join(map(str, (tree / "python", tree, build_folder() / "python")))

@@ -50,8 +50,8 @@ def _fledge(with_targets: bool) -> str:
     """A hash of Fledge's sources and of its extension."""
     from fledge.mission.provenance import extension
 
-    others = [path for folder in TARGETS * with_targets for path in sorted((ROOT / folder).rglob("*"))]
-    files = [path for path in [*sources(), *others] if path.suffix in SOURCES
+    others = {path for folder in TARGETS * with_targets for path in (ROOT / folder).rglob("*")}
+    files = [path for path in sorted({*sources(), *others}) if path.suffix in SOURCES
              and not {"testing", "web"} & set(path.parts) and "_test." not in path.name]
     return _digest(ROOT, [*files, extension()])
 

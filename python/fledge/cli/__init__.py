@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: every command of usage.txt but those that fledge.launcher has, which install, build and test.
-Each is in a module whose add() has its arguments and names the function that carries it out: here, or in a room
-(rooms.py).
+Each is in a module whose add() has its arguments and names the function that carries it out: here, or in the folder
+of a capability (capabilities.py).
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -60,10 +60,10 @@ def summaries() -> dict[str, str]:
 
 
 def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
-    """That of the commands here and of the rooms, and of those that other functions add, by the function that adds one.
-    `needs` says what the launcher provides first, besides what all need (fledge.launcher.packages); None: it builds
-    nothing."""
-    from fledge.cli import bench, check, compare, export, fly, load, new, prompt, records, rooms, run, show
+    """That of the commands here and of capabilities, and of those that other functions add, by the function that adds
+    one. `needs` says what the launcher provides first, besides what all need (fledge.launcher.packages); None: it
+    builds nothing."""
+    from fledge.cli import bench, capabilities, check, compare, export, fly, load, new, prompt, records, run, show
 
     texts = summaries()
     top = Parser(prog="fledge", description="Fly flight software in closed loop.",
@@ -81,11 +81,11 @@ def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
         sub.set_defaults(function=function, needs=lambda _: [], by_itself=False)
         return sub
 
-    for module in (run, check, export, fly, load, prompt, compare, show, new, records, bench, *rooms.modules()):
+    for module in (run, check, export, fly, load, prompt, compare, show, new, records, bench, *capabilities.modules()):
         module.add(command)
     for add in more:
         add(command)
-    for name in texts:      # errors name the choices in the order of the usage
+    for name in texts:      # an error names them in the order of the usage
         if name in commands.choices:
             commands.choices[name] = commands.choices.pop(name)
     return top

@@ -111,19 +111,19 @@ def _summary(process: Any) -> str:
             + (f" in {' and '.join(places)}" if places else ""))
 
 
-# --- its files, by what reads them in other commands; those of rooms, by their READERS ---------------
+# --- its files, by what reads them in other commands; those of capabilities, by READERS --------
 
 def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
     """The reader of each of its files, which returns a summary. whole: those about flight's messages, too."""
     from functools import partial
 
-    from fledge.cli import rooms
+    from fledge.cli import capabilities
 
     assert sim.mission
     folder = sim.mission.folder
-    readers = rooms.readers()
+    readers = capabilities.readers()
     yield partial(_requirements, sim)
-    for name in sorted(readers):
+    for name in readers:
         if name.endswith(".py") and (folder / name).exists():
             yield partial(readers[name], folder / name)
     keys = {path: _keys(path) for path in sorted(folder.glob("*.toml"))}

@@ -5,8 +5,7 @@ import argparse
 import pytest
 
 from fledge import cli
-from fledge.cli import rooms
-from fledge.errors import Failure
+from fledge.cli import capabilities
 
 
 @pytest.mark.parametrize("words, message, usage", [
@@ -38,14 +37,6 @@ def test_the_same_thing_has_one_name_in_all_commands():
         assert "--jobs" in commands.choices[name]._option_string_actions
 
 
-def test_a_clone_without_links_says_how_to_make_them(tmp_path, monkeypatch):
-    """As git writes them where core.symlinks is off."""
-    (tmp_path / "ground").write_text("../../../ground/cli")
-    monkeypatch.setattr(rooms, "__file__", str(tmp_path / "rooms.py"))
-    with pytest.raises(Failure, match="ground is a file, and has to be a symbolic link: git config core.symlinks true;"):
-        rooms.modules()
-
-
-def test_each_room_adds_its_commands_and_readers():
-    assert {"packets", "up", "montecarlo"} <= {module.__name__.rpartition(".")[2] for module in rooms.modules()}
-    assert rooms.readers().keys() == {"", "asynchronous", "craft", "dispersions.py", "faults.py", "node"}
+def test_each_capability_adds_its_commands_and_readers():
+    assert {"packets", "up", "montecarlo"} <= {module.__name__.rpartition(".")[2] for module in capabilities.modules()}
+    assert capabilities.readers().keys() == {"", "asynchronous", "craft", "dispersions.py", "faults.py", "node"}

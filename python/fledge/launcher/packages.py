@@ -37,7 +37,7 @@ BUILDING = ("project", "unit", "pytest", "docs")      # purposes for which an in
 
 def listed(purpose: str) -> list[str]:
     """The packages of a purpose; of alternatives, "a | b"."""
-    own_file = PACKAGE / purpose / "packages.txt"       # of the folder of a target: that is whole
+    own_file = PACKAGE / purpose / "packages.txt"       # `purpose` may be the whole path of a target's folder
     if own_file.is_file():
         text = own_file.read_text(encoding="utf-8")
     else:

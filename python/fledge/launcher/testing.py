@@ -255,7 +255,7 @@ def _folder(given: Path) -> str:
     """A folder of Fledge with tests, from its root, of a name from the current folder or from the root."""
     place = given if given.is_absolute() else next((
         base / given for base in (Path.cwd(), ROOT) if (base / given).is_dir()), ROOT / given)
-    inside = os.path.relpath(place, ROOT)
+    inside = os.path.relpath(place.resolve(), ROOT)     # links in the package lead to the folders of tests
     if inside == ".":
         raise Failure(f"test: {given} is all of Fledge: ./fledge test")
     if place.is_file():

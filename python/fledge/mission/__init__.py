@@ -7,7 +7,8 @@
     scenario.py    the scenarios of a mission
     log.py         what was recorded in memory
     feed.py        inputs that are fed by hand
-    batch.py       clones that are stepped together; learning.py: as reinforcement learning steps them
+    batch.py       clones that are stepped together; learning (studies/learning): as reinforcement
+                   learning steps them
     neural.py      weights of a trained network, as parameters of its flight module
     rebinding.py   Python functions made anew for a clone
     linearize.py   linear systems about a state (linear.py); trim.py: states at rest

@@ -26,7 +26,7 @@ class Target:
     cpu_of = ""                     # what its processor time includes, or of which processor it is: "emulated"
     uses: tuple[str, ...] = ()      # other targets whose packages and programs it needs, and which must be prepared
     needs: tuple[str, ...] = ()     # programs that are not always there; the packages that have them: packages.txt
-    parts: tuple[str, ...] = ("loop",)      # of Fledge's build, for a flight there: targets of ./CMakeLists.txt
+    parts: tuple[str, ...] = ("loop",)      # of Fledge's build, for a flight there: targets of CMake
     profiled_by = ""                # how `fledge profile` measures it: fledge.profile.METHODS; "": it cannot
     frames = True                   # whether a mission's SpaceLink frames what passes there
     secures = False                 # whether it has the cipher of a secured one

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each row of the routes and messages with each kind of user, and what is no request of the server. An hour of those:
 
-    FLEDGE_MINUTES=60 FLEDGE_SEED=7 /usr/bin/python3 -m pytest -s -k fuzzed ground/python/server/attacked_test.py
+    FLEDGE_MINUTES=60 FLEDGE_SEED=7 /usr/bin/python3 -m pytest -s -k fuzzed ground/server/attacked_test.py
 """
 import asyncio
 import json

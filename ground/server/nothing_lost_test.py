@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server as a process of its own, while what it depends on fails: packets in against packets found.
 
-    FLEDGE_SOAK_S=3600 /usr/bin/python3 -m pytest -s ground/python/server/nothing_lost_test.py -k memory
+    FLEDGE_SOAK_S=3600 /usr/bin/python3 -m pytest -s ground/server/nothing_lost_test.py -k memory
 """
 import json
 import os

@@ -14,7 +14,7 @@ import pytest
 from fledge import RunError, Simulation, world
 from fledge.units import s
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
 FILES = [f"{version}/{name}.fmu" for version in ("2.0", "3.0")
          for name in ("BouncingBall", "Dahlquist", "Feedthrough", "Resource", "Stair", "VanDerPol")]
