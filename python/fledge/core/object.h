@@ -2,7 +2,7 @@
 // Python objects that are C structs. Every struct in the tables becomes a Python type: a module or
 // model owns an instance, a message or plain struct is a view into one. An attribute is read and
 // written straight on the memory by a getset whose closure is the field; arrays are numpy views.
-// Written with the C API, because this is the path that a user's loop takes: see bench/objects.py.
+// Written with the C API, because this is the path that a user's loop takes.
 //
 // Lifetimes: a view holds its owner, an array holds the object it was read from, and an instance's
 // memory never moves. No object here can be part of a cycle, so none takes part in garbage collection.
