@@ -780,8 +780,7 @@ def test_the_first_command_runs_after_an_install(launch):
     (["verify", "x"], [], []), (["verify", "x", "--on", "desktop,leon3"], ["leon3"], []),
     (["console", "x"], ["micropython"], []), (["flips", "x"], ["leon3"], []),
     (["export", "micropython", "x"], ["micropython"], []), (["export", "c", "micropython"], [], []),
-    (["bench", "micropython"], ["profile", "leon3", "micropython"], []),
-    (["bench", "emulator"], ["leon3", "leon3_qemu"], []), (["bench", "sim", "leon3"], [], []),
+    (["bench", "flown_requirements"], ["leon3"], []), (["bench", "sim", "leon3"], [], []),
     (["plot", "runs/x/fly/micropython.mcap"], [], [])], "another command"))
 def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, needed, prepared):
     """An installed compiler, and a library that `setup` builds; other commands build it when they fly."""

@@ -1,3 +1,0 @@
-/* SPDX-License-Identifier: Apache-2.0 */
-#define BESIDE_CODE
-#include "bench/guest/stores.c"
