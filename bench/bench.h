@@ -36,12 +36,8 @@ __attribute__((visibility("default"))) double time_monitor(const char *folder, i
 /// Write 10,000 values that changed into a frame, n times; seconds of processor time per frame.
 __attribute__((visibility("default"))) double time_changes(long n);
 
-/// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
-/// per evaluation. Plain: by the textbook's recursion, else by the world's.
-__attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);
-
-/// The largest relative difference of the two along the orbit.
-__attribute__((visibility("default"))) double harmonics_difference(int degree);
+/// Gravity of a field of a degree along a low orbit, n times; seconds of processor time per evaluation.
+__attribute__((visibility("default"))) double time_harmonics(int degree, long n);
 
 /// fm_sin(x) for "sin", and so on; NaN if there is no function of one argument of that name.
 __attribute__((visibility("default"))) double elementary(const char *function, double x);

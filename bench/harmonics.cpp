@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spherical-harmonic gravity, ours and the plain one, over the same field and points.
+// The cost of spherical-harmonic gravity.
 #include "world/environment/harmonics.h"
 #include "bench/bench.h"
-#include "bench/plain_harmonics.h"
 
-#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -12,7 +10,6 @@
 #include <time.h>
 
 using Eigen::Vector3d;
-using fledge::bench::PlainHarmonics;
 using fledge::world::HarmonicField;
 using fledge::world::Harmonics;
 
@@ -57,8 +54,11 @@ double now()
     return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-template <typename Gravity> double time_of(const Gravity &gravity, long n)
+} // namespace
+
+double time_harmonics(int degree, long n)
 {
+    const Harmonics gravity(field_of(degree));
     // The sum is kept, so that no evaluation can be left out.
     const std::vector<Vector3d> points = orbit();
     Vector3d sum(0, 0, 0);
@@ -72,25 +72,4 @@ template <typename Gravity> double time_of(const Gravity &gravity, long n)
     const volatile double kept = sum[0] + sum[1] + sum[2];
     (void)kept;
     return (end - begin) / static_cast<double>(n);
-}
-
-} // namespace
-
-double time_harmonics(int plain, int degree, long n)
-{
-    const HarmonicField field = field_of(degree);
-    return plain ? time_of(PlainHarmonics(field, degree), n) : time_of(Harmonics(field), n);
-}
-
-double harmonics_difference(int degree)
-{
-    const HarmonicField field = field_of(degree);
-    const Harmonics ours(field);
-    const PlainHarmonics plain(field, degree);
-    double worst = 0.0;
-    for (const Vector3d &r : orbit()) {
-        const Vector3d a = ours.gravity(r), b = plain.gravity(r);
-        worst = std::max(worst, (a - b).norm() / b.norm());
-    }
-    return worst;
 }
