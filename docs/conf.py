@@ -68,8 +68,8 @@ CHAPTERS = {
                             "missions/README", "docs/orbiter", "docs/cubesat", "docs/from-basilisk"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
-    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
-                   "Elementary functions <flight/math/README>"],
+    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "docs/decisions",
+                   "The reader of headers <introspect/README>", "Elementary functions <flight/math/README>"],
 }
 
 if not OURS:
