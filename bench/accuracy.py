@@ -30,15 +30,13 @@ INTRODUCTION = """\
 What each model is held against, and how far it is from that. Written by `./fledge bench accuracy`: every figure \
 is measured when it runs, and has two significant digits, so that every machine writes the same file.
 
-- Simulations are those that a user would write, in Python. Closed forms are evaluated in 40 digits from the very \
-numbers that the simulation starts with, and its results are taken as the numbers that they are: all of a difference \
+- Closed forms are evaluated in 40 digits from the very numbers that the simulation starts with: all of a difference \
 is the simulation's.
-- *RK4* is the classical method of order 4, one step per update: its error falls by 16 where the step is halved. \
-*Adaptive* is the method of Dormand and Prince of order 8. Its tolerance (here the relative and the absolute one \
-alike, in SI units) bounds the estimated error of each step and of each state, not what they add up to: about the \
-Earth, 1e-6 allows every step to be off by 7 m. The default is 1e-10.
-- *Relative* errors are those of a vector over its length; a double is rounded by 1.1e-16. Where steps are short, \
-rounding is all that is left, and it grows with their number: the shortest step is not the most accurate.
+- *RK4* is of order 4, one step per update. *Adaptive* is the method of Dormand and Prince of order 8. Its tolerance \
+(relative and absolute alike, in SI; 1e-10 by default) bounds the estimated error of each step and of each state, \
+not what they add up to: about the Earth, 1e-6 allows every step to be off by 7 m.
+- *Relative* errors are those of a vector over its length. Where steps are short, rounding is all that is left, and it \
+grows with their number.
 """
 
 

@@ -58,11 +58,11 @@ def upper_air():
                   "" if isnan(temperature) else temperature)
     return Section(
         "The Earth's upper air",
-        "the values that the authors of each law publish, or that their programs print: of 4 to 16 digits, so that "
-        "most of a difference is the print's rounding.",
+        "the values that the authors of each law publish, or that their programs print: most of a difference is the "
+        "print's rounding.",
         worst,
-        "The species' densities agree likewise (world/environment/air/*_test.cpp). JB2008's rows of 2009 and 2017 have "
-        "the Sun's place in 4 digits. JEOD integrates MET with weights of 7 digits, which counts up to 105 km.",
+        "JB2008's rows of 2009 and 2017 have the Sun's place in 4 digits. JEOD integrates MET with weights of 7 "
+        "digits, which counts up to 105 km.",
         rows_of("NRLMSISE-00: NRL's 17 test cases, density without anomalous oxygen", sets["NRLMSISE-00"]),
         rows_of("JB2008: 7 to 12 November 2004, with storms", sets["JB2008, storms"]),
         rows_of("DTM2000: CNES's test cases", sets["DTM2000, CNES"]),

@@ -174,22 +174,19 @@ def air_and_field():
     return Section(
         "The standard atmosphere and magnetic fields",
         "the equations of the standard to 86 km, its printed table above; a dipole's closed form, and the sums of "
-        "spherical harmonics of a file of random coefficients, in 40 digits, at the beginning of 2027.",
+        "spherical harmonics of a file of random coefficients, at the beginning of 2027.",
         low_air(),
         high_air(),
-        "Both integrate the same equations upwards from 86 km, in steps of their own. From 800 km on they differ by "
-        "more than the print rounds.",
+        "Both integrate the same equations upwards from 86 km, in steps of their own.",
         magnetic())
 
 
 def earth():
     return Section(
         "The Earth's orientation and shadow",
-        "the matrices of the library ERFA, each from one call for its instant (c2t06a; and pnm80, gmst82, eqeq94 and "
-        "pom00), with UT1 - TAI = -36 s; and the share of one disc on the sky that another one hides, integrated over "
-        "the Sun's with 40 digits.",
+        "the matrices of the library ERFA, each from one call for its instant, with UT1 - TAI = -36 s; and the share "
+        "of one disc on the sky that another one hides, integrated over the Sun's.",
         orientation(),
         "Fledge evaluates ERFA's series every 6 h, rounds at 6e-14 rad and interpolates: the rounding is what is left.",
         shadow(),
-        "Fledge takes both discs as circles in a plane, though they are circles on a sphere. The edges of the shadow "
-        "are exact all the same.")
+        "Fledge takes both discs as circles in a plane, though they are circles on a sphere.")

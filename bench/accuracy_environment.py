@@ -105,14 +105,11 @@ def gravity():
         jacobi.add(name, *figures)
     return Section(
         "Gravity fields",
-        "the definition of the potential, with Legendre functions in 60 digits, differentiated by differences of a "
-        "nanometre; and Jacobi's integral, v^2 / 2 - U - omega . (r x v), which a field keeps that turns at a constant "
-        "rate.",
-        "The acceleration of a spacecraft at rest at 20 places up to 1.3 radii, and at four a micrometre and a "
-        "millimetre off the axis over either pole. The fields are real: GGM2B of Mars, GGM03S of the Earth.",
+        "the definition of the potential, with Legendre functions in 60 digits; and Jacobi's integral, which a field "
+        "keeps that turns at a constant rate.",
+        "At 20 places up to 1.3 radii, and at four a micrometre and a millimetre off the axis over either pole.",
         table,
-        "The orbit has its periapsis 400 km above Mars, e = 0.05; the pole is held still, for its precession is no "
-        "part of Jacobi's integral.",
+        "The orbit has its periapsis 400 km above Mars, e = 0.05; the pole is held still.",
         jacobi)
 
 
@@ -144,16 +141,14 @@ def check_cases():
         table.add(f"{case}: {what}", *(found.get(name, "") for name, _ in columns))
     return Section(
         "NASA's check cases",
-        "the states that NASA publishes for its own package of orbital dynamics, JEOD, integrated by RK4 at 1/32 s.",
-        "A spacecraft in a low orbit of the Earth, flown by the mission check_cases. The fields are those of GGM05C, "
-        "the Earth's orientation is by IAU 1976/1980 without polar motion, the Sun and the Moon by DE405. NASA's air "
-        "turns about the third axis of N, as here in RUN_6A.",
+        "the states that NASA publishes for JEOD, its own package of orbital dynamics.",
+        "The mission check_cases flies them, with the field GGM05C, the Earth's orientation by IAU 1976/1980 without "
+        "polar motion, and DE405. In RUN_6A the air turns about the third axis of N, as NASA's does.",
         table,
         "What is left of the cases with a field is the apparent sidereal time: Fledge has the two terms that the IAU "
-        "added to the equation of the equinoxes in 1994, 6e-9 rad then, 4 cm on the ground. A field of another year "
-        "counts more: with GGM02C the same flights end 8 to 17 cm off.",
-        "The cases with air by MET are kept apart for verification: no number in Fledge's models comes from them. That "
-        "air moves the end by 3 km; here it turns about the pole of date.")
+        "added to the equation of the equinoxes in 1994, 4 cm on the ground.",
+        "No number in Fledge's models comes from the cases with air by MET. That air moves the end by 3 km; here it "
+        "turns about the pole of date.")
 
 
 # --- ephemerides -----------------------------------------------------------------------------------
@@ -200,12 +195,12 @@ def ephemerides():
         between.add(name, *worst)
     return Section(
         "Ephemerides",
-        "the kernels' Chebyshev polynomials, found in the file by jplephem and summed in 40 digits; and DE430 in place "
-        "of DE405.",
+        "the kernels' Chebyshev polynomials, found in the file by jplephem and summed in 40 digits; and DE430 in place"
+        " of DE405.",
         "A double of the size of Pluto's distance resolves 1 mm, and that is all of the difference in position.",
         reading,
-        "The other table is no error of reading. It is what 16 more years of observations changed from DE405 to DE430, "
-        "most for the outer planets. It bounds every error of reading DE405, whose format nothing else here reads.",
+        "The other table is what 16 more years of observations changed from DE405 to DE430. It bounds every error of "
+        "reading DE405, whose format nothing else here reads.",
         between)
 
 
@@ -230,11 +225,9 @@ def planets():
         "Third bodies",
         "DE405, which is integrated with all that is known of the solar system.",
         "A spacecraft is put in a planet's place with its velocity, attracted by the Sun and the other planets as "
-        "points, and should stay with the planet. Ephemeris, attraction and integration (Adaptive, 1e-13, updated "
-        "every hour) are at work together. What is missing is general relativity, 6e-11 m/s^2 at Mars: the last "
-        "column takes off t^2 / 2 times Schwarzschild's term at the start, which leaves a percent, by which that term "
-        "turns in a day. The Earth keeps 5 cm, for the Moon feels its flattening and pulls back; Saturn keeps what a "
-        "double resolves at its distance, 0.2 mm.",
+        "points (Adaptive, 1e-13, updated every hour). General relativity is missing: the last column takes off t^2 / "
+        "2 times Schwarzschild's term at the start. The Earth keeps 5 cm, for the Moon feels its flattening; Saturn "
+        "keeps what a double resolves at its distance, 0.2 mm.",
         table)
 
 
@@ -273,9 +266,8 @@ def time_scales():
     table.add("TT - UTC, around every leap second and at 10,000 instants from 1972 to 2015", 1e-9 * worst)
     return Section(
         "Time scales",
-        "the series of USNO Circular 179, Eq. (2.6), within 10 us, for TDB; Python's calendar and the table of NAIF's "
-        "leap-seconds kernel for UTC.",
-        "TDB follows the model of SPICE, one sine of the Earth's anomaly, which is given as within 30 us of the "
-        "theory; the series is within 10 us. In 34 us the Earth moves by 1 m. All else is integer arithmetic in "
-        "nanoseconds, and exact.",
+        "the series of USNO Circular 179, Eq. (2.6), for TDB; Python's calendar and NAIF's table of leap seconds for "
+        "UTC.",
+        "TDB follows the model of SPICE, which is given as within 30 us of the theory; the series is within 10 us. All"
+        " else is integer arithmetic in nanoseconds, and exact.",
         table)

@@ -60,10 +60,8 @@ def elementary():
     return Section(
         "Elementary functions",
         "mpmath with 40 digits.",
-        "What flight code and world use for sine, cosine and their like: the same bits on every machine. One ulp is "
-        "the place of the last binary digit of the result; the nearest double is at most 0.5 ulp away. Ordinary use "
-        "is one turn and a ratio, an exponent or an argument of up to 10; then arguments of every exponent that a "
-        "double has. flight/math/README.md has the worst errors that were found with ten million arguments.",
+        "The nearest double is at most 0.5 ulp away. Ordinary use is one turn and a ratio, an exponent or an argument "
+        "of up to 10. flight/math/README.md has the worst errors of ten million arguments.",
         table)
 
 
@@ -107,9 +105,9 @@ def navigation():
     return Section(
         "Navigation noise",
         "the statistics of independent normal numbers of the given deviations.",
-        "A turning spacecraft, 0.1 s between updates. The last row is one standard error: what chance alone makes of a "
-        "figure, as a standard deviation. Each figure is the worst of three axes, so twice that is nothing unusual. "
-        "The share is of all axes; of normal numbers, 0.0027 lie beyond three deviations.",
+        "The last row is one standard error: what chance alone makes of a figure. Each figure is the worst of three "
+        "axes, so twice that is nothing unusual. The share is of all axes; of normal numbers, 0.0027 lie beyond three "
+        "deviations.",
         table)
 
 
@@ -185,12 +183,11 @@ def loop():
         periods.add(f"{period:g} s", *errors(sim))
     return Section(
         "The closed loop",
-        "a second implementation of the whole nadir spin, world and flight software, written by hand for this one "
-        "mission (bench/hand_written_loop.cpp); and the same mission with the tightest integration.",
-        "Differences are those of position, velocity, attitude, rate and wheel speeds, each over the length of its "
-        "vector, of which the largest counts. The mission passes periapsis after 41 min.",
+        "a second implementation of the whole nadir spin, written by hand for this one mission "
+        "(bench/hand_written_loop.cpp); and the same mission with the tightest integration.",
+        "The largest difference of position, velocity, attitude, rate and wheel speeds, each over the length of its "
+        "vector. The mission passes periapsis after 41 min.",
         by_hand, steps,
-        "The mission's step, 0.1 s, is beyond need: what is left is rounding. The tracking error (an MRP: a quarter "
-        "of the angle) does not depend on the step at all. It is the control law's: a torque is held for a whole "
-        "period of flight while the reference turns on, so the error falls with that period.",
+        "At the mission's step, 0.1 s, rounding is what is left. The tracking error is the control law's: a torque is "
+        "held for a whole period of flight while the reference turns on, so the error falls with that period.",
         periods)

@@ -75,13 +75,10 @@ def rotation():
                     exact.relative(exact.vector(state.omega_BN_B), closed.omega_B(HOUR)))
     return Section(
         "Torque-free rotation",
-        "the closed form of the symmetric top (a body with moments of inertia A, A, C turns about its momentum "
-        "at H / A and about its axis at (A - C) / A omega3); for a body with three moments, Jacobi's elliptic "
-        "functions and the conservation of angular momentum in N and of energy. Both in 40 digits.",
-        "The top has moments of inertia of 700, 700, 900 kg m^2 and turns at 0.11 rad/s, 6.4 deg/s; its attitude "
-        "error is the angle between the two attitudes. The other body has 500, 700, 900 kg m^2 and tumbles about "
-        "its middle axis at 0.1 rad/s. RK4 takes a step per update; Adaptive is updated every minute, and takes "
-        "the steps that its tolerance asks for.",
+        "the closed form of the symmetric top; for a body with three moments, Jacobi's elliptic functions and the "
+        "conservation of angular momentum in N and of energy.",
+        "The top has moments of inertia of 700, 700, 900 kg m^2 and turns at 0.11 rad/s; the other body has 500, 700, "
+        "900 kg m^2 and tumbles about its middle axis at 0.1 rad/s. Adaptive is updated every minute.",
         top, tumbler)
 
 
@@ -114,12 +111,10 @@ def orbits():
         tables.append(table)
     return Section(
         "Orbits about a point mass",
-        "Kepler's equation in universal variables, in 40 digits, from the very numbers that the run starts with.",
-        "The Earth, mu = 3.986004415e14 m^3/s^2; periapsis at 7000 km in all cases, so that the periods are 1.6, "
-        "3.5 and 9.9 h. The run begins 0.5 rad after periapsis. The hyperbola (e = 1.5) comes in from 1.9 rad before "
-        "periapsis, passes it after 1.2 h and is 4.6 million km away after 10 days. Adaptive is updated every 10 "
-        "minutes. An error of energy changes the period, so most errors grow with the square of time, and some pass "
-        "through zero before.",
+        "Kepler's equation in universal variables.",
+        "Periapsis is at 7000 km; the run begins 0.5 rad after it, that of the hyperbola 1.9 rad before it. Adaptive "
+        "is updated every 10 minutes. An error of energy changes the period, so most errors grow with the square of "
+        "time, and some pass through zero before.",
         *tables)
 
 
@@ -165,13 +160,12 @@ def oblate():
         drift.add(f"{J2:.4e}".replace("e-0", "e-"), *figures)
     return Section(
         "Orbits about an oblate planet",
-        "the conservation of energy and of the angular momentum about the pole, in 40 digits; and the secular "
-        "rates of node and periapsis in the first order of J2: -3/2 n J2 (R / p)^2 cos i and 3/2 n J2 (R / p)^2 "
-        "(2 - 5/2 sin^2 i).",
+        "the conservation of energy and of the angular momentum about the pole; and the secular rates of node and "
+        "periapsis in the first order of J2.",
         "p = 7500 km, e = 0.1, i = 0.9 rad. Adaptive is updated every 10 minutes.",
         kept,
-        "Rates are means over 50 revolutions, the elements of the theory too. The difference falls in proportion to "
-        "J2: it is the theory's second order, which is left out, and not an error of the flight.",
+        "Rates and elements are means over 50 revolutions. The difference is the theory's second order, which is left "
+        "out: it falls in proportion to J2.",
         drift)
 
 
@@ -241,17 +235,13 @@ def wheels():
         together.add(name, *figures)
     return Section(
         "Reaction wheels",
-        "closed forms of one wheel on a free body, J = 0.5 and I = 20 kg m^2 about the axis: the speed u t (1/J + 1/I) "
-        "under a constant torque u, its decay by exp(-c t (1/J + 1/I)) under viscous friction, and its linear fall "
-        "under Coulomb friction; and the conservation of the total angular momentum in N.",
-        "0.2 N m for 100 s; 40 rad/s and c = 0.05 N m s for 60 s; 5 rad/s and 0.1 N m, which stop the wheel after "
-        "24.4 s. Adaptive is updated every second. Where a wheel comes to rest within an update, the friction that "
-        "stops it at the update's end is taken from the body's last acceleration: a slip is left, whatever the "
-        "method, which depends on where in the update that falls, shrinks with the update's length, and dies away "
-        "within a few more.",
+        "closed forms of one wheel on a free body under a constant torque, viscous friction or Coulomb friction; and "
+        "the conservation of the total angular momentum in N.",
+        "0.2 N m for 100 s; 40 rad/s and c = 0.05 N m s for 60 s; 5 rad/s and 0.1 N m, which stop the wheel after 24.4"
+        " s. Adaptive is updated every second. Where a wheel comes to rest within an update, a slip is left, whatever "
+        "the method, which dies away within a few more.",
         alone,
-        "Four wheels of J = 0.16 kg m^2 with both frictions on a body of 50, 60, 80 kg m^2; every 10 s the motors get "
-        "other torques, up to 0.1 N m.",
+        "Four wheels of J = 0.16 kg m^2 with both frictions; every 10 s the motors get other torques.",
         together)
 
 

@@ -163,19 +163,15 @@ def jitter():
 def moving():
     return Section(
         "Parts that move",
-        "closed forms of single parts, the conservation of momentum and energy of all together, and the cheap model of "
-        "imbalanced wheels, which leaves out the second order.",
-        "All begin at 40 deg or 0.1 m. The panel on a spring of 0.5 N m and its body are free; in the spin of 0.5 "
-        "rad/s its hinge is 1 m off the axis and its centre 1.5 m off the hinge, so that it swings as a pendulum does, "
-        "in Jacobi's elliptic functions; so does the pendulum of 0.75 m under a thrust of 0.5 m/s^2. The particle "
-        "oscillates with the reduced mass, damped. The turning hub and the thrusting one are so heavy that they do not "
-        "feel their parts.",
+        "closed forms of single parts, the conservation of momentum and energy of all together, and the cheap model of"
+        " imbalanced wheels, which leaves out the second order.",
+        "All begin at 40 deg or 0.1 m. The panel in the spin of 0.5 rad/s, and the pendulum under thrust, swing as "
+        "pendulums do, in Jacobi's elliptic functions; the particle oscillates with the reduced mass, damped.",
         closed_forms(),
-        "Three wheels, two panels on springs, a particle and a pendulum, all off the centre of a body of 80 kg that "
-        "tumbles at 0.27 rad/s; the sums are over the bodies, from their published places and rates.",
+        "Three wheels, two panels on springs, a particle and a pendulum, all off the centre of a body that tumbles at "
+        "0.27 rad/s; the sums are over the bodies, from their published places and rates.",
         conservation(),
-        "One wheel of 60 rad/s off the centre of a body of 100 kg. The difference falls in proportion to the "
-        "imbalance.",
+        "One wheel of 60 rad/s off the centre of a body of 100 kg.",
         jitter())
 
 
@@ -307,19 +303,17 @@ def actuators():
     return Section(
         "Actuators",
         "the rocket equation, the jet damping of a spin, the impulse of a pulse, the swing of a rod in a constant "
-        "field in Jacobi's elliptic functions, and the conservation of momentum with gyros whose gimbals turn.",
+        "field, and the conservation of momentum with gyros whose gimbals turn.",
         "40 kg of propellant in 140 kg, 50 N at 220 s: after 1726 s the tanks are empty.",
         rocket(),
-        "Eight jets of 0.1 N at 200 s, at the corners of a square of 2 m, along the axis about which 750 kg spin at "
-        "0.03 rad/s; 50 kg of propellant in a ball of 0.3 m that shrinks. The flow takes the angular momentum of its "
-        "nozzle along: the rate changes by -9.8651537619e-4 of itself. A torque of the thrusts' direction alone "
-        "leaves that out.",
+        "Eight jets of 0.1 N at 200 s, along the axis about which 750 kg spin at 0.03 rad/s; 50 kg of propellant in a "
+        "ball that shrinks. The flow takes the angular momentum of its nozzle along: the rate changes by "
+        "-9.8651537619e-4 of itself.",
         spun(),
-        "Thrust rises in 40 ms and falls in 70 ms; a pulse that is shorter than the rise does not reach 22 N. Steps "
-        "end where a valve moves or a ramp ends, to the nanosecond, so that the period of the task does not matter.",
+        "Thrust rises in 40 ms and falls in 70 ms. Steps end where a valve moves or a ramp ends, to the nanosecond, so"
+        " that the period of the task does not matter.",
         pulses(),
         "A dipole of 100 A m^2 in 23 uT, 10 kg m^2, from rest at 40 deg: a period of 425 s.",
         compass(),
-        "Four gyros of 7.5 N m s on a body of 50, 60, 80 kg m^2; every 10 s gimbals get other rates, up to 0.05 rad/s, "
-        "and wheels other torques, up to 0.02 N m.",
+        "Four gyros of 7.5 N m s; every 10 s gimbals and wheels get other commands.",
         gyros())

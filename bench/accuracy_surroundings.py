@@ -100,12 +100,11 @@ def gradient():
 def surroundings():
     return Section(
         "Air, sunlight and the gradient of gravity",
-        "closed forms in 40 digits: a body that the air alone slows down, the potential of the sunlight's pressure, "
-        "and the libration in the plane of a circular orbit in Jacobi's elliptic functions.",
-        "The craft flies through still air of 1e-6 kg/m^3 at 7 km/s, without gravity. After a day it has slowed down "
-        "to 0.14 of that.",
+        "a body that the air alone slows down, the potential of the sunlight's pressure, and the libration in the "
+        "plane of a circular orbit in Jacobi's elliptic functions.",
+        "The craft flies through still air of 1e-6 kg/m^3 at 7 km/s, without gravity; after a day it has 0.14 of that.",
         drag(),
         "The Sun is only 5.4 million km away, so that its push of 9e-4 m/s^2 changes along the orbit.",
         pressure(),
-        "Moments of inertia of 500, 900 and 1000 kg m^2, the orbit at 7000 km. The error of the orbit itself is in it.",
+        "The orbit at 7000 km. The error of the orbit itself is in it.",
         gradient())
