@@ -10,13 +10,10 @@ the median over groups of rounds.
 - `pair_*`: two nodes that step one after the other, against two round trips.
 - `futex_barrier`: so many programs, released by one futex all at once; the last one wakes the first.
 - `tick_shm_*`: so many nodes that step at once, 64 bytes to and from each, over shared memory; their
-  partner lives in the controller's program. `ring_shm_*`: the same, each with its neighbour.
+  partner lives in the controller's program.
 - `nadir_spin`: the mission with world and flight in two programs, against `one_program_and_exchanges`: the
   same in one program, and for each tick a bare round trip.
 - `constellation`: up to 128 programs on this machine, and where a tick's time goes (bench/cosim_scaling.py).
-- `start_shm`, `start_tcp`: so many programs that start, join a controller, make 64 rounds, and end.
-- `broker_*`, `watched_*`: such a pair with a broker that has no subscribers, and with four observers, the last
-  of which is stopped, against the same without. On few processors, the observers also use computing time.
 """
 from __future__ import annotations
 import subprocess
@@ -44,14 +41,9 @@ CASES = {
     "req_rep_ipc": ("req_rep", "ipc"), "tick_ipc": ("tick", "ipc"), "pair_ipc": ("pair", "ipc"),
     "req_rep_tcp": ("req_rep", "tcp"), "tick_tcp": ("tick", "tcp"), "pair_tcp": ("pair", "tcp"),
     "futex_1": ("barrier", "-", 1), "tick_shm_1": ("tick", "shm"),
-    "futex_4": ("barrier", "-", 4), "tick_shm_4": ("hub", "shm", 4), "ring_shm_4": ("ring", "shm", 4),
+    "futex_4": ("barrier", "-", 4), "tick_shm_4": ("hub", "shm", 4),
     "futex_16": ("barrier", "-", 16, 2000), "tick_shm_16": ("hub", "shm", 16, 2000),
-    "ring_shm_16": ("ring", "shm", 16, 2000),
 }
-WATCHED = {f"{name}_{transport}": (case, transport, observers, 20_000) for transport in ("ipc", "shm")
-           for name, case, observers in (("alone", "pair", 0), ("broker", "watched", 0), ("watched", "watched", 4))}
-CASES |= WATCHED
-STARTED = (100, 200, 400, 500)
 SPINS = {"ipc": "forbidden", "shm": "required"}     # transport -> sharing of memory
 
 
@@ -76,9 +68,6 @@ def main(arguments: list[str]) -> None:
         figure = f"round of {nodes}"
         rows.add("futex_barrier", figure, bare, "us")
         rows.add(f"tick_shm_{nodes}", figure, tick, "us", "futex_barrier", note=pair_by_pair(tick, bare))
-        if nodes > 1:
-            ring = samples[f"ring_shm_{nodes}"]
-            rows.add(f"ring_shm_{nodes}", figure, ring, "us", "futex_barrier", note=pair_by_pair(ring, bare))
     for way, bare in (("ipc", samples["req_rep_ipc"]), ("shm", samples["futex_1"])):
         floor = sorted(bare)[len(bare) // 2] * 1e-6
         figure = f"nadir_spin, {way}"
@@ -87,16 +76,6 @@ def main(arguments: list[str]) -> None:
         rows.add("one_program_and_exchanges", figure, [run.alone + run.ticks * floor for run in flown], "s")
         rows.add("nadir_spin", figure, [run.wall for run in flown], "s", "one_program_and_exchanges",
                  note=f"{flown[0].ticks} ticks")
-    for transport in ("ipc", "shm"):
-        alone, *watched = (samples[f"{name}_{transport}"] for name in ("alone", "broker", "watched"))
-        figure = f"{transport} pair, watched"
-        rows.add("alone", figure, alone, "us")
-        for name, sample in zip(("broker", "watched"), watched):
-            rows.add(f"{name}_{transport}", figure, sample, "us", "alone", note=pair_by_pair(sample, alone))
-    for transport in ("shm", "tcp"):
-        for nodes in STARTED:
-            whole = [nodes * rounds("start", transport, nodes) * 1e-6 for _ in range(min(chosen.runs, 3))]
-            rows.add(f"start_{transport}", f"{nodes} programs, from start to end", whole, "s")
     cosim_scaling.measure(rows, 1)
     cosim_scaling.measure_shares(rows, min(chosen.runs, 3), rounds)
     report(rows, chosen)

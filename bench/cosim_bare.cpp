@@ -28,7 +28,7 @@ Children::~Children()
     }
 }
 
-void Children::start(const std::function<void()> &work, bool stops)
+void Children::start(const std::function<void()> &work)
 {
     const pid_t parent = getpid();
     const pid_t pid = fork();
@@ -49,18 +49,6 @@ void Children::start(const std::function<void()> &work, bool stops)
         }
     }
     pids_.push_back(pid);
-    if (stops) {
-        stopping_.push_back(pid);
-    }
-}
-
-void Children::go_on()
-{
-    for (const int pid : stopping_) {
-        siginfo_t stopped{};
-        waitid(P_PID, static_cast<id_t>(pid), &stopped, WSTOPPED | WEXITED | WNOWAIT);
-        kill(pid, SIGCONT);
-    }
 }
 
 void Children::join()

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // One measurement of a co-simulation per run; bench/cosim.py calls them in turn.
 //
-//     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round, or of a start [ns]
+//     fledge_bench_cosim CASE TRANSPORT NODES ROUNDS      prints the median time of a round [ns]
 #include "bench/cosim_cases.h"
 
-#include "cosim/node/observer.h"
 #include "cosim/router/router.h"
 
 #include <array>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -65,20 +63,8 @@ public:
     }
     void start(const std::vector<Channel> &) override {}
 
-    /// Take the first step after so many bytes from a pipe.
-    void wait_for(int pipe, std::uint64_t bytes)
-    {
-        pipe_ = pipe;
-        awaited_ = bytes;
-    }
-
     Tock tick(const Tick &tick) override
     {
-        for (char byte = 0; awaited_; awaited_--) {
-            if (read(pipe_, &byte, 1) != 1) {
-                throw std::runtime_error("an observer has not come");
-            }
-        }
         watch_.lap();
         Tock tock{tick.until, 0, {}};
         auto record = tick.records.begin();
@@ -113,8 +99,6 @@ private:
     std::array<std::uint64_t, 8> block_{};
     std::uint32_t channel_ = 0, count_ = 0, received_ = 0;
     Ns next_ = 0;
-    int pipe_ = -1;
-    std::uint64_t awaited_ = 0;
 };
 
 /// Writes 64 bytes that all nodes read, and reads 64 bytes of each node.
@@ -210,9 +194,7 @@ public:
     void fly(const std::string &transport)
     {
         zmq::context_t context;
-        RouterConfig listens = listening(transport);
-        listens.broker = watched_;
-        Router router(context, config_, listens);
+        Router router(context, config_, listening(transport));
         for (const int pipe : addresses_) {
             if (write(pipe, router.address().data(), router.address().size()) < 0) {
                 throw std::runtime_error("no address went");
@@ -225,55 +207,11 @@ public:
         if (const std::string reason = router.run(); !reason.empty()) {
             throw std::runtime_error(reason);
         }
-        children_.go_on();
         children_.join();
-    }
-
-    ControllerConfig &config() { return config_; }
-
-    void open_broker() { watched_ = true; }
-
-    /// An observer of all topics; or one that is stopped after it has come. It writes a byte into `came` then.
-    void observer(bool stopped, int came)
-    {
-        std::array<int, 2> ends{};
-        if (pipe(ends.data())) {
-            throw std::runtime_error("no pipe");
-        }
-        children_.start(
-            [&] {
-                std::array<char, 200> address{};
-                if (read(ends[0], address.data(), address.size() - 1) <= 0) {
-                    throw std::runtime_error("no address came");
-                }
-                zmq::context_t context;
-                Observer observer(context, {config_.simulation, "observer", address.data()});
-                observer.subscribe("");
-                while (!observer.next(std::chrono::seconds(20))) {
-                }
-                if (write(came, "", 1) != 1) {
-                    throw std::runtime_error("no byte went");
-                }
-                if (stopped) {
-                    raise(SIGSTOP);
-                    return;
-                }
-                try {
-                    while (!observer.over()) {
-                        observer.next(std::chrono::seconds(1));
-                    }
-                } catch (const LinkError &) {
-                    // The broker waits half a second at the end, which is short on a busy machine.
-                }
-            },
-            stopped);
-        close(ends[0]);
-        addresses_.push_back(ends[1]);
     }
 
 private:
     ControllerConfig config_;
-    bool watched_ = false;
     Children children_;
     std::vector<int> addresses_;
     std::vector<std::pair<std::string, Node *>> hosted_;
@@ -308,52 +246,6 @@ double pair(const std::string &transport, std::uint64_t rounds)
     return *median;
 }
 
-/// The same with a broker and k observers, the last of which is stopped.
-double watched(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
-{
-    SharedNumber median;
-    std::array<int, 2> came{};
-    if (pipe(came.data())) {
-        throw std::runtime_error("no pipe");
-    }
-    Run run(rounds);
-    run.program("world", [&] {
-        auto world = std::make_unique<Block>("world", "flight", Latency::next_instant, &median);
-        world->wait_for(came[0], k);
-        return world;
-    });
-    run.program("flight", [] { return block("flight", "world", Latency::same_instant); });
-    run.open_broker();
-    for (std::uint64_t i = 0; i < k; i++) {
-        run.observer(i + 1 == k, came[1]);
-    }
-    run.fly(transport);
-    return *median;
-}
-
-/// k programs that step at once, each with its neighbour's last message.
-double ring(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
-{
-    SharedNumber median;
-    Run run(rounds);
-    for (std::uint64_t i = 0; i < k; i++) {
-        run.program(std::to_string(i), [&median, i, k] {
-            return block(std::to_string(i), std::to_string((i + 1) % k), Latency::next_exchange, i ? nullptr : &median);
-        });
-    }
-    run.fly(transport);
-    return *median;
-}
-
-/// The time to start k programs, join them and end them, for each of them.
-double start(const std::string &transport, std::uint64_t k)
-{
-    const auto begun = std::chrono::steady_clock::now();
-    ring(transport, k, 64);
-    return std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - begun).count() /
-           static_cast<double>(k);
-}
-
 /// k programs that step at once, and then their partner in the controller's program.
 double hub(const std::string &transport, std::uint64_t k, std::uint64_t rounds)
 {
@@ -375,9 +267,6 @@ double measure(const std::string &name, const std::string &transport, std::uint6
            : name == "tick"    ? one_tick(transport, rounds)
            : name == "pair"    ? pair(transport, rounds)
            : name == "hub"     ? hub(transport, k, rounds)
-           : name == "watched" ? watched(transport, k, rounds)
-           : name == "ring"    ? ring(transport, k, rounds)
-           : name == "start"   ? start(transport, k)
                                : throw std::invalid_argument("there is no case " + name);
 }
 

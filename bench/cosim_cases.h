@@ -15,15 +15,13 @@ namespace fledge::bench {
 class Children {
 public:
     ~Children();
-    /// Run a function in a new program, before this one has threads. Exceptions go to stderr. `stops`: it stops itself.
-    void start(const std::function<void()> &work, bool stops = false);
-    /// Wait until all that stop themselves have, and let them go on.
-    void go_on();
+    /// Run a function in a new program, before this one has threads. Exceptions go to stderr.
+    void start(const std::function<void()> &work);
     /// Wait for all programs. Throws std::runtime_error if one failed.
     void join();
 
 private:
-    std::vector<int> pids_, stopping_;
+    std::vector<int> pids_;
 };
 
 /// The time of a round [ns]: the median over groups of rounds, without the first groups.
