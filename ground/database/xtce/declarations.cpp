@@ -117,7 +117,7 @@ Id Declarations::declare(Node node, const std::string &path, Things &things, std
         refuse(node, thing.path + " is declared twice; first in " + documents_.where(things[found->second].place));
     }
     things.push_back(std::move(thing));
-    declared.push_back({node, path, file_, 0});
+    declared.push_back({node, path, file_});
     return id;
 }
 
@@ -140,7 +140,7 @@ void Declarations::declare_command_containers()
         }
         command_containers_[command] = id;
         db_.containers.push_back(std::move(result));
-        containers.push_back({node, at.system, at.file, 0});
+        containers.push_back({node, at.system, at.file});
     }
 }
 

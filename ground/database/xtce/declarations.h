@@ -9,10 +9,11 @@
 namespace fledge::ground::xtce {
 
 struct Declared {
+    enum class Read : std::uint8_t { nothing, structure_begun, structure, all };
     Node node;
     std::string system; ///< its path
     std::uint32_t file = 0;
-    int state = 0; ///< of a type, while it is filled in
+    Read read = Read::nothing; ///< how much of a type is filled in
 };
 
 class Declarations {

@@ -146,15 +146,16 @@ void TypeReader::read_members(Type &type, Node node)
 void TypeReader::read_structure(Id id, std::size_t depth)
 {
     Declared &at = declared_.types[id];
-    if (at.state == 2) {
+    if (at.read == Declared::Read::structure) {
         return;
     }
     const Node node = at.node;
-    if (at.state == 1 || depth > deepest) {
+    const bool loops = at.read == Declared::Read::structure_begun;
+    if (loops || depth > deepest) {
         refuse(node, "the type " + db_.types[id].name + " contains or extends itself" +
-                         (at.state == 1 ? "" : ", or is nested deeper than " + std::to_string(deepest)));
+                         (loops ? "" : ", or is nested deeper than " + std::to_string(deepest)));
     }
-    at.state = 1;
+    at.read = Declared::Read::structure_begun;
     const auto sort = sort_of(tag(node));
     if (!sort) {
         refuse_element(node);
@@ -179,7 +180,7 @@ void TypeReader::read_structure(Id id, std::size_t depth)
         structure(db_.types[id].element, depth + 1);
         n += n_values_[db_.types[id].element];
     }
-    declared_.enter(at).state = 2;
+    declared_.enter(at).read = Declared::Read::structure;
     n_values_[id] = n;
     if (n > most_values) {
         refuse(node, too_many_values);
@@ -216,10 +217,9 @@ void TypeReader::inherit(Id id, Id base)
 void TypeReader::fill(Id id)
 {
     Declared &at = declared_.types[id];
-    if (at.state == 3) {
+    if (std::exchange(at.read, Declared::Read::all) == Declared::Read::all) { // structure() has refused loops
         return;
     }
-    at.state = 3; // structure() has refused loops
     if (const auto base = bases_.find(id); base != bases_.end()) {
         fill(base->second);
         if (declared_.left_out(declared_.types[base->second])) {
