@@ -65,24 +65,24 @@ Frame Member::ask()
     greetings.set(zmq::sockopt::linger, 0);
     const std::string where = "the controller at " + config.address;
     const auto end = std::chrono::steady_clock::now() + config.connect_timeout;
-    const auto in_time = [&](const auto &attempt) {
-        for (;;) {
-            const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    const auto in_time = [&](const auto &attempt) { // repeats it, at least once; a stopped program throws
+        std::chrono::milliseconds rest;
+        do {
+            rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
             if (attempt(std::min(rest, stop_check))) {
                 return true;
             }
             if (config.stopped && *config.stopped) {
                 throw LinkError("the program ended it");
             }
-            if (rest.count() <= 0) {
-                return false;
-            }
-        }
+        } while (rest.count() > 0);
+        return false;
     };
     zmq::message_t reply;
+    // Over "ipc://", another user's program must not get the Hello: a connection shows whose it is.
     if (!config.address.starts_with("ipc://") ||
         in_time([&](auto most) { return handshake.connect(most, where, hello.node); })) {
-        send_part(greetings, zmq::buffer(encode({1, hello})), zmq::send_flags::none);
+        send_part(greetings, zmq::buffer(encode({.number = 1, .message = hello})), zmq::send_flags::none);
     }
     if (!in_time([&](auto most) { return handshake.receive(reply, most, where, hello.node); })) {
         throw LinkError(handshake.made() && hello.role == Role::asynchronous
