@@ -11,8 +11,9 @@ namespace fledge::ground {
 
 namespace {
 
+using namespace py::literals;
+using core::list_of;
 using NameList = std::vector<std::string>;
-constexpr std::int64_t end_of_time = std::numeric_limits<std::int64_t>::max();
 
 /// An array that owns the values of a vector.
 template <class Value> py::array_t<Value> array(std::vector<Value> values, std::size_t columns = 0)
@@ -26,37 +27,24 @@ template <class Value> py::array_t<Value> array(std::vector<Value> values, std::
     return py::array_t<Value>(shape, owner->data(), free);
 }
 
-using Batch = Typed<py::list, "list[tuple[int, int, bytes]]">;
+/// What a function returns that runs while other threads may run Python.
+template <class Function> auto without_gil(Function function)
+{
+    const py::gil_scoped_release free;
+    return function();
+}
+
 using SeriesDict =
     Typed<py::dict, "dict[str, tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, "
                     "numpy.ndarray, tuple[str, list[int | float | str | bytes | None]] | None]]">;
 
-py::list gaps(const std::vector<Missing> &all)
-{
-    py::list result;
-    for (const Missing &gap : all) {
-        result.append(py::make_tuple(gap.from, gap.to, gap.why));
-    }
-    return result;
-}
-
 DictRows sessions(History &history)
 {
-    std::vector<History::Session> all;
-    {
-        const py::gil_scoped_release free;
-        all = history.sessions();
-    }
     py::list result;
-    for (const auto &session : all) {
-        py::dict about;
-        about["session"] = session.number;
-        about["first"] = session.first;
-        about["last"] = session.last;
-        about["packets"] = session.packets;
-        about["ended"] = session.ended;
-        about["gaps"] = gaps(session.gaps);
-        result.append(std::move(about));
+    for (const auto &session : without_gil([&] { return history.sessions(); })) {
+        auto gaps = list_of(session.gaps, [](const Missing &gap) { return std::tuple(gap.from, gap.to, gap.why); });
+        result.append(py::dict("session"_a = session.number, "first"_a = session.first, "last"_a = session.last,
+                               "packets"_a = session.packets, "ended"_a = session.ended, "gaps"_a = std::move(gaps)));
     }
     return result;
 }
@@ -94,20 +82,16 @@ std::pair<const char *, std::vector<Value>> exact_of(const Database &db, const H
 }
 
 /// The batches of a replay, in the form of Monitor.take.
-class Replay {
-public:
-    Replay(History &history, History::Query query, std::size_t most, std::int64_t span)
-        : history_(history), query_(query), most_(most), span_(span)
-    {
-    }
+struct Replay {
+    History &history;
+    History::Query query;
+    const std::size_t most;
+    const std::int64_t span;
+    std::size_t skip = 0;
 
-    Batch next()
+    auto next()
     {
-        std::vector<History::Packet> all;
-        {
-            const py::gil_scoped_release free;
-            all = history_.next(query_, skip_, most_, span_);
-        }
+        const auto all = without_gil([&] { return history.next(query, skip, most, span); });
         if (all.empty()) {
             throw py::stop_iteration();
         }
@@ -116,31 +100,54 @@ public:
         while (same < all.size() && all[all.size() - 1 - same].t == all.back().t) {
             same++;
         }
-        skip_ = same + (all.back().t == query_.from ? skip_ : 0);
-        query_.from = all.back().t;
-        py::list result;
-        for (const auto &packet : all) {
-            result.append(py::make_tuple(packet.t, packet.received, bytes_of(packet.bytes)));
-        }
-        return result;
+        skip = same + (all.back().t == query.from ? skip : 0);
+        query.from = all.back().t;
+        return list_of(all, [](const History::Packet &packet) {
+            return std::tuple(packet.t, packet.received, bytes_of(packet.bytes));
+        });
     }
-
-private:
-    History &history_;
-    History::Query query_;
-    const std::size_t most_;
-    const std::int64_t span_;
-    std::size_t skip_ = 0;
 };
 
-} // namespace
+SeriesDict series(History &history, const NameList &names, std::int64_t from, std::int64_t to, std::size_t points,
+                  std::int64_t of, const std::optional<GivenParameters> &limits, bool exact)
+{
+    const auto settings = limits ? settings_of(*limits) : History::Settings();
+    auto all = without_gil([&] {
+        return history.series(names, {from, to, of}, points, limits ? &settings : nullptr, exact);
+    });
+    py::dict result;
+    for (std::size_t i = 0; i < names.size(); i++) {
+        auto values = exact ? std::optional(exact_of(history.database(), all[i])) : std::nullopt;
+        result[py::str(names[i])] =
+            std::tuple(array(std::move(all[i].t)), array(std::move(all[i].value)), array(std::move(all[i].low)),
+                       array(std::move(all[i].high)), array(std::move(all[i].concern)), array(std::move(all[i].worst)),
+                       std::move(values));
+    }
+    return result;
+}
 
-void bind_archive(py::module_ &m)
+auto rows(History &history, const NameList &inputs, std::int64_t from, std::int64_t to, std::int64_t of)
+{
+    History::Rows all = without_gil([&] { return history.rows(inputs, {from, to, of}); });
+    return std::pair(array(std::move(all.values), inputs.size() + 1), array(std::move(all.received)));
+}
+
+auto packets(History &history, std::int64_t from, std::int64_t to, const std::optional<std::string> &container,
+             std::size_t limit, bool backwards, std::int64_t of, std::uint64_t most_bytes)
+{
+    const auto all = without_gil([&] {
+        return history.packets({from, to, of}, container.value_or(""), limit, backwards, most_bytes);
+    });
+    return list_of(all, [](const History::Packet &packet) {
+        return std::tuple(packet.t, packet.received,
+                          packet.container.empty() ? std::nullopt : std::optional(packet.container),
+                          bytes_of(packet.bytes));
+    });
+}
+
+void bind_writer(py::module_ &m)
 {
     using Free = py::call_guard<py::gil_scoped_release>;
-    const auto t0 = py::arg("t0") = 0;
-    const auto t1 = py::arg("t1") = end_of_time;
-    const auto session = py::arg("session") = -1;
     py::class_<PacketArchive, PacketSink>(m, "PacketArchive", "The archive of a spacecraft, for one writer.")
         .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database, double period) {
                  return std::make_unique<PacketArchive>(folder, craft, database.database(),
@@ -162,7 +169,13 @@ void bind_archive(py::module_ &m)
         .def("close", &PacketArchive::close, Free(), "End the session; raises SetupError.")
         .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.")
         .def_property_readonly("lost", &PacketArchive::lost, "How many packets were dropped so far.");
+}
 
+void bind_reader(py::module_ &m)
+{
+    const auto t0 = py::arg("t0") = 0;
+    const auto t1 = py::arg("t1") = std::numeric_limits<std::int64_t>::max();
+    const auto session = py::arg("session") = -1;
     py::class_<Replay>(m, "Replay", "An iterator of batches for Monitor.take.")
         .def(
             "__iter__", [](const py::object &self) -> Typed<py::object, "Replay"> { return self; })
@@ -176,72 +189,33 @@ void bind_archive(py::module_ &m)
              py::keep_alive<1, 4>())
         .def("sessions", &sessions, "dicts of session, first, last, packets, ended and gaps (from, to, why).")
         .def(
-            "series",
-            [](History &history, const NameList &names, std::int64_t from, std::int64_t to, std::size_t points,
-               std::int64_t of, const std::optional<GivenParameters> &limits, bool exact) -> SeriesDict {
-                std::vector<History::Series> all;
-                const auto settings = limits ? settings_of(*limits) : History::Settings();
-                {
-                    const py::gil_scoped_release free;
-                    all = history.series(names, {from, to, of}, points, limits ? &settings : nullptr, exact);
-                }
-                py::dict result;
-                for (std::size_t i = 0; i < names.size(); i++) {
-                    auto values = exact ? std::optional(exact_of(history.database(), all[i])) : std::nullopt;
-                    result[py::str(names[i])] =
-                        std::tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
-                                   array(std::move(all[i].low)), array(std::move(all[i].high)),
-                                   array(std::move(all[i].concern)), array(std::move(all[i].worst)), std::move(values));
-                }
-                return result;
-            },
-            py::arg("names"), t0, t1, py::arg("points") = 0, session, py::arg("limits") = py::none(),
+            "series", &series, py::arg("names"), t0, t1, py::arg("points") = 0, session, py::arg("limits") = py::none(),
             py::arg("exact") = false,
             "name -> arrays of t [ns], value, low, high, concern and worst concern, and None; points: at most so many, "
             "0: all. limits: name -> (received [ns], bands as of Monitor.set_limits, persistence) of each setting; "
             "without it, no value is judged. exact: instead of None, the kind and a list of the values as "
             "Database.decode has them, also of texts and bytes; None: there is none.")
-        .def(
-            "rows",
-            [](History &history, const NameList &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
-                History::Rows all;
-                {
-                    const py::gil_scoped_release free;
-                    all = history.rows(inputs, {from, to, of});
-                }
-                return std::pair(array(std::move(all.values), inputs.size() + 1), array(std::move(all.received)));
-            },
-            py::arg("inputs"), t0, t1, session,
-            "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values; and when each was received [ns].")
-        .def(
-            "packets",
-            [](History &history, std::int64_t from, std::int64_t to, const std::optional<std::string> &container,
-               std::size_t limit, bool backwards, std::int64_t of, std::uint64_t most_bytes) {
-                std::vector<History::Packet> all;
-                {
-                    const py::gil_scoped_release free;
-                    all = history.packets({from, to, of}, container.value_or(""), limit, backwards, most_bytes);
-                }
-                std::vector<std::tuple<std::int64_t, std::int64_t, PathOrNone, py::bytes>> result;
-                result.reserve(all.size());
-                for (const auto &packet : all) {
-                    result.emplace_back(packet.t, packet.received,
-                                        packet.container.empty() ? std::nullopt : std::optional(packet.container),
-                                        bytes_of(packet.bytes));
-                }
-                return result;
-            },
-            t0, t1, py::arg("container") = py::none(), py::arg("limit") = 1000, py::arg("backwards") = false, session,
-            py::arg("most_bytes") = UINT64_MAX,
-            "(t, received, path of the container or None, packet) of each; container: \"undecoded\" for those.")
+        .def("rows", &rows, py::arg("inputs"), t0, t1, session,
+             "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values; and when each was received [ns].")
+        .def("packets", &packets, t0, t1, py::arg("container") = py::none(), py::arg("limit") = 1000,
+             py::arg("backwards") = false, session, py::arg("most_bytes") = UINT64_MAX,
+             "(t, received, path of the container or None, packet) of each; container: \"undecoded\" for those.")
         .def(
             "replay",
             [](History &history, std::int64_t from, std::int64_t to, std::int64_t of, std::size_t most,
                std::int64_t span) {
-                return std::make_unique<Replay>(history, History::Query{from, to, of}, most, span);
+                return Replay{history, {from, to, of}, most, span};
             },
             t0, t1, session, py::arg("most") = 1000, py::arg("span_ns") = 1'000'000'000, py::keep_alive<0, 1>(),
             "Batches of (t, received, packet), each of at most so many and so long.");
+}
+
+} // namespace
+
+void bind_archive(py::module_ &m)
+{
+    bind_writer(m);
+    bind_reader(m);
 }
 
 } // namespace fledge::ground
