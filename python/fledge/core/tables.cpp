@@ -116,7 +116,7 @@ std::optional<std::string> text_or_none(const char *text)
 
 using StructOf = Typed<py::object, "Struct">; ///< of a field whose type is "struct"; else None
 using FieldOrNone = Typed<py::object, "Field | None">;
-using Fields = Typed<py::list, "list[Field]">;
+using FieldObject = Typed<py::object, "Field">;
 using Row = Typed<py::object, "Message">;
 using InstanceOrNone = Typed<py::object, "Module | Model | None">;
 using ScriptOrNone = Typed<py::object, "tuple[Callable[..., Any], Callable[..., Any] | None] | None">;
@@ -243,13 +243,9 @@ void bind_struct(py::module_ &m)
             "events", [](const FledgeStruct &s) { return enumeration(s.events); },
             "(name, doc, [(name, value, doc), ...]) of what a module says, or None")
         .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
-        .def_property_readonly("fields", [](const py::object &self) -> Fields {
+        .def_property_readonly("fields", [](const py::object &self) {
             const auto &s = self.cast<const FledgeStruct &>();
-            py::list list;
-            for (const FledgeField &field : std::span(s.fields, s.n)) {
-                list.append(referenced(&field));
-            }
-            return list;
+            return list_of(std::span(s.fields, s.n), [](const FledgeField &f) { return FieldObject(referenced(&f)); });
         });
 }
 
@@ -314,6 +310,11 @@ void bind_objects(py::module_ &m)
             return py::reinterpret_steal<py::object>(row);
         },
         "object"_a, "name"_a, "index"_a, "A row of an array of structs, also one beyond those that count.");
+}
+
+/// What an object holds, and where that is from.
+void bind_contents(py::module_ &m)
+{
     const auto names_where = [](std::vector<bool> sim::Instance::*marks, bool parameters) {
         return [marks, parameters](const AnyInstance &object) {
             const auto instance = instance_of(object);
@@ -350,6 +351,11 @@ void bind_objects(py::module_ &m)
             return names[static_cast<int>(instance_of(object)->maker)];
         },
         "object"_a, "What makes the outputs of a module: itself, a record, or a computer or model in its place.");
+}
+
+/// What Python gives a module or model: functions, and its context.
+void bind_scripts(py::module_ &m)
+{
     m.def(
         "script",
         [](const AnyInstance &object) -> ScriptOrNone {
@@ -394,6 +400,8 @@ void bind_tables(py::module_ &m)
     bind_field(m);
     bind_libraries(m);
     bind_objects(m);
+    bind_contents(m);
+    bind_scripts(m);
 }
 
 } // namespace fledge::core
