@@ -64,13 +64,13 @@ double least_bound(const auto &samples, std::size_t from, std::size_t to, bool h
 } // namespace
 
 /// What an operand of a window gives it: a part at the samples of a block.
-struct TemporalMonitor::Part {
+struct TemporalMonitor::PartOperand {
     const Instants &instants;
     int part;
     bool turned;
     const double *lows, *highs;
 
-    Part(Instants &of, int number, bool is_turned) : instants(of), part(number), turned(is_turned)
+    PartOperand(Instants &of, int number, bool is_turned) : instants(of), part(number), turned(is_turned)
     {
         const Instants::Column &column = of.column(part);
         lows = turned ? column.high : column.low;
@@ -88,7 +88,7 @@ struct TemporalMonitor::Part {
 };
 
 /// The same of what another node has given.
-struct TemporalMonitor::Samples {
+struct TemporalMonitor::SampleOperand {
     std::span<const Sample> samples;
     bool turned;
 
@@ -106,7 +106,7 @@ struct TemporalMonitor::Samples {
     }
 };
 
-struct TemporalMonitor::Bounds {
+struct TemporalMonitor::BoundOperand {
     std::span<const Bound> bounds;
     bool turned;
 
@@ -254,8 +254,7 @@ void TemporalMonitor::wait_no_more(Node &node)
 void TemporalMonitor::restart(Node &node) const
 {
     Node anew;
-    anew.what = node.what, anew.instant = node.instant, anew.parent = node.parent, anew.second = node.second;
-    anew.beside = node.beside, anew.front = node.front, anew.wanted = node.wanted;
+    static_cast<Role &>(anew) = node;
     const bool least_yet = node.what.kind == FormulaNode::ALWAYS || node.what.kind == FormulaNode::EVENTUALLY;
     anew.value = least_yet ? true_always : false_always; // of EVENTUALLY: of the negation
     anew.before = node.what.kind == FormulaNode::UNTIL ? true_always : false_always;
@@ -300,7 +299,7 @@ void TemporalMonitor::take(std::span<const Ns> times, const double *margins, con
             continue;
         }
         if (parent.what.kind == FormulaNode::ALWAYS || parent.what.kind == FormulaNode::EVENTUALLY) {
-            take_window(parent, Part(instants_, node.instant, parent.what.kind == FormulaNode::EVENTUALLY));
+            take_window(parent, PartOperand(instants_, node.instant, parent.what.kind == FormulaNode::EVENTUALLY));
             continue;
         }
         node.given.clear();
@@ -317,7 +316,7 @@ void TemporalMonitor::take(Node &node, bool second, std::span<const Sample> samp
     switch (node.what.kind) {
     case FormulaNode::ALWAYS:
     case FormulaNode::EVENTUALLY:
-        take_window(node, Samples{samples, node.what.kind == FormulaNode::EVENTUALLY});
+        take_window(node, SampleOperand{samples, node.what.kind == FormulaNode::EVENTUALLY});
         return;
     case FormulaNode::NOT:
         for (const Sample &sample : samples) {
@@ -349,8 +348,7 @@ void TemporalMonitor::join(Node &node, bool second, std::span<const Sample> samp
         if (filled == node.waiting.size()) {
             node.waiting.push({given.t, given.value, given.value});
         } else {
-            Pair &pair = node.waiting[filled];
-            (second ? pair.other : pair.value) = given.value;
+            (second ? node.waiting[filled].other : node.waiting[filled].value) = given.value;
         }
         filled++;
         if (node.here[0] == 0 || node.here[1] == 0) {
@@ -381,7 +379,7 @@ void TemporalMonitor::give(Node &node)
     if (!node.bounds.empty()) {
         const bool eventually = parent.what.kind == FormulaNode::EVENTUALLY;
         if (eventually || parent.what.kind == FormulaNode::ALWAYS) {
-            take_window(parent, Bounds{node.bounds, eventually});
+            take_window(parent, BoundOperand{node.bounds, eventually});
         } else {
             for (const Bound &bound : node.bounds) {
                 node.given.push_back({bound.t, Robustness::known(bound.value, bound.at)});
@@ -625,14 +623,13 @@ void TemporalMonitor::close(Node &node)
 
 Robustness TemporalMonitor::value(int formula) const
 {
-    return first_ < 0 ? Robustness{}
-                      : front(nodes_[static_cast<std::size_t>(roots_[static_cast<std::size_t>(formula)])]);
+    return first_ < 0 ? Robustness{} : front(at(roots_[static_cast<std::size_t>(formula)]));
 }
 
 bool TemporalMonitor::violated() const
 {
     for (const int root : roots_) {
-        const Node &node = nodes_[static_cast<std::size_t>(root)];
+        const Node &node = at(root);
         const bool gathers = node.what.kind == FormulaNode::ALWAYS; // its upper bound is what it has gathered
         if (first_ >= 0 && (gathers ? node.value.high : front(node).high) < 0.0) {
             return true;
@@ -645,7 +642,7 @@ bool TemporalMonitor::violated() const
 Robustness TemporalMonitor::front(const Node &node) const
 {
     const FormulaNode &what = node.what;
-    const auto of = [&](int i) { return front(nodes_[static_cast<std::size_t>(i)]); };
+    const auto of = [&](int i) { return front(at(i)); };
     if (node.instant >= 0) {
         return node.value;
     }

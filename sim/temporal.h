@@ -60,37 +60,43 @@ private:
         std::vector<T> items_;
         std::size_t begin_ = 0;
     };
-    struct Bound { ///< one that is known is both bounds of a sample
+    struct Bound { ///< of a sample; where its value is known, both of its bounds
         Ns t;
         double value;
         Witness at;
     };
-    struct Node {
+    struct Role { ///< of a node in its formula
         FormulaNode what;
         int instant = -1; ///< the part that it is; only of such a node
         int parent = -1;
         /// Of a window of a part: its parent's other operand, if that is a part; the window then passes that part's
         /// samples to the parent, too. Of that part: the window.
         int beside = -1;
-        bool second = false;       ///< it is its parent's second operand
-        bool front = false;        ///< only its value at the first sample counts
-        Ns wanted = no_end;        ///< its value counts until so long after the first sample
+        bool second = false; ///< it is its parent's second operand
+        bool front = false;  ///< only its value at the first sample counts
+        Ns wanted = no_end;  ///< its value counts until so long after the first sample
+    };
+    struct Window {               ///< of ALWAYS and EVENTUALLY
+        Queue<Ns> pending;        ///< samples at which the value is not known yet
+        Queue<Bound> lows, highs; ///< monotonic: the least bound from each sample on
+        bool split = false;       ///< a sample in lows has another upper bound, so that highs counts, too
+        Ns unknown = -1;          ///< the last such sample
+    };
+    struct Operands {             ///< of AND, OR and UNTIL
+        Queue<Pair> waiting;      ///< for the other operand
+        std::size_t here[2] = {}; ///< how many of those have each operand
+        Queue<Pair> samples;      ///< of UNTIL: both operands are known
+    };
+    struct Node : Role, Window, Operands {
         bool passed = false;       ///< of a front node: its window lies before the newest sample
         Robustness value;          ///< of a front node what it has gathered; of ONCE the greatest so far
         Robustness before;         ///< of BEGINS at the sample before; of UNTIL in front the first operand so far
-        Queue<Ns> pending;         ///< samples at which the value is not known yet
-        Queue<Bound> lows, highs;  ///< of a window, monotonic: the least bound from each sample on
-        bool split = false;        ///< a sample in lows has another upper bound, so that highs counts, too
-        Ns unknown = -1;           ///< the last such sample
-        Queue<Pair> waiting;       ///< for the other operand
-        std::size_t here[2] = {};  ///< how many of those have each operand
-        Queue<Pair> samples;       ///< of UNTIL
         std::vector<Sample> given; ///< what it gives at once
         std::vector<Bound> bounds; ///< the same, where a window has known numbers
     };
-    struct Part;
-    struct Samples;
-    struct Bounds;
+    struct PartOperand;
+    struct SampleOperand;
+    struct BoundOperand;
 
     void restart(Node &node) const;
     const Node *least_of_joined(const Node &node) const;
