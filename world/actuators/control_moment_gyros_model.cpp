@@ -73,7 +73,7 @@ void ControlMomentGyrosModel::refresh()
     const auto &par = interface_.par;
     check_faults(name_, {par.faults, par.n_faults}, channels, false);
     state_.again = 1.0;
-    Fours &all = state_.gyros = {};
+    Constants &all = state_.gyros = {};
     for (std::size_t i = 0; i < par.n; i++) {
         const Vec3 g = vec_unit(par.gimbal_axes_B[i]), t = vec_unit(vec_cross(g, vec_unit(par.spin_axes_B[i])));
         put_column(all.g, i, g);
@@ -213,7 +213,7 @@ Drive ControlMomentGyrosModel::drive_at(std::size_t i, const double *x, const Ve
 
 double ControlMomentGyrosModel::drive_rate(std::size_t i, const double *x, const double *dx, const BodyRate &rate) const
 {
-    const Fours &gyros = state_.gyros;
+    const Constants &gyros = state_.gyros;
     const std::size_t k = i % n_;
     if (i >= n_) {
         return dx[padded_ + k] * gyros.J_g_inverse[k] - vec_dot(column(gyros.g, k), rate.domega);
@@ -242,9 +242,9 @@ LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, cons
     Placed placed(whole);
     Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros = four(i);
-        const Four::State state = gyros.load(x);
-        Four::Place at;
+        const Lanes gyros = lanes(i);
+        const Lanes::State state = gyros.load(x);
+        Lanes::Place at;
         gyros.place(state.angle, placed, at);
         acting_[i / sim::state_block] = gyros.act(at, state, quad(motion.omega), moved);
         gyros.show(acting_[i / sim::state_block]);
@@ -262,8 +262,8 @@ void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec
 LANES_INLINE void ControlMomentGyrosModel::accelerate_in_lanes(double *dx) const
 {
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
-        const Four gyros = four(i);
-        gyros.store(dx, gyros.accelerate(Four::Place{}, acting_[i / sim::state_block], Quad{}, Quad{}));
+        const Lanes gyros = lanes(i);
+        gyros.store(dx, gyros.accelerate(Lanes::Place{}, acting_[i / sim::state_block], Quad{}, Quad{}));
     }
 }
 

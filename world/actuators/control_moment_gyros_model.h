@@ -46,8 +46,8 @@ public:
     std::size_t most_drives() const override { return 2 * n_; }
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
-    /// Four gyros, `i` and the next three, as a part of a CoupledCraft.
-    struct Four {
+    /// Gyros in four lanes, `i` and the next three, as a part of a CoupledCraft.
+    struct Lanes {
         static constexpr bool is_free = false;
         struct State {
             Quad h, p, angle;
@@ -85,11 +85,11 @@ public:
         LANES_INLINE static Quad sum(const State &x) { return (x.h + x.p) + x.angle; }
     };
     std::size_t size() const { return interface_.par.n; }
-    Four four(std::size_t i = 0) const { return {*this, i}; }
+    Lanes lanes(std::size_t i = 0) const { return {*this, i}; }
 
 private:
-    /// Constants by fours; beyond the last gyro they do nothing.
-    struct Fours {
+    /// Constants of the gyros, arrays for the lanes; beyond the last gyro they do nothing.
+    struct Constants {
         double s[3][WHEELS_MAX], t[3][WHEELS_MAX], g[3][WHEELS_MAX]; ///< axes at angle 0
         double J[WHEELS_MAX], J_inverse[WHEELS_MAX], J_g[WHEELS_MAX], J_g_inverse[WHEELS_MAX], J_s[WHEELS_MAX],
             J_t[WHEELS_MAX];
@@ -115,7 +115,7 @@ private:
         double wheel[WHEELS_MAX], rate[WHEELS_MAX], torque[WHEELS_MAX];
     };
     struct State {
-        Fours gyros;
+        Constants gyros;
         Motors motors;
         Commanded commanded; ///< in the last update
         double again;        ///< 1: the motors may change although the commands do not
@@ -131,7 +131,7 @@ private:
     std::string name_;
     sim::Random seeded_; ///< the stream as each run begins it
     std::size_t n_ = 0, padded_ = 0;
-    Four::Acting acting_[WHEELS_MAX / 4]{}; ///< of the last couple()
+    Lanes::Acting acting_[WHEELS_MAX / 4]{}; ///< of the last couple()
     /// Of the last stage, for publish(): of the gimbal, of its motor, of the body about the wheel's axis.
     mutable struct {
         double rate[WHEELS_MAX], torque[WHEELS_MAX], omega_s[WHEELS_MAX];
@@ -139,19 +139,19 @@ private:
     State state_{};
 };
 
-LANES_INLINE ControlMomentGyrosModel::Four::State ControlMomentGyrosModel::Four::load(const double *x) const
+LANES_INLINE ControlMomentGyrosModel::Lanes::State ControlMomentGyrosModel::Lanes::load(const double *x) const
 {
     return {quad_at(x + i), quad_at(x + of.padded_ + i), quad_at(x + 2 * of.padded_ + i)};
 }
 
-LANES_INLINE void ControlMomentGyrosModel::Four::store(double *x, const State &k) const
+LANES_INLINE void ControlMomentGyrosModel::Lanes::store(double *x, const State &k) const
 {
     put_quad(x + i, k.h);
     put_quad(x + of.padded_ + i, k.p);
     put_quad(x + 2 * of.padded_ + i, k.angle);
 }
 
-LANES_INLINE void ControlMomentGyrosModel::Four::turned(Quad angle, Place &to) const
+LANES_INLINE void ControlMomentGyrosModel::Lanes::turned(Quad angle, Place &to) const
 {
     const Quad3 s = quads(of.state_.gyros.s, i), t = quads(of.state_.gyros.t, i);
     Quad sine, cosine;
@@ -160,9 +160,9 @@ LANES_INLINE void ControlMomentGyrosModel::Four::turned(Quad angle, Place &to) c
     to.t = cosine * t - sine * s;
 }
 
-LANES_INLINE void ControlMomentGyrosModel::Four::place(Quad angle, Placed &all, Place &to) const
+LANES_INLINE void ControlMomentGyrosModel::Lanes::place(Quad angle, Placed &all, Place &to) const
 {
-    const Fours &gyros = of.state_.gyros;
+    const Constants &gyros = of.state_.gyros;
     turned(angle, to);
     if (i == 0) {
         all.inertia = all.inertia + symmetric(gyros.all_ways);
@@ -170,19 +170,19 @@ LANES_INLINE void ControlMomentGyrosModel::Four::place(Quad angle, Placed &all, 
     all.inertia = all.inertia + product((quad_at(gyros.J_s + i) - quad_at(gyros.J_t + i)) * to.s, to.s).sum();
 }
 
-LANES_INLINE ControlMomentGyrosModel::Four::Now ControlMomentGyrosModel::Four::now(const Place &at, const State &x,
-                                                                                   const Quad3 &omega) const
+LANES_INLINE ControlMomentGyrosModel::Lanes::Now ControlMomentGyrosModel::Lanes::now(const Place &at, const State &x,
+                                                                                     const Quad3 &omega) const
 {
-    const Fours &gyros = of.state_.gyros;
+    const Constants &gyros = of.state_.gyros;
     const Quad omega_s = dot(at.s, omega), omega_t = dot(at.t, omega);
     return {omega_s, omega_t, x.p * quad_at(gyros.J_g_inverse + i) - dot(quads(gyros.g, i), omega),
             (x.h + (quad_at(gyros.J_s + i) - quad_at(gyros.J_t + i)) * omega_s) * omega_t};
 }
 
-LANES_INLINE ControlMomentGyrosModel::Four::Acting ControlMomentGyrosModel::Four::act(const Place &at, const State &x,
-                                                                                      Quad omega, Moved &all) const
+LANES_INLINE ControlMomentGyrosModel::Lanes::Acting ControlMomentGyrosModel::Lanes::act(const Place &at, const State &x,
+                                                                                        Quad omega, Moved &all) const
 {
-    const Fours &gyros = of.state_.gyros;
+    const Constants &gyros = of.state_.gyros;
     const Motors &motors = of.state_.motors;
     const Now now = this->now(at, x, {quad(omega[0]), quad(omega[1]), quad(omega[2])});
     // Of the gimbals' motors. For a rate, they also carry the gyration.
@@ -199,13 +199,13 @@ LANES_INLINE ControlMomentGyrosModel::Four::Acting ControlMomentGyrosModel::Four
     return {now.rate, dp, v, now.omega_s};
 }
 
-LANES_INLINE ControlMomentGyrosModel::Four::State
-ControlMomentGyrosModel::Four::accelerate(const Place &, const Acting &now, Quad, Quad) const
+LANES_INLINE ControlMomentGyrosModel::Lanes::State
+ControlMomentGyrosModel::Lanes::accelerate(const Place &, const Acting &now, Quad, Quad) const
 {
     return {quad_at(of.state_.motors.wheel + i), now.dp, now.rate};
 }
 
-LANES_INLINE void ControlMomentGyrosModel::Four::show(const Acting &now) const
+LANES_INLINE void ControlMomentGyrosModel::Lanes::show(const Acting &now) const
 {
     put_quad(of.seen_.rate + i, now.rate);
     put_quad(of.seen_.torque + i, now.torque);

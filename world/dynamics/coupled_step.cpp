@@ -75,16 +75,16 @@ LANES_INLINE void SpacecraftModel::step_coupled(First first, std::size_t at_firs
 
 LANES_INLINE void SpacecraftModel::step_wheels(sim::Ns dt)
 {
-    step_coupled(as<ReactionWheelsModel>(first_).four(), first_->at, NoPart{}, 0, dt);
+    step_coupled(as<ReactionWheelsModel>(first_).lanes(), first_->at, NoPart{}, 0, dt);
 }
 
 template <std::size_t most> LANES_INLINE void SpacecraftModel::step_gyros(sim::Ns dt)
 {
     const auto &gyros = as<ControlMomentGyrosModel>(first_);
     if constexpr (most == 4) {
-        step_coupled(gyros.four(), first_->at, NoPart{}, 0, dt);
+        step_coupled(gyros.lanes(), first_->at, NoPart{}, 0, dt);
     } else {
-        step_coupled(gyros.four(), first_->at, gyros.four(4), first_->at, dt);
+        step_coupled(gyros.lanes(), first_->at, gyros.lanes(4), first_->at, dt);
     }
 }
 

@@ -103,7 +103,7 @@ template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_rotors(s
 
 template <bool has_rods> LANES_INLINE void SpacecraftModel::step_pushed_jitter(sim::Ns dt)
 {
-    step_pushed<PushedJitter, has_rods>({shaking_->four()}, first_->at, dt);
+    step_pushed<PushedJitter, has_rods>({shaking_->lanes()}, first_->at, dt);
 }
 
 template <class Wheels> LANES_INLINE void SpacecraftModel::step_tanked(Wheels wheels, std::size_t at_wheels, sim::Ns dt)

@@ -37,8 +37,8 @@ struct PushedRotors : BalancedWheels {
 };
 
 /// Wheels with simple jitter.
-struct PushedJitter : ReactionWheelsModel::Four {
-    LANES_INLINE Turned turned(const Swing &x) const { return Four::turned(x.at); }
+struct PushedJitter : ReactionWheelsModel::Lanes {
+    LANES_INLINE Turned turned(const Swing &x) const { return Lanes::turned(x.at); }
     LANES_INLINE Swing rates(const Swing &x, const Turned &, Quad omega) const
     {
         return {Omega(x.rate, {quad(omega[0]), quad(omega[1]), quad(omega[2])}), quad_at(w.torque)};

@@ -266,9 +266,9 @@ LANES_INLINE void ReactionWheelsModel::shake(const double *x, const Motion &moti
     const Quad3 omega = quads(motion.omega);
     Quad3 force{}, torque{};
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Four four{wheels_, i};
-        const Four::Turned now = four.turned(quad_at(x + padded_ + i));
-        const Quad Omega = four.Omega(quad_at(x + i), omega);
+        const Lanes lanes{wheels_, i};
+        const Lanes::Turned now = lanes.turned(quad_at(x + padded_ + i));
+        const Quad Omega = lanes.Omega(quad_at(x + i), omega);
         put_quad(dx + padded_ + i, Omega);
         force = force + Omega * Omega * now.u;
         torque = torque + Omega * Omega * now.d;
@@ -302,11 +302,11 @@ LANES_INLINE void ReactionWheelsModel::couple_in_lanes(const double *x, const Mo
     Placed placed(whole);
     Moved moved(whole, loads);
     for (std::size_t i = 0; i < n_; i += state_block) {
-        const Four four{wheels_, i};
+        const Lanes lanes{wheels_, i};
         const Swing state{quad_at(x + padded_ + i), quad_at(x + i)};
-        Four::Place at;
-        four.place(state.at, placed, at);
-        const Four::Acting now = four.act(at, state, quad(motion.omega), moved);
+        Lanes::Place at;
+        lanes.place(state.at, placed, at);
+        const Lanes::Acting now = lanes.act(at, state, quad(motion.omega), moved);
         places_[i / state_block].sigma = at.sigma; // accelerate() needs no more of them
         places_[i / state_block].delta = at.delta;
         acting_[i / state_block] = now;
@@ -324,7 +324,7 @@ LANES_INLINE void ReactionWheelsModel::accelerate_in_lanes(const Vec3 &a, const 
 {
     for (std::size_t i = 0; i < n_; i += state_block) {
         const Swing k =
-            Four{wheels_, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));
+            Lanes{wheels_, i}.accelerate(places_[i / state_block], acting_[i / state_block], quad(a), quad(domega));
         put_quad(dx + i, k.rate);
         put_quad(dx + padded_ + i, k.at);
     }
@@ -333,7 +333,7 @@ LANES_INLINE void ReactionWheelsModel::accelerate_in_lanes(const Vec3 &a, const 
 void ReactionWheelsModel::normalize(double *x) const
 {
     for (std::size_t i = padded_; i < 2 * padded_; i += state_block) {
-        put_quad(x + i, Four::normalized(quad_at(x + i)));
+        put_quad(x + i, Lanes::normalized(quad_at(x + i)));
     }
 }
 
@@ -362,7 +362,7 @@ LANES_INLINE void ReactionWheelsModel::show(const double *x, const Vec3 &omega)
 {
     const Quad3 rate = quads(omega);
     for (std::size_t i = 0; i < padded_; i += state_block) {
-        put_quad(interface_.out.speeds.Omega + i, Four{wheels_, i}.Omega(quad_at(x + i), rate));
+        put_quad(interface_.out.speeds.Omega + i, Lanes{wheels_, i}.Omega(quad_at(x + i), rate));
     }
 }
 

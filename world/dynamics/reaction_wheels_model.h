@@ -96,8 +96,8 @@ public:
         double limited; ///< whether u_max reduces a torque
     };
 
-    /// Four imbalanced wheels, `i` and the next three, as a part of a CoupledCraft.
-    struct Four {
+    /// Imbalanced wheels in four lanes, `i` and the next three, as a part of a CoupledCraft.
+    struct Lanes {
         using State = Swing;
         struct Turned {
             Quad sine, cosine;
@@ -139,7 +139,7 @@ public:
         LANES_INLINE static Quad sum(const Swing &x) { return x.at + x.rate; }
     };
     std::size_t size() const { return interface_.par.n; }
-    Four four() const { return {wheels_, 0}; } ///< the first ones
+    Lanes lanes() const { return {wheels_, 0}; } ///< the first ones
     bool viscous() const { return wheels_.viscous > 0.0; }
 
 private:
@@ -179,11 +179,11 @@ private:
     Wheels wheels_{};
     Rotors rotors_{0, wheels_.axis, wheels_.torque, &wheels_.reaction};
     // From couple() to accelerate().
-    Four::Place places_[WHEELS_MAX / state_block]{};
-    Four::Acting acting_[WHEELS_MAX / state_block]{};
+    Lanes::Place places_[WHEELS_MAX / state_block]{};
+    Lanes::Acting acting_[WHEELS_MAX / state_block]{};
 };
 
-LANES_INLINE void ReactionWheelsModel::Four::place(Quad theta, Placed &all, Place &to) const
+LANES_INLINE void ReactionWheelsModel::Lanes::place(Quad theta, Placed &all, Place &to) const
 {
     const Turned now = turned(theta);
     const Quad3 &u = now.u, &sigma = now.sigma, &delta = now.delta, g = quads(w.g, i);
@@ -208,8 +208,8 @@ LANES_INLINE void ReactionWheelsModel::Four::place(Quad theta, Placed &all, Plac
 
 // The coordinate is the wheel's angle in inertial space: its rate is h / J. So the inertia about the axis, which
 // I_B leaves out, is in no difference of large numbers.
-LANES_INLINE ReactionWheelsModel::Four::Acting ReactionWheelsModel::Four::act(const Place &at, const Swing &x,
-                                                                              Quad rate, Moved &all) const
+LANES_INLINE ReactionWheelsModel::Lanes::Acting ReactionWheelsModel::Lanes::act(const Place &at, const Swing &x,
+                                                                                Quad rate, Moved &all) const
 {
     const Quad3 omega{quad(rate[0]), quad(rate[1]), quad(rate[2])}, bends = at.bends.times(omega);
     const Quad h = x.rate, Omega = this->Omega(h, omega);
@@ -221,14 +221,14 @@ LANES_INLINE ReactionWheelsModel::Four::Acting ReactionWheelsModel::Four::act(co
     return {force, Omega};
 }
 
-LANES_INLINE Swing ReactionWheelsModel::Four::accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const
+LANES_INLINE Swing ReactionWheelsModel::Lanes::accelerate(const Place &at, const Acting &now, Quad a, Quad domega) const
 {
     const Quad3 linear{quad(a[0]), quad(a[1]), quad(a[2])}, angular{quad(domega[0]), quad(domega[1]), quad(domega[2])};
     return {now.rate, now.force - dot(at.sigma, linear) - dot(at.delta, angular)};
 }
 
 /// Angles within a turn keep their digits.
-LANES_INLINE Quad ReactionWheelsModel::Four::normalized(Quad theta)
+LANES_INLINE Quad ReactionWheelsModel::Lanes::normalized(Quad theta)
 {
     const double pi = std::numbers::pi;
     const auto beyond = (theta > pi) | (theta < -pi);
