@@ -18,7 +18,7 @@ the browser (docs/control-room.md).
     journal.py      commands, events, alarms, transfers and the operators' log, in SQLite; reporter.py: of one craft
     guard.py        checks each request; access.py: users with roles, and tokens; passwords.py, sessions.py, logins.py,
                     request_log.py; connections.py: limits on what clients without a login use; bounds.py: all limits
-    web.py          HTTP and WebSocket: api.yaml describes them; handlers/ (routes.py) answers requests, live.py has
+    web.py          HTTP and WebSocket; handlers/ (routes.py) answers requests, openapi.py describes them, live.py has
                     the WebSocket; questions.py: of scripts, to operators
     postgres.py     writes parameters into PostgreSQL
 

@@ -93,7 +93,7 @@ def in_csv(all_series: dict[str, Series]) -> Iterator[bytes]:
 
 
 def in_binary(all_series: dict[str, Series]) -> Iterator[bytes]:
-    """Series in the order of their names, each with its arrays (api.yaml)."""
+    """Series in the order of their names, each with its arrays."""
     yield struct.pack("<II", 0x32484C46, len(all_series))
     for t, value, low, high, _, worst, _ in all_series.values():
         yield struct.pack("<II", len(t), 0)

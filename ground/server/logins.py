@@ -15,6 +15,7 @@ from fledge.ground.server.access import ROLES
 from fledge.ground.server.answers import Refusal, answer
 from fledge.ground.server.passwords import PASSWORD_MOST, digest
 from fledge.ground.server.request_log import RequestLog, network_of
+from fledge.ground.server.openapi import TEXT, object_of
 from fledge.ground.server.routes import ANYONE, USER, loads, route
 from fledge.ground.server.sessions import Sessions
 from fledge.loopback import is_loopback
@@ -33,8 +34,9 @@ class Logins:
         self._failed: list[tuple[float, str, str]] = []     # (time, address, name) of logins that failed or go on
         self._checker, self._waiting = ThreadPoolExecutor(1), 0
 
-    @route("GET", "/api/session", ANYONE)
+    @route("GET", "/api/session", ANYONE, answers="Session")
     async def session(self, request: web.Request) -> web.Response:
+        """The user of this request."""
         user, session = request["user"], request["session"]
         return answer({
             "user": user.name if user else None, "roles": [role for role in ROLES if user and role in user.roles],
@@ -42,8 +44,9 @@ class Logins:
             "csrf": session.csrf if session else "", "version": __version__,
             "login": bool(self._sessions.access.users)})
 
-    @route("POST", "/api/login", ANYONE, logged=False)
+    @route("POST", "/api/login", ANYONE, logged=False, answers="Session", takes=object_of(user=TEXT, password=TEXT))
     async def login(self, request: web.Request) -> web.Response:
+        """Begin a session."""
         access = self._sessions.access
         try:
             given = loads(await request.read())
@@ -85,6 +88,7 @@ class Logins:
 
     @route("POST", "/api/logout", USER, logged=False)
     async def logout(self, request: web.Request) -> web.Response:
+        """End the session."""
         if request["session"]:
             self._sessions.end(request["session"], "logged out")
         response = answer({})

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -34,14 +34,20 @@ class Row:
     craft: str = ""     #: OWN or RUN; "": no spacecraft is named, and the answer has what the user may see
     logged: bool = False    #: the operators' log has it before it is done
     body: str = "body"      #: the limit of its request (bounds.py)
+    summary: str = ""       #: and the rest is for the document (openapi.py)
+    answers: Any = field(default_factory=dict)      #: the schema of its answer, or its name, or schemas by media
+    query: Any = field(default_factory=dict)        #: the schema of its query
+    takes: Any = field(default_factory=dict)        #: the schema of its body, by which it is checked; or by media
 
 
-def route(method: str, path: str, role: str, craft: str = "", logged: bool | None = None, body: str = "body"
+def route(method: str, path: str, role: str, craft: str = "", logged: bool | None = None, **more: Any
           ) -> Callable[[Handler], Handler]:
-    """Decorates a handler with its row. craft: by default, that of the path; logged: by default, all but GET."""
+    """Decorates a handler with its row. craft: by default, that of the path; logged: by default, all but GET; more: the
+    further ones of a Row. The handler's docstring is the summary."""
     def decorate(handler: Handler) -> Handler:
-        setattr(handler, "row", Row(method, path, role, craft or (OWN if "{c}" in path else ""),
-                                    method not in ("GET", MESSAGE) if logged is None else logged, body))
+        setattr(handler, "row", Row(
+            method, path, role, craft or (OWN if "{c}" in path else ""), method not in ("GET", MESSAGE)
+            if logged is None else logged, summary=" ".join((handler.__doc__ or "").split()), **more))
         return handler
 
     return decorate
@@ -121,17 +127,3 @@ def loads(text: str | bytes) -> Any:
         raise ValueError("a text has the half of a surrogate pair, which is no character") from None
     except (ValueError, RecursionError):
         raise ValueError("that is no JSON") from None
-
-
-def described(text: str, known: dict[tuple[str, str], Row]) -> str:
-    """The file of OpenAPI, with the role of each operation. known: rows by method and path."""
-    lines, path = [], ""
-    for line in text.splitlines():
-        lines.append(line)
-        if match := re.fullmatch(r"  (/\S+):", line):
-            path = match[1]
-        elif (match := re.fullmatch(r"    (get|put|post|delete):", line)) and (row := known.get(
-                (match[1].upper(), path))):
-            lines += [f"      x-role: {row.role}", *[f"      x-craft: {row.craft}"] * bool(row.craft),
-                      f"      x-logged: {str(row.logged).lower()}", *["      security: []"] * (row.role == ANYONE)]
-    return "\n".join([*lines, ""])

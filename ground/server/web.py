@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control room by HTTP and WebSocket (api.yaml): its application, its check of roles, and the messages to all
+"""The control room by HTTP and WebSocket: its application, its check of roles, and the messages to all
 browsers. The handlers are in handlers/. Requests only read what the threads of the spacecraft have, or call them."""
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import logging
 import shutil
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
@@ -28,7 +28,7 @@ from fledge.ground.server.live import Browser, Sender
 from fledge.ground.server.questions import Questions
 from fledge.ground.server.room import Room, owner
 from fledge.ground.server.settings import read, stamp
-from fledge.ground.server.routes import RUN, Row, add_routes, row_of, rows, whole
+from fledge.ground.server.routes import RUN, Row, add_routes, row_of, whole
 from fledge.ground.server.spacecraft import Spacecraft
 from fledge.ground.server.stages import COMMANDS
 from fledge.errors import Failure, SetupError
@@ -221,11 +221,6 @@ class Server:
         if craft:
             return self.guard.allowed(request, owner(craft), "view") or user == user_of(request)
         return user in (None, user_of(request)) or request["user"].crafts is None
-
-    def rows(self) -> Iterator[Row]:
-        """The rows of all routes."""
-        for holder in (*TOPICS, self.guard.logins):
-            yield from (row for row, _ in rows(holder))
 
     # --- answers ---
 

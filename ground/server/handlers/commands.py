@@ -11,35 +11,47 @@ from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.commanding import Hazardous
 from fledge.ground.server.handlers import common
 from fledge.ground.server.handlers.common import body_of, id_of, in_thread, patiently, user_of
+from fledge.ground.server.openapi import FLAG, ID, LIST, OBJECT, OFF, TEXT, array, described, object_of
+from fledge.ground.server.questions import LONGEST
 from fledge.ground.server.routes import route
 
 if TYPE_CHECKING:
     from fledge.ground.server.spacecraft import Spacecraft
     from fledge.ground.server.web import Server
 
+ARGUMENTS = described(OBJECT | {"default": {}}, "values by the names of the form")
 
-@route("GET", "/api/crafts/{c}/commands", "view")
+
+@route("GET", "/api/crafts/{c}/commands", "view", answers=array("Form"))
 async def commands(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """The forms of commands."""
     return await server.answer(lambda: craft.commanding.forms)
 
 
-@route("POST", "/api/crafts/{c}/preview", "view", logged=False)
+@route("POST", "/api/crafts/{c}/preview", "view", logged=False, answers="Preview",
+       takes=object_of("arguments", name=TEXT, arguments=ARGUMENTS))
 async def preview(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name="", arguments={})
+    """The bytes of a command, which is not sent."""
+    body = await body_of(request)
     return answer(await server.aside(lambda: craft.commanding.preview(**body)))
 
 
-@route("POST", "/api/crafts/{c}/send", "command")
+@route("POST", "/api/crafts/{c}/send", "command", answers=ID, takes=object_of(
+    "arguments confirmed unchecked", name=TEXT, arguments=ARGUMENTS, confirmed=OFF,
+    unchecked=described(OFF, "its constraints are not checked, where they may be suspended")))
 async def send(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, name="", arguments={}, confirmed=False, unchecked=False)
+    """Send a command."""
+    body = await body_of(request)
     row = await patiently(request, craft, lambda: craft.commanding.send(user_of(request), **body))
     return answer({"id": row["id"]})
 
 
-@route("POST", "/api/crafts/{c}/raw", "command")
+@route("POST", "/api/crafts/{c}/raw", "command", takes=object_of(
+    "confirmed unchecked", hex=TEXT, confirmed=described(OFF, "needed if it is hazardous"), unchecked=OFF),
+    answers=object_of(hex=described(TEXT, "of the packet as it was sent")))
 async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    """A packet that a script has made; it gets the number that is next."""
-    body = await body_of(request, hex="", confirmed=False, unchecked=False)
+    """Send a packet that a script has made; it gets the next number."""
+    body = await body_of(request)
     opened = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
     if opened is None:
         raise Refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
@@ -71,39 +83,46 @@ async def raw(server: Server, request: web.Request, craft: Spacecraft) -> web.St
     return answer({"hex": (await in_thread(craft, release)).hex()})
 
 
-@route("GET", "/api/crafts/{c}/dictionary", "view")
+@route("GET", "/api/crafts/{c}/dictionary", "view", answers=described(OBJECT, "MISSION_packets.json"))
 async def dictionary(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """The packets of a mission of Fledge, for fledge.ground."""
     if craft.mission is None:
         raise Refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
     return web.Response(text=await server.aside(craft.mission.dictionary.text), content_type="application/json")
 
 
-@route("GET", "/api/crafts/{c}/sent", "view")
+@route("GET", "/api/crafts/{c}/sent", "view", answers=array("Sent"), query=LIST)
 async def sent(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Commands and how far each has come, the newest first."""
     return await server.journal_rows(request, "sent", craft.name)
 
 
 # --- questions of scripts ----------------------------------------------------------------------------
 
-@route("POST", "/api/crafts/{c}/questions", "command")
+@route("POST", "/api/crafts/{c}/questions", "command", answers="Question",
+       takes=object_of(text=described(TEXT, f"at most {LONGEST} characters")))
 async def ask(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, text="")
+    """Ask the operators."""
+    body = await body_of(request)
     return answer(server.questions.ask(craft.name, user_of(request), body["text"]))
 
 
-@route("GET", "/api/crafts/{c}/questions", "view")
+@route("GET", "/api/crafts/{c}/questions", "view", answers=array("Question"))
 async def open_questions(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Questions of scripts that no operator has answered yet."""
     return answer(server.questions.open(craft.name))
 
 
-@route("GET", "/api/crafts/{c}/questions/{id}", "command")
+@route("GET", "/api/crafts/{c}/questions/{id}", "command", answers="Question")
 async def question(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """A question, for its script; it is withdrawn if the script does not poll it for 30 s."""
     return answer(server.questions.poll(craft.name, id_of(request)))
 
 
-@route("POST", "/api/crafts/{c}/questions/{id}", "command")
+@route("POST", "/api/crafts/{c}/questions/{id}", "command", answers="Question", takes=object_of(answer=FLAG))
 async def answer_question(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, answer=bool)
+    """Answer a question."""
+    body = await body_of(request)
     if "answer" not in body:
         raise Refusal(400, 'give {"answer": true} or {"answer": false}')
     return answer(server.questions.answer(craft.name, id_of(request), user_of(request), body["answer"]))

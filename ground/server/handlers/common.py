@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from copy import copy
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aiohttp import web
 
 from fledge.ground.server.answers import Refusal
 from fledge.ground.server.commanding import Constrained
-from fledge.ground.server.routes import loads
+from fledge.ground.server.routes import loads, row_of
 
 if TYPE_CHECKING:
     from fledge.ground.server.spacecraft import Spacecraft
 
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 AGAIN = 0.1         # [s] until the constraints of a command that waits are judged again
+KINDS: dict[str | None, tuple[type, ...]] = {       # of values in JSON, by the types of schemas; None: a time
+    "string": (str,), "boolean": (bool,), "integer": (int,), "number": (int, float), "object": (dict,),
+    None: (str, int)}
 
 Answer = TypeVar("Answer")
 Default = TypeVar("Default", int, None)
@@ -27,11 +31,14 @@ def user_of(request: web.Request) -> str:
     return str(request["user"].name)
 
 
-async def body_of(request: web.Request, **keys: object) -> dict[str, Any]:
-    """The JSON object of a request. keys: what each may be, a type or several; or its default, which has that type."""
-    defaults = {key: value for key, value in keys.items() if not isinstance(value, (type, tuple))}
-    kinds: dict[str, Any] = keys | {key: (int, float) if isinstance(value, float) else type(value)
-                                    for key, value in defaults.items()}
+async def body_of(request: web.Request) -> dict[str, Any]:
+    """The JSON object of a request as its row takes it, with the defaults of what it lacks."""
+    row = row_of(request)
+    assert row
+    schemas = row.takes["properties"]
+    # A required text that is missing counts as empty, which the handler refuses.
+    defaults = {key: copy(schema["default"]) for key, schema in schemas.items() if "default" in schema} | {
+        key: "" for key in row.takes.get("required", ()) if schemas[key].get("type") == "string"}
     try:
         body = loads(await request.read() or b"{}")
     except ValueError as error:
@@ -39,9 +46,10 @@ async def body_of(request: web.Request, **keys: object) -> dict[str, Any]:
     if not isinstance(body, dict):
         raise Refusal(400, f"the body is an object, as {{}}; found {type(body).__name__}")
     for key, value in body.items():
-        if key not in kinds:
-            raise Refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
-        if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
+        if key not in schemas:
+            raise Refusal(400, f"only known keys count: {', '.join(schemas)}; found '{key}'")
+        kinds = KINDS[schemas[key].get("type")] + (type(None),) * schemas[key].get("nullable", False)
+        if not isinstance(value, kinds) or isinstance(value, bool) and bool not in kinds:
             raise Refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
     return defaults | body
 

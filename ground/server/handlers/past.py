@@ -9,16 +9,21 @@ from aiohttp import web
 from fledge.errors import SetupError
 from fledge.ground.server.answers import PART, answer, in_binary, in_csv, in_json, json_answer, Refusal
 from fledge.ground.server.handlers.common import body_of, number_of, user_of
+from fledge.ground.server.openapi import (
+    BEFORE_NS, BYTES, FROM_ZERO, LIMIT, NATURAL, OBJECT, TEXT, TIME, WHOLE, array, described, enum, object_of, ref)
 from fledge.ground.server.routes import route
 
 if TYPE_CHECKING:
     from fledge.ground.server.spacecraft import Spacecraft
     from fledge.ground.server.web import Server
 
+SESSION = WHOLE | {"minimum": -1, "default": -1}
 
-@route("POST", "/api/crafts/{c}/inspect", "view", logged=False)
+
+@route("POST", "/api/crafts/{c}/inspect", "view", logged=False, answers="Inspection", takes=object_of(hex=TEXT))
 async def inspect(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    body = await body_of(request, hex="")
+    """The values of a packet of given bytes, with the place of each."""
+    body = await body_of(request)
     try:
         packet = bytes.fromhex(body["hex"])
     except ValueError:
@@ -26,32 +31,39 @@ async def inspect(server: Server, request: web.Request, craft: Spacecraft) -> we
     return answer(await server.aside(craft.telemetry.inspect, packet))
 
 
-@route("GET", "/api/crafts/{c}/packets", "view")
+@route("GET", "/api/crafts/{c}/packets", "view", answers=array("Packet"), query=object_of(
+    "before_ns limit container undecoded", before_ns=BEFORE_NS, limit=LIMIT, container=described(TEXT, "its path"),
+    undecoded=described(enum("0", "1"), "1: only these")))
 async def packets(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Packets, the newest first."""
     before = number_of(request, "before_ns", 2**63 - 1)
     limit = min(number_of(request, "limit", 200, 1), 1000)
     return await server.query(lambda: json_answer(craft.past.packet_list(
         before, limit, request.query.get("container"), request.query.get("undecoded") == "1")))
 
 
-@route("GET", "/api/crafts/{c}/packets/{id}", "view")
+@route("GET", "/api/crafts/{c}/packets/{id}", "view", answers="Inspection")
 async def packet(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """A packet with the place of each value."""
     words = await server.query(lambda: craft.past.packet_of(request.match_info["id"]))
     if words is None:
         raise Refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
     return answer(words)
 
 
-@route("GET", "/api/crafts/{c}/scene", "view")
+@route("GET", "/api/crafts/{c}/scene", "view", answers={"application/octet-stream": BYTES})
 async def scene(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """What does not move in the view in 3-D, for its page."""
     try:
         return web.Response(body=await server.aside(craft.feed.pack), content_type="application/octet-stream")
     except SetupError as error:
         raise Refusal(404, str(error)) from None
 
 
-@route("GET", "/api/crafts/{c}/passes", "view")
+@route("GET", "/api/crafts/{c}/passes", "view", answers=described(
+    array("Pass"), "soonest first; without rise_ns it is in view already"))
 async def passes(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """The passes of the coming day over the stations of its mission, predicted by two bodies and J2."""
     zero = 0 if craft.clock.simulated else craft.epoch_ns or 0
 
     def ns(t: float | None) -> str | None:
@@ -67,14 +79,22 @@ def _archived(craft: Spacecraft) -> None:
         raise Refusal(404, f"{craft.name} has no archive of its own")
 
 
-@route("GET", "/api/crafts/{c}/sessions", "view")
+@route("GET", "/api/crafts/{c}/sessions", "view", answers=array("Stretch"))
 async def sessions(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """The stretches of the archive whose times do not step back."""
     _archived(craft)
     return await server.query(lambda: json_answer(craft.past.sessions()))
 
 
-@route("GET", "/api/crafts/{c}/history", "view")
+@route("GET", "/api/crafts/{c}/history", "view", query=object_of(
+    "from_ns to_ns points session format", names=described(TEXT, "names with commas between"), from_ns=TIME, to_ns=TIME,
+    points=described(NATURAL | {"default": 2000},
+                     "at most so many, each the last value and the extremes of its stretch; 0: all values"),
+    session=described(SESSION, "-1: the newest"), format=enum("json", "csv", "binary") | {"default": "json"}),
+    answers={"application/json": OBJECT | {"additionalProperties": ref("Series")}, "text/csv": TEXT,
+             "application/octet-stream": BYTES})
 async def history(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Parameters back in time."""
     _archived(craft)
     names = list(dict.fromkeys(word for word in request.query.get("names", "").split(",") if word))
     if server.bounds.over("names of a query", len(names)) or not names:
@@ -107,12 +127,14 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
     return response
 
 
-@route("POST", "/api/crafts/{c}/replay", "view")
+@route("POST", "/api/crafts/{c}/replay", "view", answers="Craft", takes=object_of(
+    "session from_ns to_ns speed", session=SESSION, from_ns=TIME, to_ns=TIME, speed=FROM_ZERO | {"default": 1.0}))
 async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Show a part of the archive again, as a spacecraft of its own."""
     from fledge.ground.server.replay import Replay
 
     _archived(craft)
-    body = await body_of(request, session=-1, from_ns=(str, int), to_ns=(str, int), speed=1.0)
+    body = await body_of(request)
     room = server.room
     try:
         begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
@@ -135,6 +157,7 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
 
 @route("DELETE", "/api/crafts/{c}/replay", "view")
 async def end_replay(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """End a replay, which is the spacecraft."""
     if not craft.source:
         raise Refusal(409, f"{craft.name} is no replay")
     await server.aside(server.room.remove, craft.name)

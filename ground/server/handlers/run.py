@@ -8,6 +8,7 @@ from aiohttp import web
 
 from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.handlers.common import body_of, in_thread, user_of
+from fledge.ground.server.openapi import ANY, FROM_ZERO, TEXT, enum, object_of
 from fledge.ground.server.routes import RUN, route
 
 if TYPE_CHECKING:
@@ -22,19 +23,23 @@ def _control(craft: Spacecraft) -> RunControl:
     return craft.control
 
 
-@route("GET", "/api/crafts/{c}/run", "view")
+@route("GET", "/api/crafts/{c}/run", "view", answers="Run")
 async def run(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """The simulation of a craft that the server flies, and what may be changed in its world."""
     faults = await server.aside(_control(craft).faults)
     return answer((craft.describe_run() or {}) | {"faults": faults})
 
 
-@route("POST", "/api/crafts/{c}/run", "command", RUN)
+@route("POST", "/api/crafts/{c}/run", "command", RUN, answers="Run", takes=object_of(
+    "action seconds speed fault", action=enum("pause", "go", "step", "rewind"),
+    seconds=FROM_ZERO | {"default": 1.0}, speed=FROM_ZERO, fault=object_of(path=TEXT, value=ANY)))
 async def command_run(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """Pause it, let it go on, change its world, or rewind a co-simulation to the instant `seconds`."""
     control = _control(craft)
-    body = await body_of(request, action=str, seconds=1.0, speed=(int, float), fault={})
+    body = await body_of(request)
 
     def act() -> dict[str, Any]:
-        if fault := body["fault"]:
+        if fault := body.get("fault"):
             before = control.inject(str(fault.get("path", "")), fault.get("value"))
             craft.reporter.event("warning", "run", f"{user_of(request)} set {fault.get('path')} to "
                                  f"{fault.get('value')}; it was {before}")

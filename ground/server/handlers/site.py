@@ -2,6 +2,7 @@
 """The console's pages and their WebSocket, the description of the interface, and the state of the server itself."""
 from __future__ import annotations
 
+import json
 import shutil
 import time
 from pathlib import Path
@@ -13,7 +14,8 @@ from fledge import __version__
 from fledge.ground.server.answers import Refusal
 from fledge.ground.server.bounds import memory
 from fledge.ground.server.live import Browser
-from fledge.ground.server.routes import ANYONE, USER, described, route
+from fledge.ground.server.openapi import TEXT, document
+from fledge.ground.server.routes import ANYONE, USER, route
 
 if TYPE_CHECKING:
     from fledge.ground.server.web import Server
@@ -21,8 +23,9 @@ if TYPE_CHECKING:
 SERVER = Path(__file__).parents[1]
 
 
-@route("GET", "/api/server", "administer")
+@route("GET", "/api/server", "administer", answers="Server")
 async def state(server: Server, _: web.Request) -> web.StreamResponse:
+    """The limits of the server and what is in use; how long its event loop was blocked."""
     held, room = server.describe(), server.room
     return await server.answer(lambda: held | {
         "version": __version__, "up_s": time.monotonic() - server.began, "cpu_s": time.process_time(), **memory(),
@@ -46,11 +49,11 @@ async def asset(server: Server, request: web.Request) -> web.StreamResponse:
     return server.file(folder() / name)
 
 
-@route("GET", "/api/openapi.yaml", USER)
-async def openapi(server: Server, _: web.Request) -> web.StreamResponse:
-    known = {(row.method, row.path): row for row in server.rows()}
-    return web.Response(text=described((SERVER / "api.yaml").read_text(encoding="utf-8"), known),
-                        content_type="application/yaml")
+@route("GET", "/api/openapi.yaml", USER, answers={"application/yaml": TEXT})
+async def openapi(_: Server, request: web.Request) -> web.StreamResponse:
+    """This document."""
+    rows = [getattr(entry.handler, "row") for entry in request.app.router.routes()]
+    return web.Response(text=json.dumps(document(rows), indent=1), content_type="application/yaml")     # JSON is YAML
 
 
 @route("GET", "/api/live", "view")
