@@ -26,8 +26,7 @@ NOTEBOOKS = "build/docs/notebooks"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
-                    "flight/services/*.md",
-                    f"{REFERENCE}/*", f"{NOTEBOOKS}/*.md"]
+                    "flight/services/*.md", f"{REFERENCE}/*", f"{NOTEBOOKS}/*.md"]
 exclude_patterns = ["build/[!d]*/**", "build/debug/**", "python/*/*/README.md"]     # build/docs has the reference
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
@@ -45,34 +44,23 @@ html_show_copyright = False
 html_copy_source = False
 html_theme_options = {"sidebar_hide_name": False}
 
-# Entries are documents, or `Title <document>`.
-CHAPTERS = {
-    "Begin": ["Tutorial <docs/tutorial>", "docs/guide", "docs/cookbook", f"{NOTEBOOKS}/notebook",
-              "3-D view <docs/view>", "Prototypes <docs/prototypes>", "Existing code <docs/existing-code>",
-              "CI <docs/ci>",
-              "Debugging <docs/debugging>", "docs/glossary"],
-    "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "FMI <docs/fmi>",
-                         "registers/README"],
-    "Flight and ground": ["Scripts and links <docs/ground>", "Control room <docs/control-room>",
-                          f"Who may what <{REFERENCE}/routes>", "Flight services <docs/services>",
-                          "Database <docs/database>", "Packets by XTCE <docs/packets>", "The link in C <docs/ccsds>"],
-    "Targets": ["Export <docs/export>", "Targets <docs/targets>", "Your board <docs/your-board>",
-                "Verification <docs/verification>", "Evidence <docs/evidence>",
-                "Search for failures <docs/falsification>", "Faults and changes <docs/fault-analysis>",
-                "Profiles <docs/profiling>", "docs/avionics", "LEON3 <docs/leon3>",
-                "Look into a LEON3 <docs/leon3-debugging>", "MicroPython <docs/micropython>", "cFS <docs/cfs>",
-                "targets/cfs/README", "Records <record/README>"],
-    "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
-                            "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
-                            "Control theory <docs/linear>", "docs/accuracy", "docs/performance", "docs/references",
-                            "missions/README", "docs/orbiter", "docs/cubesat", "docs/from-basilisk"],
-    "Reference": [f"{REFERENCE}/{page}" for page in (
-        "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
-    "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "docs/decisions",
-                   "The reader of headers <introspect/README>", "Elementary functions <flight/math/README>"],
-}
 
-if not OURS:
+def chapters():
+    """The sections of docs/README.md, with the pages that each lists."""
+    found = {"Begin": ["All pages <docs/README>"]}
+    text = (ROOT / "docs/README.md").read_text("utf-8").replace("](notebook.ipynb)", f"](../{NOTEBOOKS}/notebook.md)")
+    for section in text.split("\n## ")[1:]:
+        found.setdefault(section.partition("\n")[0], []).extend(
+            f"{title} <{os.path.normpath(f'docs/{page}')}>"
+            for title, page in re.findall(r"^- \[(.+)\]\((.+)\.md\)", section, re.M))
+    return found
+
+
+GENERATED = [f"{REFERENCE}/{page}" for page in (
+    "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes", "routes")]
+if OURS:        # entries are documents, or `Title <document>`
+    CHAPTERS = chapters() | {"Reference": GENERATED}
+else:
     project = re.search(r"^\s*fledge_project\(\s*(\w+)", (HERE / "CMakeLists.txt").read_text("utf-8"), re.M)[1]
     html_title, author = project, ""
     extensions = ["myst_parser"]
@@ -83,7 +71,7 @@ if not OURS:
                             for page in ("modules", "models", "messages")), f"{REFERENCE}/packets",
                           *(path.relative_to(HERE).with_suffix("").as_posix()
                             for folder in ("docs", "missions") for path in sorted(HERE.glob(f"{folder}/**/*.md")))],
-                "Fledge": CHAPTERS["Reference"][:4]}
+                "Fledge": GENERATED[:4]}
 
 # Classes of objects that the user gets from others, and therefore never imports.
 RETURNED = {"Batch", "Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Result", "Task", "Trim",
@@ -289,6 +277,8 @@ def prepare(app, page, source):
             return f"[{link[1]}]({os.path.relpath(readme, folder)}{link[3] or ''})"
         return link[1] if readme.parent.is_dir() else link[0]
 
+    if OURS:
+        source[0] = source[0].replace("](notebook.ipynb)", f"](../{NOTEBOOKS}/notebook.md)")
     if not page.startswith(REFERENCE):
         source[0] = LINK.sub(resolved, source[0])
     if page == root_doc:

@@ -110,27 +110,38 @@ def follow(document, shell):
     return done
 
 
-def blocks_of_readme(kind, heading=""):
-    """The blocks of the README, from a heading on."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"^```{kind}\n(.*?)^```$", text[text.index(heading):], re.MULTILINE | re.DOTALL)
+def text_of(page):
+    return (ROOT / page).read_text(encoding="utf-8")
 
 
 @skipped(not_built())
 def test_the_python_of_the_readme_runs_from_top_to_bottom(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    exec("\n".join(blocks_of_readme("python")), names := {})
-    assert names["plant"].A.shape[0] > 3 and (tmp_path / "spin.html").stat().st_size > 100_000
+    for kind, file, text in BLOCK.findall(text_of("README.md")):
+        if kind == "python" and not file:
+            exec(text, names := {})
+    assert names["log"]["error.sigma_BR"].shape[0] > 1000 and names["sim"].flight.control.K == 5
 
 
-@pytest.mark.long("follows the README, then the tutorial; builds two projects, and flies on targets")
+def test_the_readme_quotes_files_and_figures_that_are_there():
+    files = [(file, text) for _, file, text in BLOCK.findall(text_of("README.md")) if file]
+    assert len(files) == 3
+    for file, text in files:
+        assert missing([line.strip() for line in text.splitlines()], text_of(file)) is None, file
+    row = re.compile(r"^\| `(\S+)` \|.*\| ([\d.]+ KiB) \| ([\d.]+ KiB) \|$", re.MULTILINE)
+    figures = row.findall(text_of("README.md"))
+    assert len(figures) == 4 and set(figures) <= set(row.findall(text_of("docs/targets.md")))
+
+
+@pytest.mark.long("follows a part of the guide, then the tutorial; builds two projects, and flies on targets")
 @flies_on("leon3")
 def test_the_first_hour_leads_to_a_module_in_closed_loop(tmp_path):
     """All commands for a reader, from the clone and an empty home, but installations and Fledge's own tests."""
     shell = Shell(tmp_path)
     shell.environment["HOME"] = str(tmp_path)
     shell.run(f"cd {ROOT}")
-    for command in blocks_of_readme("", "## Making it your own")[0].splitlines():
+    block = re.search(r"## A project of your own\n.*?```\n(.*?)```", text_of("docs/guide.md"), re.DOTALL)[1]
+    for command in block.splitlines():
         printed, status = shell.run(command)
         assert status == 0, f"$ {command}\n{printed}"
     assert "\n  passed\n" in printed

@@ -52,6 +52,13 @@ def test_each_link_leads_to_a_file_and_a_heading():
     assert wrong_links == {}
 
 
+def test_the_first_page_of_the_documents_lists_all_of_them():
+    listed = LINK.findall((ROOT / "docs/README.md").read_text(encoding="utf-8"))
+    assert {path.name for path in files() if path.parts[0] == "docs" and path.suffix in (".md", ".ipynb")} \
+        == {"README.md", *(link for link in listed if not link.startswith(".."))}
+    assert len(listed) == len(set(listed))
+
+
 @pytest.mark.parametrize("text, wrong", [
     ("[a](../README.md)", []),
     ("[a](../missions)", []),
