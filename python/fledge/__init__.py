@@ -20,7 +20,7 @@ import _imp
 import os
 import sys
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 if sys.flags.optimize:      # then a scenario, a script or a test would pass whatever it asserts
     _why = ("Python leaves out asserts, and asserts judge scenarios: start Python without -O, and unset the variable "
