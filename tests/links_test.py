@@ -59,6 +59,15 @@ def test_the_first_page_of_the_documents_lists_all_of_them():
     assert len(listed) == len(set(listed))
 
 
+def test_each_step_of_the_walks_is_a_function_of_its_file():
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    walks = re.search(r"## Five walks(.*?)\n## ", text, re.DOTALL)[1]
+    steps = re.findall(r"^\d+\. `([^`]+)`, `(?:\w+(?:\.|::))?(\w+)`:", walks, re.MULTILINE)
+    assert walks.count("\n1. ") == 5 and len(steps) == len(re.findall(r"^\d+\. ", walks, re.MULTILINE))
+    assert [step for step in steps
+            if not re.search(rf"\b{step[1]}\b", (ROOT / step[0]).read_text(encoding="utf-8"))] == []
+
+
 @pytest.mark.parametrize("text, wrong", [
     ("[a](../README.md)", []),
     ("[a](../missions)", []),
