@@ -3,22 +3,14 @@
 #define WORLD_SENSORS_COARSE_SUN_SENSORS_H
 
 #include "flight/msg/avionics.h"
-#include "flight/msg/orbit.h"
-#include "world/msg/craft.h"
-#include "world/msg/environment.h"
-#include "world/msg/fault.h"
+#include "world/sensors/sun_sensor.h"
 
 /** Coarse sun sensors: photodiodes whose current follows the cosine of the angle to the Sun, within a field of view.
  *  Assumptions: the Sun is a point of constant brightness and in sight, but for the
  *  eclipses of the sunlight that is wired; a planet disturbs them by as much as it reflects per light of the Sun, if
  *  Python's `radiation` is a PlanetRadiation. They do not see infrared. */
 typedef struct CoarseSunSensors {
-    struct {
-        CraftState truth;
-        BodyState sun;      ///< optional: the Sun; without it, it is far away in the direction s_N
-        Illumination light; ///< optional: how much of the Sun is visible, and where, if `sun` is not wired
-        FaultSet injected;  ///< optional: faults, besides the planned ones
-    } in;
+    SunSensorInputs in;
     struct {
         SunCurrents currents;
     } out;

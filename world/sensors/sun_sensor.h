@@ -8,18 +8,21 @@
 #include "world/msg/environment.h"
 #include "world/msg/fault.h"
 
+/** The group `in` of sun sensors. */
+typedef struct SunSensorInputs {
+    CraftState truth;
+    BodyState sun;      ///< optional: the Sun; without it, it is far away in the direction s_N
+    Illumination light; ///< optional: how much of the Sun is visible, and where, if `sun` is not wired
+    FaultSet injected;  ///< optional: faults, besides the planned ones
+} SunSensorInputs;
+
 /** A fine sun sensor: the direction to the Sun, where it is in the field of view and not in shadow; else it writes
  *  nothing. The variance of a reading, of an angle across the direction, is deviation^2 + noise / dt, with the time dt
  *  since the last update. A bias or a drift among its faults is a turn about a body axis; all others act on the
  *  components of the direction. A planet draws the direction towards the mean of all light in the field of view, by
  *  the share that the sensor does not reject, if Python's `radiation` is a PlanetRadiation. */
 typedef struct SunSensor {
-    struct {
-        CraftState truth;
-        BodyState sun;      ///< optional: the Sun; without it, it is far away in the direction s_N
-        Illumination light; ///< optional: how much of the Sun is visible, and where, if `sun` is not wired
-        FaultSet injected;  ///< optional: faults, besides the planned ones
-    } in;
+    SunSensorInputs in;
     struct {
         SunHeading heading;
     } out;
