@@ -12,6 +12,7 @@
 FMI2_CO_SIMULATION(DECLARED)
 FMI2_OTHER(DECLARED)
 #undef DECLARED
+FMU_ALIKE(fmi2, fmi2Component, FMUstate, DeSerialize)
 
 /* The logger takes a format: the text has no arguments, and its percent signs are doubled. */
 static void deliver(const Fmu *f, FmuStatus status, const char *category, const char *text)
@@ -27,11 +28,6 @@ const char *fmi2GetTypesPlatform(void)
 const char *fmi2GetVersion(void)
 {
     return "2.0";
-}
-
-fmi2Status fmi2SetDebugLogging(fmi2Component instance, fmi2Boolean on, size_t n, const fmi2String categories[])
-{
-    return (fmi2Status)fmu_log_categories(instance, "fmi2SetDebugLogging", on, n, categories);
 }
 
 static int digit(char c)
@@ -97,11 +93,6 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     return f;
 }
 
-void fmi2FreeInstance(fmi2Component instance)
-{
-    fmu_free(instance);
-}
-
 fmi2Status fmi2SetupExperiment(fmi2Component instance, fmi2Boolean toleranceDefined, fmi2Real tolerance,
                                fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime)
 {
@@ -125,11 +116,6 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component instance)
                                                             (int)f->moment->bounded, f->moment->stop);
 }
 
-fmi2Status fmi2ExitInitializationMode(fmi2Component instance)
-{
-    return (fmi2Status)fmu_exit_initialization(instance, "fmi2ExitInitializationMode");
-}
-
 fmi2Status fmi2Terminate(fmi2Component instance)
 {
     Fmu *f = instance;
@@ -138,11 +124,6 @@ fmi2Status fmi2Terminate(fmi2Component instance)
     }
     f->moment->phase = FMU_TERMINATED;
     return fmi2OK;
-}
-
-fmi2Status fmi2Reset(fmi2Component instance)
-{
-    return (fmi2Status)fmu_reset(instance, "fmi2Reset");
 }
 
 fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real currentPoint, fmi2Real stepSize, fmi2Boolean noSetStatePrior)
@@ -222,43 +203,6 @@ ACCESS(Real, F64, BIT(F64) | BIT(F32) | BIT(U32) | BIT(I64) | BIT(U64))
 ACCESS(Integer, I32, BIT(I8) | BIT(U8) | BIT(I16) | BIT(U16) | BIT(I32) | BIT(ENUM))
 ACCESS(Boolean, I32, 0u)
 ACCESS(String, CHAR, BIT(CHAR))
-
-/* ---- the state */
-
-fmi2Status fmi2GetFMUstate(fmi2Component instance, fmi2FMUstate *state)
-{
-    return (fmi2Status)fmu_save(instance, "fmi2GetFMUstate", state);
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component instance, fmi2FMUstate state)
-{
-    return (fmi2Status)fmu_restore(instance, "fmi2SetFMUstate", state);
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component instance, fmi2FMUstate *state)
-{
-    (void)instance;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component instance, fmi2FMUstate state, size_t *size)
-{
-    return (fmi2Status)fmu_saved_size(instance, "fmi2SerializedFMUstateSize", state, size);
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component instance, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    return (fmi2Status)fmu_write_saved(instance, "fmi2SerializeFMUstate", state, bytes, size);
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component instance, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    return (fmi2Status)fmu_read_saved(instance, "fmi2DeSerializeFMUstate", bytes, size, state);
-}
 
 /* ---- what is not offered */
 

@@ -5,12 +5,11 @@
 
 #include "fmi/fmu/fmu.h"
 
-#include <stdlib.h>
-
 #define DECLARED(name) FMU_EXPORT fmi3##name##TYPE fmi3##name;
 FMI3_CO_SIMULATION(DECLARED)
 FMI3_OTHER(DECLARED)
 #undef DECLARED
+FMU_ALIKE(fmi3, fmi3Instance, FMUState, Deserialize)
 
 static void deliver(const Fmu *f, FmuStatus status, const char *category, const char *text)
 {
@@ -20,11 +19,6 @@ static void deliver(const Fmu *f, FmuStatus status, const char *category, const 
 const char *fmi3GetVersion(void)
 {
     return "3.0";
-}
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[])
-{
-    return (fmi3Status)fmu_log_categories(instance, "fmi3SetDebugLogging", on, n, categories);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -43,11 +37,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     return fmu_new(&setup);
 }
 
-void fmi3FreeInstance(fmi3Instance instance)
-{
-    fmu_free(instance);
-}
-
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
@@ -55,11 +44,6 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
     (void)tolerance;
     return (fmi3Status)fmu_enter_initialization(instance, "fmi3EnterInitializationMode", startTime, stopTimeDefined,
                                                 stopTime);
-}
-
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
-{
-    return (fmi3Status)fmu_exit_initialization(instance, "fmi3ExitInitializationMode");
 }
 
 static fmi3Status change_phase(Fmu *f, const char *function, uint32_t from, FmuPhase to)
@@ -92,11 +76,6 @@ fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 fmi3Status fmi3Terminate(fmi3Instance instance)
 {
     return change_phase(instance, "fmi3Terminate", FMU_STEPPING | FMU_EVENTS, FMU_TERMINATED);
-}
-
-fmi3Status fmi3Reset(fmi3Instance instance)
-{
-    return (fmi3Status)fmu_reset(instance, "fmi3Reset");
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
@@ -178,43 +157,6 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference referenc
 {
     const FmuCall call = {"fmi3GetClock", FLEDGE_U8, 0u, references, n, n};
     return (fmi3Status)fmu_get_clocks(instance, &call, values);
-}
-
-/* ---- the state */
-
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
-{
-    return (fmi3Status)fmu_save(instance, "fmi3GetFMUState", state);
-}
-
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
-{
-    return (fmi3Status)fmu_restore(instance, "fmi3SetFMUState", state);
-}
-
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
-{
-    (void)instance;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi3OK;
-}
-
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
-{
-    return (fmi3Status)fmu_saved_size(instance, "fmi3SerializedFMUStateSize", state, size);
-}
-
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    return (fmi3Status)fmu_write_saved(instance, "fmi3SerializeFMUState", state, bytes, size);
-}
-
-fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    return (fmi3Status)fmu_read_saved(instance, "fmi3DeserializeFMUState", bytes, size, state);
 }
 
 /* ---- what is not offered */

@@ -7,6 +7,7 @@
 #include "fmi/fmu/system.h"
 
 #include <stdbool.h>
+#include <stdlib.h>
 
 #if defined _WIN32
 #define FMU_EXPORT __declspec(dllexport)
@@ -132,5 +133,54 @@ FmuStatus fmu_restore(Fmu *f, const char *function, const void *state);
 FmuStatus fmu_saved_size(Fmu *f, const char *function, const void *state, size_t *size);
 FmuStatus fmu_write_saved(Fmu *f, const char *function, const void *state, void *bytes, size_t size);
 FmuStatus fmu_read_saved(Fmu *f, const char *function, const void *bytes, size_t size, void **state);
+
+/* ---- what FMI 2.0 and 3.0 have alike, with v for fmi2 or fmi3 */
+
+#define FMU_ALIKE(v, Instance, State, Deserialize)                                                                     \
+    v##Status v##SetDebugLogging(Instance instance, v##Boolean on, size_t n, const v##String categories[])             \
+    {                                                                                                                  \
+        return (v##Status)fmu_log_categories(instance, #v "SetDebugLogging", on, n, categories);                       \
+    }                                                                                                                  \
+    void v##FreeInstance(Instance instance)                                                                            \
+    {                                                                                                                  \
+        fmu_free(instance);                                                                                            \
+    }                                                                                                                  \
+    v##Status v##ExitInitializationMode(Instance instance)                                                             \
+    {                                                                                                                  \
+        return (v##Status)fmu_exit_initialization(instance, #v "ExitInitializationMode");                              \
+    }                                                                                                                  \
+    v##Status v##Reset(Instance instance)                                                                              \
+    {                                                                                                                  \
+        return (v##Status)fmu_reset(instance, #v "Reset");                                                             \
+    }                                                                                                                  \
+    v##Status v##Get##State(Instance instance, v##State *state)                                                        \
+    {                                                                                                                  \
+        return (v##Status)fmu_save(instance, #v "Get" #State, state);                                                  \
+    }                                                                                                                  \
+    v##Status v##Set##State(Instance instance, v##State state)                                                         \
+    {                                                                                                                  \
+        return (v##Status)fmu_restore(instance, #v "Set" #State, state);                                               \
+    }                                                                                                                  \
+    v##Status v##Free##State(Instance instance, v##State *state)                                                       \
+    {                                                                                                                  \
+        (void)instance;                                                                                                \
+        if (state != NULL) {                                                                                           \
+            free(*state);                                                                                              \
+            *state = NULL;                                                                                             \
+        }                                                                                                              \
+        return v##OK;                                                                                                  \
+    }                                                                                                                  \
+    v##Status v##Serialized##State##Size(Instance instance, v##State state, size_t *size)                              \
+    {                                                                                                                  \
+        return (v##Status)fmu_saved_size(instance, #v "Serialized" #State "Size", state, size);                        \
+    }                                                                                                                  \
+    v##Status v##Serialize##State(Instance instance, v##State state, v##Byte bytes[], size_t size)                     \
+    {                                                                                                                  \
+        return (v##Status)fmu_write_saved(instance, #v "Serialize" #State, state, bytes, size);                        \
+    }                                                                                                                  \
+    v##Status v##Deserialize##State(Instance instance, const v##Byte bytes[], size_t size, v##State *state)            \
+    {                                                                                                                  \
+        return (v##Status)fmu_read_saved(instance, #v #Deserialize #State, bytes, size, state);                        \
+    }
 
 #endif
