@@ -52,18 +52,6 @@ TEST(RodTorques, gives_all_of_the_torque_but_what_is_along_the_field)
     }
 }
 
-TEST(RodTorques, a_reset_forgets)
-{
-    Random random{9};
-    RodTorques m = any(random, 3, 1e-9);
-    const RodTorques before = m;
-    rod_torques_update(&m, {second, second});
-    EXPECT_GT(m.mem.saturated, 0u);
-    EXPECT_EQ(m.out.command.head.quality, QUALITY_GOOD);
-    rod_torques_reset(&m);
-    EXPECT_EQ(std::memcmp(&m, &before, sizeof m), 0);
-}
-
 TEST(RodTorques, saturation_keeps_the_direction)
 {
     Random random{2};

@@ -445,34 +445,5 @@ TEST(MrpFeedback, the_torque_ends_after_a_time_without_new_data)
     }
 }
 
-TEST(MrpFeedback, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{7};
-    MrpFeedback m{};
-    AttError &error = m.in.error;
-    WheelSet &wheels = m.in.wheels;
-    Doubles in = doubles(error.sigma_BR, error.omega_BR_B, error.omega_RN_B, error.domega_RN_B, m.in.vehicle.I_B,
-                         wheels.axes_B, wheels.J, wheels.u_max, m.in.speeds.Omega, m.in.external.torque_B, m.par);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        wheels.n = random.below(4) ? static_cast<std::uint32_t>(random.below(9)) : 0xffffffffu;
-        for (Head *head : {&error.head, &m.in.vehicle.head, &wheels.head, &m.in.speeds.head, &m.in.external.head}) {
-            head->quality = any_quality(random);
-        }
-        mrp_feedback_update(&m, {round * half_second, half_second});
-        expect_finite(doubles(m.out.torque.torque_B, m.mem.z, m.mem.sigma_BR), round);
-    }
-}
-
-TEST(MrpFeedback, reset_forgets_all_but_its_parameters)
-{
-    MrpFeedback m = integrating(vec3(0.5, 0, 0)), before = m;
-    mrp_feedback_update(&m, {0, 0});
-    mrp_feedback_update(&m, {half_second, half_second});
-    EXPECT_FALSE(all_zero(m.mem));
-    mrp_feedback_reset(&m);
-    EXPECT_EQ(std::memcmp(&m, &before, sizeof m), 0);
-}
-
 } // namespace mrp_feedback_test
 } // namespace flight::testing

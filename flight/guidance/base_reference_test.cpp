@@ -103,32 +103,5 @@ TEST(BaseReference, holds_the_last_reference_against_numbers_that_are_not_finite
     }
 }
 
-TEST(BaseReference, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{5};
-    for (int round = 0; round < 20000; round++) {
-        BaseReference m = base_of(round % 2 ? BASE_SENSED : BASE_COMMANDED);
-        m.in.commanded.head = m.in.sensed.head = good(0);
-        throw_numbers(doubles(m.in.commanded.sigma_RN, m.in.commanded.omega_RN_N, m.in.commanded.domega_RN_N,
-                              m.in.sensed.sigma_BN, m.in.sensed.omega_BN_B),
-                      random, round);
-        base_reference_update(&m, {ns(round % 90), 1});
-        const AttReference &out = m.out.reference;
-        AttReference copy = out;
-        expect_finite(doubles(copy.sigma_RN, copy.omega_RN_N, copy.domega_RN_N), round);
-    }
-}
-
-TEST(BaseReference, reset_forgets)
-{
-    Random random{6};
-    BaseReference m = base_of(BASE_COMMANDED);
-    m.in.commanded = any_base(random, 0.1).at(0);
-    base_reference_update(&m, {0, 0});
-    base_reference_reset(&m);
-    EXPECT_TRUE(all_zero(m.out));
-    EXPECT_EQ(m.par.hold, 100);
-}
-
 } // namespace base_reference_test
 } // namespace flight::testing

@@ -61,26 +61,5 @@ TEST(InertialPointing, holds_the_last_reference_against_numbers_that_are_not_fin
     EXPECT_TRUE(all_zero(bad.out)) << "there is no earlier reference to hold";
 }
 
-TEST(InertialPointing, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{2};
-    InertialPointing m{};
-    AttReference &out = m.out.reference;
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(doubles(m.par.sigma_RN), random, round);
-        inertial_pointing_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
-    }
-}
-
-TEST(InertialPointing, reset_forgets)
-{
-    InertialPointing m = pointing(vec3(0.1, 0.2, 0.3));
-    inertial_pointing_update(&m, {0, 0});
-    inertial_pointing_reset(&m);
-    EXPECT_TRUE(all_zero(m.out));
-    EXPECT_EQ(m.par.sigma_RN.v[2], 0.3);
-}
-
 } // namespace inertial_pointing_test
 } // namespace flight::testing

@@ -80,14 +80,11 @@ TEST(InertialSpin, without_a_rate_it_is_the_base)
 
 TEST(InertialSpin, after_a_reset_the_spin_begins_anew)
 {
-    InertialSpin m = spinning({1, 1, 1}), fresh = m;
+    InertialSpin m = spinning({1, 1, 1});
     m.in.base.head = good();
     inertial_spin_update(&m, {0, 0});
     inertial_spin_update(&m, {500, 500});
     inertial_spin_reset(&m);
-    m.in.base.head = Head{};
-    EXPECT_EQ(std::memcmp(&m, &fresh, sizeof m), 0) << "parameters stay, the rest is zero";
-    m.in.base.head = good();
     inertial_spin_update(&m, {1'000'000'000, 0});
     EXPECT_EQ(eigen(m.out.reference.sigma_RN), Vector3d::Zero());
 }
@@ -128,20 +125,6 @@ TEST(InertialSpin, holds_the_last_reference_against_numbers_that_are_not_finite)
             inertial_spin_update(&x, {500, 500});
         },
         [](InertialSpin &x) { return std::vector{&x.out.reference.head}; });
-}
-
-TEST(InertialSpin, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{6};
-    InertialSpin m{};
-    AttReference &base = m.in.base, &out = m.out.reference;
-    Doubles in = doubles(base.sigma_RN, base.omega_RN_N, base.domega_RN_N, m.par);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        base.head.quality = any_quality(random);
-        inertial_spin_update(&m, {round * 1'000'000'000'000, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N), round);
-    }
 }
 
 } // namespace inertial_spin_test

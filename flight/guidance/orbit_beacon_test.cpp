@@ -67,14 +67,5 @@ TEST(OrbitBeacon, holds_its_last_word_where_nothing_finite_comes)
     EXPECT_TRUE(all_zero(silent.out));
 }
 
-TEST(OrbitBeacon, reset_forgets)
-{
-    OrbitBeacon m = beacon(start, 2);
-    orbit_beacon_update(&m, {0, 0});
-    orbit_beacon_reset(&m);
-    EXPECT_TRUE(all_zero(m.out));
-    EXPECT_EQ(m.par.lead, 2);
-}
-
 } // namespace orbit_beacon_test
 } // namespace flight::testing

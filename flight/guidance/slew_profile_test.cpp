@@ -273,23 +273,5 @@ TEST(SlewProfile, without_an_attitude_or_numbers_the_reference_is_held)
     EXPECT_EQ(fresh.out.reference.head.sequence, 2u) << "the attitude is not used on the way";
 }
 
-TEST(SlewProfile, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{6};
-    SlewProfile m{};
-    AttReference &target = m.in.target, &out = m.out.reference;
-    const Doubles in = doubles(target.sigma_RN, target.omega_RN_N, target.domega_RN_N, m.in.attitude.sigma_BN,
-                               m.in.attitude.omega_BN_B, m.par);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        target.head = {static_cast<std::int64_t>(random.real(-9e18, 9e18)), any_quality(random), 1};
-        m.in.attitude.head.quality = any_quality(random);
-        slew_profile_update(&m, {round * ns(1), ns(1)});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, m.out.status.remaining, m.out.status.angle,
-                              m.out.status.peak),
-                      round);
-    }
-}
-
 } // namespace slew_profile_test
 } // namespace flight::testing

@@ -163,22 +163,5 @@ TEST(TrackingError, holds_the_last_error_against_numbers_that_are_not_finite)
         [](TrackingError &x) { return std::vector{&x.out.error.head}; });
 }
 
-TEST(TrackingError, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{7};
-    TrackingError m{};
-    auto &[attitude, reference] = m.in;
-    AttError &out = m.out.error;
-    Doubles in = doubles(attitude.sigma_BN, attitude.omega_BN_B, reference.sigma_RN, reference.omega_RN_N,
-                         reference.domega_RN_N, m.par.sigma_BcB);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        attitude.head.quality = any_quality(random);
-        reference.head.quality = any_quality(random);
-        tracking_error_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_BR, out.omega_BR_B, out.omega_RN_B, out.domega_RN_B), round);
-    }
-}
-
 } // namespace tracking_error_test
 } // namespace flight::testing

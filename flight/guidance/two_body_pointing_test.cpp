@@ -422,33 +422,5 @@ TEST(TwoBodyPointing, holds_the_last_reference_against_numbers_that_are_not_fini
         });
 }
 
-TEST(TwoBodyPointing, gives_finite_numbers_whatever_it_is_given)
-{
-    Random random{12};
-    TwoBodyPointing m{};
-    auto &[orbit, primary, secondary] = m.in;
-    AttReference &out = m.out.reference;
-    Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, orbit.a_BN_N, primary.r_PN_N, primary.v_PN_N, primary.a_PN_N,
-                         secondary.r_PN_N, secondary.v_PN_N, secondary.a_PN_N, m.par);
-    for (int round = 0; round < 20000; round++) {
-        throw_numbers(in, random, round);
-        orbit.head.quality = any_quality(random);
-        primary.head.quality = any_quality(random);
-        secondary.head.quality = any_quality(random);
-        two_body_pointing_update(&m, {round, 1});
-        expect_finite(doubles(out.sigma_RN, out.omega_RN_N, out.domega_RN_N, m.out.status.separation, m.mem.r2_N),
-                      round);
-    }
-}
-
-TEST(TwoBodyPointing, reset_forgets)
-{
-    Random random{13};
-    TwoBodyPointing m = pointing(any_scene(random)), fresh = m;
-    two_body_pointing_update(&m, {0, 0});
-    two_body_pointing_reset(&m);
-    EXPECT_EQ(std::memcmp(&m, &fresh, sizeof m), 0);
-}
-
 } // namespace two_body_pointing_test
 } // namespace flight::testing
