@@ -1,22 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ccsds/cfdp_transaction.h"
 
-void cfdp_answer_proxy(Cfdp *cfdp, CfdpId origin, uint8_t value)
-{
-    uint8_t options[64];
-    const CfdpMessage response = {.type = CFDP_PROXY_PUT_RESPONSE, .value = value};
-    const CfdpMessage origin_message = {.type = CFDP_ORIGIN,
-                                        .entity = origin.source,
-                                        .sequence = origin.sequence,
-                                        .entity_bytes = 8u,
-                                        .sequence_bytes = 8u};
-    size_t n = cfdp_message_write(&response, options, sizeof options);
-    n += cfdp_message_write(&origin_message, options + n, sizeof options - n);
-    const CfdpPut put = {.destination = origin.source, .from = "", .to = "", .options = options, .options_n = n};
-    CfdpId id;
-    (void)cfdp_put(cfdp, &put, &id);
-}
-
 /* Make a file for an answer. Returns a handle. */
 static int create_reply_file(const Cfdp *cfdp)
 {

@@ -173,6 +173,86 @@ void cfdp_discard_file(Cfdp *cfdp, CfdpTransaction *t)
     }
 }
 
+/* Returns a handle with *size [bytes], or below 0. */
+static int open_source(const CfdpStore *store, const char *name, int64_t *size)
+{
+    const int file = store->open(store->user, name, CFDP_OPEN_READ);
+    if (file >= 0) {
+        *size = store->size(store->user, file);
+        if (*size < 0) {
+            store->close(store->user, file);
+            return (int)*size;
+        }
+    }
+    return file;
+}
+
+int cfdp_put(Cfdp *cfdp, const CfdpPut *put, CfdpId *id)
+{
+    const CfdpRemote *remote = cfdp_remote(cfdp, put->destination);
+    const CfdpText from = cfdp_text(put->from), to = cfdp_text(put->to);
+    CfdpTransaction *t = cfdp_vacant(cfdp, 0u);
+    if (remote == NULL || from.n >= (uint8_t)CFDP_NAME || to.n >= (uint8_t)CFDP_NAME ||
+        (from.n == 0u) != (to.n == 0u) || put->options_n > (size_t)CFDP_OPTIONS) {
+        return CFDP_REFUSED;
+    }
+    if (t == NULL) {
+        return CFDP_FULL;
+    }
+    int64_t size = 0;
+    const int file = from.n != 0u ? open_source(&cfdp->set.store, put->from, &size) : -1;
+    if (from.n != 0u && file < 0) {
+        return file;
+    }
+    memset(t, 0, sizeof *t);
+    *id = (CfdpId){cfdp->set.entity, cfdp->live.sequence};
+    cfdp->live.sequence++;
+    t->id = *id;
+    t->peer = put->destination;
+    t->state = CFDP_SENDING;
+    t->size = (uint64_t)size;
+    t->large = t->size > UINT32_MAX;
+    t->crc = remote->crc;
+    t->entity_bytes = cfdp_bytes(t->id.source | t->peer, cfdp->set.entity_bytes);
+    t->sequence_bytes = cfdp_bytes(t->id.sequence, cfdp->set.sequence_bytes);
+    t->class1 = put->class1;
+    t->closure = put->class1 != 0u && put->closure != 0u;
+    t->priority = put->priority;
+    t->checksum_type = remote->checksum;
+    t->file = file;
+    t->file_status = CFDP_UNREPORTED;
+    t->expires = t->keep_alive = INT64_MAX;
+    t->inactive = cfdp_deadline(cfdp, remote->inactivity);
+    t->due = (uint8_t)(size == 0 ? DUE_METADATA | DUE_EOF : DUE_METADATA);
+    memcpy(t->from, put->from, from.n);
+    memcpy(t->to, put->to, to.n);
+    t->options_n = (uint16_t)put->options_n;
+    if (put->options_n != 0) {
+        memcpy(t->options, put->options, put->options_n);
+    }
+    CfdpTlv tlv;
+    const uint8_t *at = t->options;
+    for (size_t n = t->options_n; cfdp_tlv_next(&tlv, &at, &n);) {
+        cfdp_set_handler(t, &tlv);
+    }
+    return 0;
+}
+
+void cfdp_answer_proxy(Cfdp *cfdp, CfdpId origin, uint8_t value)
+{
+    uint8_t options[64];
+    const CfdpMessage response = {.type = CFDP_PROXY_PUT_RESPONSE, .value = value};
+    const CfdpMessage origin_message = {.type = CFDP_ORIGIN,
+                                        .entity = origin.source,
+                                        .sequence = origin.sequence,
+                                        .entity_bytes = 8u,
+                                        .sequence_bytes = 8u};
+    size_t n = cfdp_message_write(&response, options, sizeof options);
+    n += cfdp_message_write(&origin_message, options + n, sizeof options - n);
+    const CfdpPut put = {.destination = origin.source, .from = "", .to = "", .options = options, .options_n = n};
+    (void)cfdp_put(cfdp, &put, &(CfdpId){0u, 0u});
+}
+
 void cfdp_end_transaction(Cfdp *cfdp, CfdpTransaction *t, CfdpEventKind what)
 {
     const CfdpId origin = t->origin;

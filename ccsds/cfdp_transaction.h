@@ -4,7 +4,7 @@
  *     cfdp.c               requests of the user, PDUs from the link and for it, time
  *     cfdp_sender.c        a transaction that sends a file
  *     cfdp_receiver.c      a transaction that receives a file
- *     cfdp_transaction.c   what both have: names, files, faults, suspension, end
+ *     cfdp_transaction.c   what both have: begin, names, files, faults, suspension, end
  *     cfdp_ranges.c        the parts of a file that are missing, or are to be sent again
  *     cfdp_filestore.c     requests to the store
  *     cfdp_messages.c      messages to the user: proxies, lists of directories, remote control
@@ -70,6 +70,8 @@ int64_t cfdp_deadline(const Cfdp *cfdp, int64_t timer);
 void cfdp_notify(Cfdp *cfdp, const CfdpTransaction *t, CfdpEventKind what);
 void cfdp_notify_text(Cfdp *cfdp, const CfdpTransaction *t, CfdpEventKind what, CfdpText text);
 
+/** Answer a transaction that came by proxy, with messages alone. */
+void cfdp_answer_proxy(Cfdp *cfdp, CfdpId origin, uint8_t value);
 void cfdp_end_transaction(Cfdp *cfdp, CfdpTransaction *t, CfdpEventKind what);
 
 /** End a transaction for a reason that is known here, and inform the other end. */
@@ -159,9 +161,6 @@ uint8_t cfdp_perform(Cfdp *cfdp, const CfdpTransaction *t, const CfdpFilestore *
 
 /** The messages of a delivered transaction: the user gets all; those of proxies and directories are done here. */
 void cfdp_serve_messages(Cfdp *cfdp, const CfdpTransaction *t);
-
-/** Answer a transaction that came by proxy, with messages alone. */
-void cfdp_answer_proxy(Cfdp *cfdp, CfdpId origin, uint8_t value);
 
 #ifdef __cplusplus
 }
