@@ -505,11 +505,7 @@ struct World {
                 model->set_body(body);
             }
             if (auto *air = dynamic_cast<world::EarthAtmosphereModel *>(instance->model())) {
-                world::GravityBody jupiter;
-                jupiter.name = "jupiter";
-                jupiter.mu = jupiter.radius = 1e8;
-                jupiter.naif = TwoCircles::jupiter;
-                air->set_body(jupiter);
+                air->set_body({.name = "jupiter", .mu = 1e8, .radius = 1e8, .naif = TwoCircles::jupiter});
                 air->set_sky(TwoCircles::sky(TwoCircles::jupiter));
             }
         }
@@ -532,12 +528,7 @@ struct World {
                 }
             }
         }
-        world::GravityBody mars;
-        mars.name = "mars";
-        mars.mu = 4.2828314e13;
-        mars.radius = 3.397e6;
-        mars.J = {1.96e-3, 3e-5, 0, 0, 0};
-        craft.add_gravity(mars);
+        craft.add_gravity({.name = "mars", .mu = 4.2828314e13, .radius = 3.397e6, .J = {1.96e-3, 3e-5, 0, 0, 0}});
         set(find("craft"), "r_BN_N", 4e6);
         set(find("ReactionWheels"), "Omega", 0.01); // within their limit
         set(find("ControlMomentGyros"), "Omega", 0.01);

@@ -104,9 +104,7 @@ TEST(World, UpdatesDoNotAllocate)
         f.wheel_interface.par.friction[0] = 0.01;
         f.wheel_interface.par.viscosity[1] = 0.01;
         f.wheel_interface.par.Omega_max[2] = 1.0;
-        GravityBody body;
-        body.mu = 4.2828314e13;
-        body.radius = 3.4e6;
+        GravityBody body{.mu = 4.2828314e13, .radius = 3.4e6};
         body.J[0] = 2e-3;
         CelestialBody sun_interface{};
         CelestialBodyModel sun(sun_interface);
@@ -116,10 +114,7 @@ TEST(World, UpdatesDoNotAllocate)
             body = {};
             body.naif = TwoCircles::jupiter;
             body.field = std::make_shared<const Harmonics>(field);
-            GravityBody far;
-            far.name = "SUN";
-            far.naif = sun_interface.par.id = TwoCircles::sun;
-            far.mu = TwoCircles::mu_sun;
+            GravityBody far{.name = "SUN", .mu = TwoCircles::mu_sun, .naif = sun_interface.par.id = TwoCircles::sun};
             f.craft.add_gravity(far);
             const auto sky = TwoCircles::sky(TwoCircles::jupiter, 2.0 - 50.0 / TwoCircles::day);
             f.craft.set_sky(sky); // the records change on the way

@@ -95,11 +95,7 @@ struct World {
     {
         const auto sky = TwoCircles::sky(TwoCircles::jupiter, 2.0 - 6.0 / TwoCircles::day);
         auto &model = dynamic_cast<SpacecraftModel &>(*craft->model());
-        GravityBody far;
-        far.name = "sun";
-        far.mu = TwoCircles::mu_sun;
-        far.naif = TwoCircles::sun;
-        model.add_gravity(far);
+        model.add_gravity({.name = "sun", .mu = TwoCircles::mu_sun, .naif = TwoCircles::sun});
         model.set_sky(sky);
         sun = add(world, "sun", "CelestialBody");
         interface_of<CelestialBody>(sun).par.id = TwoCircles::sun;

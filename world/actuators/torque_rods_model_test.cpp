@@ -25,10 +25,7 @@ struct Craft : Flyer {
 
     Craft()
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = 3.986004415e14;
-        body.radius = 6378137.0;
+        GravityBody body{.name = "EARTH", .mu = 3.986004415e14, .radius = 6378137.0};
         field.set_body(body);
         field_interface.par.dipole_P = vec(dipole);
         craft.add_gravity(body);

@@ -30,12 +30,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 GravityBody body(const char *name, int naif, double radius, const Vector3d &r = Vector3d::Zero())
 {
-    GravityBody made;
-    made.name = name;
-    made.naif = naif;
-    made.mu = 1e10;
-    made.radius = radius;
-    made.r_PN_N = r;
+    GravityBody made{.name = name, .mu = 1e10, .radius = radius, .r_PN_N = r, .naif = naif};
     return made;
 }
 

@@ -27,10 +27,7 @@ struct Craft {
 
     Craft()
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = mu;
-        body.radius = 6378137.0;
+        GravityBody body{.name = "EARTH", .mu = mu, .radius = 6378137.0};
         air.set_body(body);
         air_interface.par.density = 1e-12;
         drag_interface.par.Cd = 2.2;
@@ -173,11 +170,7 @@ struct Winged : Assembly {
 
     Winged()
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = mu;
-        body.radius = 6378137.0;
-        air.set_body(body);
+        air.set_body({.name = "EARTH", .mu = mu, .radius = 6378137.0});
         air_interface.par.density = 0.01;
         method = sim::make_adaptive(1e-12, 1e-12);
         auto &par = drag_interface.par;

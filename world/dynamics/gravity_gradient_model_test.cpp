@@ -29,11 +29,7 @@ struct Craft {
     }
     void add(const char *name, double its_mu, const Vector3d &r)
     {
-        GravityBody body;
-        body.name = name;
-        body.mu = its_mu;
-        body.r_PN_N = r;
-        f.craft.add_gravity(body);
+        f.craft.add_gravity({.name = name, .mu = its_mu, .r_PN_N = r});
     }
     void prepare()
     {
@@ -165,10 +161,7 @@ struct Circling : Assembly {
     }
     void prepare()
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = n * n * radius * radius * radius;
-        craft.add_gravity(body);
+        craft.add_gravity({.name = "EARTH", .mu = n * n * radius * radius * radius});
         auto &par = craft_interface.par;
         par.r_BN_N = vec3(radius, 0, 0);
         par.v_BN_N = vec3(0, n * radius, 0);

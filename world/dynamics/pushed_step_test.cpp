@@ -34,10 +34,7 @@ struct Pushed : Flyer {
 
     Pushed(unsigned kinds, unsigned seed, bool general) : draw(seed)
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = 3.986004415e14;
-        body.radius = 6378137.0;
+        GravityBody body{.name = "EARTH", .mu = 3.986004415e14, .radius = 6378137.0};
         craft.add_gravity(body);
         field.set_body(body);
         field_interface.par.dipole_P = vec(any(1e16));

@@ -25,10 +25,7 @@ struct Craft {
 
     explicit Craft(const Vector3d &sun = {AU, 0, 0})
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.mu = mu;
-        body.radius = 6378137.0;
+        GravityBody body{.name = "EARTH", .mu = mu, .radius = 6378137.0};
         f.craft.add_gravity(body);
         body.name = "SUN";
         body.radius = 6.957e8;
@@ -131,10 +128,7 @@ TEST(SolarPressure, StopsInTheShadow)
     Craft c;
     c.solar_interface.par.Cr = 1.0;
     c.solar_interface.par.area = 1.0;
-    GravityBody earth;
-    earth.name = "EARTH";
-    earth.mu = mu;
-    earth.radius = 6378137.0;
+    GravityBody earth{.name = "EARTH", .mu = mu, .radius = 6378137.0};
     c.light.add_body(earth);
     c.prepare();
     // The orbit lies in the plane of the Sun: it is in the shadow for 2 asin(R / a) of its turn, but for the penumbra.
@@ -195,10 +189,7 @@ struct Night : Craft {
 
     Night()
     {
-        GravityBody earth;
-        earth.name = "EARTH";
-        earth.mu = mu;
-        earth.radius = R;
+        GravityBody earth{.name = "EARTH", .mu = mu, .radius = R};
         light.add_body(earth);
         radiation.set_body(earth);
         radiation.set_source(light);

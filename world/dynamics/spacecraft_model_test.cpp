@@ -22,9 +22,7 @@ constexpr double mu_mars = 4.2828314e13;
 
 GravityBody mars()
 {
-    GravityBody body;
-    body.name = "mars";
-    body.mu = mu_mars;
+    GravityBody body{.name = "mars", .mu = mu_mars};
     return body;
 }
 

@@ -24,13 +24,12 @@ struct Sphere : ::testing::Test {
 
     Sphere()
     {
-        GravityBody body;
-        body.name = "ROCK";
-        body.mu = 4e14;
-        body.radius = 6.4e6;
-        body.pole_N = {1.0, 2.0, 2.0};
-        body.r_PN_N = {1e7, 2e7, -3e7};
-        body.v_PN_N = {100.0, -200.0, 300.0};
+        GravityBody body{.name = "ROCK",
+                         .mu = 4e14,
+                         .radius = 6.4e6,
+                         .pole_N = {1.0, 2.0, 2.0},
+                         .r_PN_N = {1e7, 2e7, -3e7},
+                         .v_PN_N = {100.0, -200.0, 300.0}};
         model.set_body(body);
         i.par.law = ATMOSPHERE_EXPONENTIAL;
         i.par.density = 1.2;
@@ -83,12 +82,7 @@ TEST_F(Sphere, PublishesWhatPartsAreAnswered)
 
 TEST_F(Sphere, InASkyItMovesAndTurnsAsTheSkySays)
 {
-    GravityBody body;
-    body.name = "JUPITER";
-    body.naif = TwoCircles::jupiter;
-    body.mu = TwoCircles::mu_jupiter;
-    body.radius = 7.1492e7;
-    model.set_body(body);
+    model.set_body({.name = "JUPITER", .mu = TwoCircles::mu_jupiter, .radius = 7.1492e7, .naif = TwoCircles::jupiter});
     const auto sky = TwoCircles::sky(TwoCircles::sun, 2.0);
     model.set_sky(sky);
     EXPECT_EQ(refusal(), "world.air.spin: the sky says how JUPITER turns; found 7e-05 rad/s");
@@ -124,9 +118,7 @@ TEST_F(Sphere, NamesWhatIsWrong)
     i.par.density = 0.0;
     EXPECT_EQ(refusal(), "world.air.density must be > 0 kg/m^3, but for the law STANDARD_1976; found 0 kg/m^3");
     i.par.density = 1.2;
-    GravityBody small;
-    small.name = "DUST";
-    small.mu = 1.0;
+    GravityBody small{.name = "DUST", .mu = 1.0};
     model.set_body(small);
     EXPECT_EQ(refusal(), "world.air: DUST has no radius");
     model.set_sky(TwoCircles::sky(TwoCircles::sun));

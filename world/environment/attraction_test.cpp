@@ -29,10 +29,7 @@ using testing::uniform_motion;
 
 GravityBody point(const char *name, int naif, double mu)
 {
-    GravityBody body;
-    body.name = name;
-    body.mu = mu;
-    body.naif = naif;
+    GravityBody body{.name = name, .mu = mu, .naif = naif};
     return body;
 }
 

@@ -30,18 +30,18 @@ class Harmonics;
 /// A body that attracts. Where there is no sky it moves uniformly, r_PN_N + v_PN_N t, and N is
 /// inertial.
 struct GravityBody {
-    std::string name;
+    std::string name{};
     double mu = 0.0;                 ///< [m^3/s^2]
     double radius = 0.0;             ///< [m] equatorial, of the zonal harmonics; 0: not given
     std::array<double, 5> J{};       ///< [-] J2, J3, J4, J5, J6; 0: none
     Eigen::Vector3d pole_N{0, 0, 1}; ///< unit vector of the axis of symmetry; a sky replaces it by the pole of date
     Eigen::Vector3d r_PN_N{0, 0, 0}; ///< [m] at time 0
     Eigen::Vector3d v_PN_N{0, 0, 0}; ///< [m/s]
-    std::optional<int> naif;         ///< the number by which a sky finds it
+    std::optional<int> naif{};       ///< the number by which a sky finds it
     /// Its gravity, which replaces mu, radius and J.
-    std::shared_ptr<const Harmonics> field;
+    std::shared_ptr<const Harmonics> field{};
     /// [m] Radius of the sphere about its centre that no spacecraft may enter; not given: `radius`; 0: none.
-    std::optional<double> surface;
+    std::optional<double> surface{};
     /// Whether pole_N holds also where a sky knows the pole of date.
     bool pole_stays = false;
     bool checked = false; ///< by the function below: it is taken as it is

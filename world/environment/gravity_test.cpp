@@ -36,10 +36,7 @@ TEST(Gravity, EachHarmonicIsTheGradientOfThePotential)
     std::uniform_real_distribution<double> in(-1.0, 1.0);
     for (std::size_t k = 0; k < 6; k++) {
         for (int i = 0; i < 200; i++) {
-            GravityBody body;
-            body.mu = 2.0;
-            body.radius = 1.0;
-            body.pole_N = {in(engine), in(engine), in(engine)};
+            GravityBody body{.mu = 2.0, .radius = 1.0, .pole_N = {in(engine), in(engine), in(engine)}};
             if (k < 5) {
                 body.J[k] = 0.3; // as strong as the point mass
             } else {
@@ -70,9 +67,7 @@ TEST(Gravity, AnOblateBodyPullsToItsEquator)
 {
     // On the equator J2 adds 3/2 J2 (R / r)^2 of the point mass; over the pole it takes off twice
     // that.
-    GravityBody body;
-    body.mu = 1.0;
-    body.radius = 1.0;
+    GravityBody body{.mu = 1.0, .radius = 1.0};
     body.J[0] = 0.01;
     EXPECT_NEAR(gravity(body, {2, 0, 0})[0], -0.25 * (1.0 + 1.5 * 0.01 / 4.0), 1e-15);
     EXPECT_NEAR(gravity(body, {0, 0, 2})[2], -0.25 * (1.0 - 3.0 * 0.01 / 4.0), 1e-15);
@@ -80,9 +75,7 @@ TEST(Gravity, AnOblateBodyPullsToItsEquator)
 
 TEST(Gravity, BadBodiesAreRefused)
 {
-    GravityBody good;
-    good.name = "mars";
-    good.mu = 1.0;
+    GravityBody good{.name = "mars", .mu = 1.0};
     const auto message = [&](const std::function<void(GravityBody &)> &spoil) {
         GravityBody body = good;
         spoil(body);

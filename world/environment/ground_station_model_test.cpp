@@ -23,12 +23,7 @@ struct Station : ::testing::Test {
 
     Station()
     {
-        GravityBody body;
-        body.name = "EARTH";
-        body.naif = 399;
-        body.mu = 3.986e14;
-        body.radius = 6378137.0;
-        model.set_body(body);
+        model.set_body({.name = "EARTH", .mu = 3.986e14, .radius = 6378137.0, .naif = 399});
         i.par.latitude = 48.0 * deg;
         i.par.longitude = 11.0 * deg;
         i.par.altitude = 600.0;

@@ -147,11 +147,7 @@ TEST(Harmonics, RandomFieldsOfEveryLowDegreeAreTheGradientsOfTheirPotentials)
 TEST(Harmonics, ZonalsEqualTheirClosedForms)
 {
     HarmonicField field = HarmonicField::zero(mu, R, 6);
-    GravityBody body;
-    body.name = "closed form";
-    body.mu = mu;
-    body.radius = R;
-    body.J = {1.08e-3, -2.5e-4, -1.6e-4, 2.3e-4, 5.4e-4};
+    GravityBody body{.name = "closed form", .mu = mu, .radius = R, .J = {1.08e-3, -2.5e-4, -1.6e-4, 2.3e-4, 5.4e-4}};
     for (int n = 2; n <= 6; n++) {
         field.C[HarmonicField::index(n, 0)] = -body.J[static_cast<std::size_t>(n - 2)] / std::sqrt(2.0 * n + 1.0);
         EXPECT_DOUBLE_EQ(field.J(n), body.J[static_cast<std::size_t>(n - 2)]);

@@ -207,15 +207,7 @@ struct Field : ::testing::Test {
     Magnetism i{};
     MagnetismModel model{i};
 
-    Field()
-    {
-        GravityBody body;
-        body.name = "EARTH";
-        body.naif = 399;
-        body.mu = 3.986e14;
-        body.radius = 6378137.0;
-        model.set_body(body);
-    }
+    Field() { model.set_body({.name = "EARTH", .mu = 3.986e14, .radius = 6378137.0, .naif = 399}); }
     std::string refusal()
     {
         return error_of([&] { model.prepare({"world.field", 1, nullptr}); });

@@ -288,11 +288,7 @@ struct Light : ::testing::Test {
 
     static GravityBody body(const char *name, double radius, const Vector3d &r)
     {
-        GravityBody made;
-        made.name = name;
-        made.mu = 1.0;
-        made.radius = radius;
-        made.r_PN_N = r;
+        GravityBody made{.name = name, .mu = 1.0, .radius = radius, .r_PN_N = r};
         return made;
     }
 };

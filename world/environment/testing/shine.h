@@ -16,10 +16,7 @@ struct Shine {
 
     Shine()
     {
-        GravityBody planet;
-        planet.name = "PLANET";
-        planet.mu = 4e14;
-        planet.radius = R;
+        GravityBody planet{.name = "PLANET", .mu = 4e14, .radius = R};
         GravityBody sun = planet;
         sun.name = "SUN";
         sun.radius = 6.957e8;
