@@ -297,7 +297,8 @@ def test_the_run_continues_without_a_node_that_no_other_needs(mark, tmp_path):
     (tmp_path / "eye.py").write_text(EYE.replace("    print", "    1 / (t - 2 * 10**9)\n    print"))
     done = up(file, mark=mark)
     assert done.returncode == 1, "something failed, though the run came to its end"
-    assert "eye: it failed: ZeroDivisionError" in done.stdout and re.search(r"\nmass +finished +5\.00 s", done.stdout)
+    assert "eye: it failed: ZeroDivisionError" in done.stdout
+    assert re.search(r"\nmass +finished +5\.00 s", done.stdout), done.stdout
     assert done.stderr == "fledge: pair came to its end, but eye failed\n"
 
 
