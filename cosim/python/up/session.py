@@ -135,6 +135,8 @@ class Session:
                 self._controller = self._start("controller", self._controller_command(*handed), pass_fds=handed)
             while not self._over():
                 self._poll()
+            for row in self.progress.rows:      # by the last report, which may have come since
+                self._describe(row)
             self.progress.phase = "ended"
             self._leave()
         finally:
