@@ -52,6 +52,11 @@ class Frames:
         if wrong:
             raise SetupError("a link of frames: " + "; ".join(wrong))
 
+    @property
+    def options(self) -> dict[str, int]:
+        """Those that the ground's end of ccsds/space_link.h takes, by their names."""
+        return {name: getattr(self, name) for name in OPTIONS}
+
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Frames:
         """Those of a module's parameters."""

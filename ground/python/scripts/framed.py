@@ -8,7 +8,7 @@ from threading import Lock
 
 from fledge.commands import Timed
 from fledge.errors import SetupError
-from fledge.frames import OPTIONS, Frames
+from fledge.frames import Frames
 from fledge.ground.scripts.links import Link
 
 TIMER, LIMIT = 5.0, 20      # [s] until a frame is sent again; how often it is sent
@@ -35,7 +35,7 @@ class Framed(Link):
         session = link.origin % 2**29
         self._association = (str(keys), role, session)
         self._end = _ground.SpaceLink(
-            {name: getattr(frames, name) for name in OPTIONS}, round(timer * 1e9), limit,
+            frames.options, round(timer * 1e9), limit,
             (str(keys), frames.secured, role + 1, frames.keys[role], len(frames.keys), frames.keys[-1],
              _last.get(self._association, 0), session)
             if frames.secured else None)

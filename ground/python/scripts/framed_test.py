@@ -14,7 +14,7 @@ from fledge.commands import Dictionary, Reason
 from fledge.errors import SetupError
 from fledge.export import emit_commands, read, write
 from fledge.export.run_test import FLIGHT, WORLD
-from fledge.frames import OPTIONS, Frames
+from fledge.frames import Frames
 from fledge.ground.scripts import radio_test
 from fledge.ground.scripts.address import link_of, open_link
 from fledge.targets import reset_test
@@ -96,19 +96,19 @@ def test_both_makers_of_frames_agree():
         segments = chance.randrange(2)
         frames = Frames(chance.randrange(1024), chance.randrange(64), cltu=chance.randrange(2), segments=segments,
                         map=chance.randrange(64) * segments, tc_random=chance.randrange(2))
-        end = _ground.SpaceLink({name: getattr(frames, name) for name in OPTIONS}, 1, 1)
+        end = _ground.SpaceLink(frames.options, 1, 1)
         packet = bytes.fromhex("1880c000") + chance.randbytes(chance.randrange(3, 900))
         assert end.send(1, packet) and end.units() == [frames.command(packet)]
         assert end.answers() == [(1, True)]
     with pytest.raises(SetupError, match="at most 1024 bytes; this packet's has 1107"):
         Frames().command(bytes(1100))
     with pytest.raises(ValueError, match="1018 bytes does not fit into a frame"):
-        _ground.SpaceLink({name: getattr(Frames(), name) for name in OPTIONS}, 1, 1).send(1, bytes(1018))
+        _ground.SpaceLink(Frames().options, 1, 1).send(1, bytes(1018))
 
 
 def test_encapsulation_packets_of_others_are_counted_and_lose_nothing():
     frames = Frames(spacecraft=77, frame_size=64)
-    end = _ground.SpaceLink({name: getattr(frames, name) for name in OPTIONS}, 1, 1)
+    end = _ground.SpaceLink(frames.options, 1, 1)
     packet = struct.pack(">3H", 5, 0xC000, 9) + bytes(10)
     for i, zone in enumerate((b"\xe9\x05abc\xe0" + packet + b"\xee\x12\0\x06zz\xe1\x1c".ljust(34, b"\0"),
                               b"\x40".ljust(56, b"x"), b"\xe0" * 40 + packet)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from fledge.frames import OPTIONS, Frames
+from fledge.frames import Frames
 
 
 class Timed(NamedTuple):
@@ -28,7 +28,7 @@ def unframed(frames: Frames, units: Iterable[Timed]) -> Iterator[Timed]:
     """The packets in units of telemetry (ccsds/space_link.h)."""
     from fledge import _ground
 
-    end = _ground.SpaceLink({name: getattr(frames, name) for name in OPTIONS}, 1, 1)
+    end = _ground.SpaceLink(frames.options, 1, 1)
     for unit in units:
         for packet in end.take(unit.packet):
             yield Timed(unit.t, packet)
