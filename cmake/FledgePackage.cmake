@@ -71,13 +71,15 @@ function(fledge_install_package folder destination)
             file(RELATIVE_PATH name ${folder} ${link})
             file(REAL_PATH ${link} inner)
             fledge_install_package(${inner} ${destination}/${name})
-            string(APPEND names "|${name}")
+            list(APPEND names ${name})
         endif()
     endforeach()
+    list(JOIN names "|" names)
+    get_filename_component(last ${folder} NAME)     # not all of the path, which may have signs of a pattern
     install(DIRECTORY ${folder}/ DESTINATION ${destination}
         REGEX "(_test[.](py|mjs)|[.]cpp|python/loaded[.]h|fledge/CMakeLists[.]txt|/__pycache__)$" EXCLUDE
         REGEX "(fledge/(templates|core)|scene/web|(scene|server|console)/testing)$" EXCLUDE
-        REGEX "^${folder}/(${names})$" EXCLUDE)
+        REGEX "/${last}/(${names})$" EXCLUDE)
 endfunction()
 fledge_install_package(${PROJECT_SOURCE_DIR}/python/fledge ${FLEDGE_HOME}/python/fledge)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
