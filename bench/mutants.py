@@ -310,8 +310,9 @@ class Sight:
         folder = max((f for f in SEEN_FROM_PYTHON if PurePath(f) in path.parents), key=len, default=None)
         further = [test for package in (SEEN_FROM_PYTHON[folder] if folder else []) for test in self._imports
                    if PurePath(package) == test or PurePath(package) in test.parents]
-        place = re.sub(r"^(ground|cosim|emulator|fmi)/(python/)?|^studies/", r"fledge/\1/", str(path.with_suffix("")))
-        module = place.removeprefix("python/").replace("//", "/").replace("/", ".").removesuffix(".__init__")
+        place = re.sub(r"^(ground|cosim|emulator|fmi)/(python/)?", r"fledge/\1/", str(path.with_suffix("")))
+        place = re.sub("^studies/", "fledge/", place).removeprefix("python/")
+        module = place.replace("/", ".").removesuffix(".__init__")
         users = [test for test, names in self._imports.items() if path.suffix == ".py" and module in names]
         return list(dict.fromkeys([*near, *users, *further]))
 

@@ -34,8 +34,8 @@ function(fledge_extension_stub extension)
     add_custom_target(${extension}_stub ALL DEPENDS ${stub})
 endfunction()
 
-# fledge_add_extension(<extension> SOURCES <file>... LIBRARIES <target>...): one beside `_core`, which the room of its
-# folder loads.
+# fledge_add_extension(<extension> SOURCES <file>... LIBRARIES <target>...): an extension beside `_core`, for the Python
+# of the folder that calls this.
 function(fledge_add_extension extension)
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
     pybind11_add_module(${extension} MODULE NO_EXTRAS ${arg_SOURCES})

@@ -282,7 +282,7 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
             modules.add(Path(path).stem.removesuffix("_model").replace("_", ""))
         elif top in APART or top == "targets":
             units.add(f"fledge.{top}" if top in APART else unit_of(path))
-            if top in APART and module_of(Path(path)):      # a part of the extension
+            if top in APART and module_of(Path(path)):      # it is compiled into the extension
                 units |= {f"fledge.{part}" for part in EXTENSIONS[f"_{top}"]}
         elif (extension := f"_{inner.split('/')[1]}" if top == "python" else "") in EXTENSIONS:
             units |= {extension, *(f"fledge.{part}" for part in EXTENSIONS[extension])}

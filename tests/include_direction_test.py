@@ -254,7 +254,7 @@ def test_no_modules_of_the_library_import_one_another_in_a_circle():
 
 
 def test_no_folder_stands_on_two_floors():
-    """A part with a dot, on a floor of its own, is a folder that a link names."""
+    """A part with a dot has a folder of its own, to which a link leads."""
     apart = {package.removeprefix("fledge.") for package in library().values()}
     assert {part for part in layers.LEVEL if "." in part} <= apart
     inside = {module for module in library_imports()

@@ -165,11 +165,11 @@ THIRD_PARTIES = {
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
     "fledge":     {"IPython", "PIL", "_core", "_core_build", "_cosim", "_emulator", "_fledge_protocol", "_fledge_world",
                    "_ground", "_project_world", "cloudpickle", "distributed", "h5py", "jinja2", "markupsafe",
-                   "matplotlib", "numpy", "pandas", "scipy", "serial"},
+                   "matplotlib", "numpy", "pandas", "scipy"},
     "cosim":      {"_cosim", "numpy", "zmq"},
     "emulator":   {"_emulator", "numpy"},
     "fmi":        {"numpy"},
-    "ground":     {"_ground", "aiohttp", "fledge_node", "jsonschema", "numpy", "psycopg", "scipy", "serial", "yaml"},
+    "ground":     {"_ground", "aiohttp", "fledge_node", "numpy", "psycopg", "scipy", "serial"},
     "studies":    {"h5py", "markupsafe", "matplotlib", "numpy", "scipy"},
     "missions":   {"PIL", "fledge_node", "numpy", "scipy"},     # a node in Python imports fledge_node alone of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},

@@ -23,7 +23,7 @@ def library() -> dict[str, str]:
     """Folder -> the package fledge, or a part of it, that it holds: python/fledge and targets, and the folders to which
     links in the package lead."""
     found, folders = {"python/fledge": "fledge", "targets": "fledge.targets"}, ["python/fledge"]
-    for place in folders:       # which grows
+    for place in folders:       # the loop appends to it
         for folder, names, _ in os.walk(ROOT / place):
             for link in sorted(Path(folder, name) for name in names if Path(folder, name).is_symlink()):
                 folders.append(link.resolve().relative_to(ROOT).as_posix())
